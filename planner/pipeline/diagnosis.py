@@ -19,8 +19,8 @@ from reports.common.notebook import ResultView, ShownResult
 from reports.diagnosis.replay import build_replay_view
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.diagnosis.diagnose import ReportProgress, diagnose_logs
-from vehicle.identification.diagnosis.holdout import measure_holdout
 from vehicle.identification.diagnosis.results import Diagnosis, PlanGain, ReplayedSegment, ReplayResult
+from vehicle.identification.diagnosis.saving import measure_holdout
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.table import MappingSource

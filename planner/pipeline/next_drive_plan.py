@@ -12,14 +12,14 @@ import numpy as np
 
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
 from vehicle.identification.diagnosis.corrections import correct_logs
-from vehicle.identification.diagnosis.results import NextDrive
-from vehicle.identification.logs.schema import Array, Log
-from vehicle.identification.replay.drive_programmes import (
+from vehicle.identification.diagnosis.next_drive import (
     DRIVE_PROGRAMMES,
     ProgrammePieces,
     find_usual_heading_and_speed,
     simulate_programme,
 )
+from vehicle.identification.diagnosis.results import NextDrive
+from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.replay.rig import build_rig_and_corrections
 from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan

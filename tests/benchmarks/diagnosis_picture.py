@@ -15,8 +15,12 @@ import numpy as np
 
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
-from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, build_drive_data
-from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
+from vehicle.identification.diagnosis.drive_data import (
+    POSE_CELL_S,
+    POSE_CELLS,
+    build_drive_data,
+    choose_informative_parts,
+)
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter, list_run_starts

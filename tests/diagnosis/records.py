@@ -28,8 +28,8 @@ from tests.diagnosis.rerecording import VARIATIONS, Record, is_as_recorded, vary
 from tests.diagnosis.tally import is_column_found
 from tests.truth.cases import TruthCase
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
-from vehicle.identification.diagnosis.holdout import measure_holdout
 from vehicle.identification.diagnosis.results import Diagnosis, ErrorsByHorizon
+from vehicle.identification.diagnosis.saving import measure_holdout
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.model.tractor import Tractor

@@ -8,14 +8,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from vehicle.identification.diagnosis.demo_logs import NoiseLevels, add_instrument_noise, add_soil_noise
-from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_programmes import (
+from vehicle.identification.diagnosis.next_drive import (
     DRIVE_PROGRAMMES,
     ProgrammePieces,
     build_command_segment,
     simulate_programme,
 )
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, build_dataset
 from vehicle.identification.replay.rig import ReplayRig, build_rig
 from vehicle.identification.replay.simulation import replay_segment

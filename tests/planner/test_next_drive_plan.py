@@ -8,9 +8,9 @@ import pytest
 from planner.fleet.model.fleet_plan import prepare_fleet_plan
 from planner.pipeline.next_drive_plan import build_next_drive_plan
 from tests.examples import seldom
+from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, DriveProgramme
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.reader import read_log
-from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, DriveProgramme
 from vehicle.missions.plan import TURN, Leg
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
 from vehicle.model.tractor import load_tractor

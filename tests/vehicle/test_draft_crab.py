@@ -7,7 +7,7 @@ import numpy.typing as npt
 import pymunk
 import pytest
 
-from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
+from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.replay.rig import ReplayRig, build_rig
 from vehicle.identification.replay.simulation import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, replay_segment
 from vehicle.model.tractor import EffectSetting, Implement, Settings, Tractor, load_tractor

@@ -11,8 +11,8 @@ from tests.identification.analytic_drives import rig
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, build_constant, list_nuisances
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.diagnosis.noise import POSE_AMOUNTS
-from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
+from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, simulate_programme
+from vehicle.identification.diagnosis.noise import POSE_PARTS
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.model.effects import get_effect
 
@@ -64,8 +64,8 @@ def build_empty_fit(problem: Problem) -> Fit:
 
 def leave_parts(problem: Problem, parts: tuple[int, ...]) -> None:
     """Make all noise negligible but some parts of that of the pose, which get their usual size."""
-    pose = np.full(len(POSE_AMOUNTS), -30.0)
-    pose[list(parts)] = 2.0 * np.log(np.array(POSE_AMOUNTS)[list(parts)])
+    pose = np.full(len(POSE_PARTS), -30.0)
+    pose[list(parts)] = 2.0 * np.log([POSE_PARTS[part].usual for part in parts])
     problem.set_noise({"pose": pose, "wheel": np.full(5, -40.0), "speed": np.full(5, -40.0)})
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from tests.identification.diagnosis.problems import build_drive_problem, build_fit, build_hypothesis
 from vehicle.identification.diagnosis.grammar import build_scope, list_nuisances
-from vehicle.identification.diagnosis.linear_response import build_patch
 from vehicle.identification.diagnosis.model_fit import Problem
+from vehicle.identification.diagnosis.search import build_patch
 from vehicle.identification.diagnosis.values import compute_value_correlations, compute_values
 
 

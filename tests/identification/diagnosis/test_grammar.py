@@ -19,8 +19,8 @@ from vehicle.identification.diagnosis.grammar import (
     list_nuisances,
     sum_fields,
 )
-from vehicle.identification.diagnosis.linear_response import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
+from vehicle.identification.diagnosis.search import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.values import compute_values
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.simulation import CHAINS

@@ -14,6 +14,7 @@ from vehicle.identification.diagnosis.hints import (
     CHANGES,
     QUANTITY_WORDS,
     WHERE_WORDS,
+    PoseResponse,
     compare_thirds,
     compute_rank_sigmas,
     find_hints,
@@ -21,7 +22,6 @@ from vehicle.identification.diagnosis.hints import (
     list_loud,
     list_quantities,
 )
-from vehicle.identification.diagnosis.linear_response import PoseResponse
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise_floor import Unexplained
 from vehicle.identification.diagnosis.search import Judgement, PredictiveComparison

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.identification.log_tables import runs
-from vehicle.identification.diagnosis.holdout import compute_rise_sigmas, is_extension_helpful, measure_holdout
+from vehicle.identification.diagnosis.saving import compute_rise_sigmas, is_extension_helpful, measure_holdout
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.horizon_errors import Pieces, compute_horizon_errors
 from vehicle.model.tractor import EffectSetting, load_tractor

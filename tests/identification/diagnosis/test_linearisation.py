@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from vehicle.identification.diagnosis.grammar import Coordinate, Hypothesis
-from vehicle.identification.diagnosis.linearisation import Linearisation
+from vehicle.identification.diagnosis.model_fit import Linearisation
 
 WIDTH = 2.0
 

@@ -11,15 +11,15 @@ from tests.identification.diagnosis.problems import build_drive_problem, build_h
 from vehicle.identification.diagnosis.grammar import build_scope
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Fit, Problem
 from vehicle.identification.diagnosis.next_drive import (
+    DRIVE_PROGRAMMES,
     NO_EFFECT,
     SIGMAS_PER_Z,
-    Explanation,
+    DriveProgramme,
     build_trial,
     choose_next_drive,
     compute_separation,
 )
 from vehicle.identification.logs.thresholds import SURE_SIGMAS
-from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, DriveProgramme
 
 UNDERSTEER = {"understeer": {"deg_per_mps2": 3.0}}
 BY_ID = {programme.id: programme for programme in DRIVE_PROGRAMMES}
@@ -38,8 +38,8 @@ def build_linear_trial(columns: np.ndarray) -> Any:
     return SimpleNamespace(compute_residuals=compute_residuals, compute_secants=compute_secants, noise=noise)
 
 
-def explain(amounts: list[float], precision: list[float]) -> Explanation:
-    return Explanation((), np.array(amounts), np.diag(precision))
+def explain(amounts: list[float], precision: list[float]) -> Fit:
+    return Fit((), np.array(amounts), 0.0, {}, np.diag(precision))
 
 
 def test_what_separates_is_what_the_wrong_explanation_cannot_take() -> None:

@@ -12,7 +12,7 @@ from tests.identification.diagnosis.problems import build_empty_fit, build_probl
 from vehicle.identification.diagnosis import noise_floor
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS
 from vehicle.identification.diagnosis.model_fit import Problem
-from vehicle.identification.diagnosis.noise import FREEDOM, POSE_AMOUNTS
+from vehicle.identification.diagnosis.noise import FREEDOM, POSE_PARTS
 from vehicle.identification.diagnosis.noise_floor import (
     Unexplained,
     compute_chance,
@@ -80,7 +80,7 @@ def test_white_noise_of_the_receiver_is_that_of_its_rows() -> None:
     leave_parts(made, (0,))
     floor = mean_squares(compute_noise_floor(made, build_empty_fit(made), made.data.dataset), 5.0)
     rows = POSE_CELL_S / made.data.row_step_s
-    assert np.sqrt(floor[:2]) == pytest.approx(POSE_AMOUNTS[0] * math.sqrt(rows * SPREAD), rel=0.1)
+    assert np.sqrt(floor[:2]) == pytest.approx(POSE_PARTS[0].usual * math.sqrt(rows * SPREAD), rel=0.1)
 
 
 def test_noise_of_a_wheel_that_follows_its_command_turns_the_path() -> None:

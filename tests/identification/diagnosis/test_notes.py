@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, log
-from vehicle.identification.diagnosis.log_notes import _describe_clocks, _describe_logs
+from vehicle.identification.diagnosis.log_notes import describe_clocks, describe_logs
 from vehicle.identification.replay.drive_segments import build_dataset
 
 
@@ -15,7 +15,7 @@ def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str
     """What is said of clocks, of logs that last so long, where values were found of some effects."""
     logs: Any = [SimpleNamespace(time_s=np.array([5.0, 5.0 + one]), used=np.ones(2, dtype=bool)) for one in seconds]
     answer: Any = SimpleNamespace(findings=[SimpleNamespace(id=name, value=value) for name, value in found.items()])
-    return _describe_clocks(logs, answer)
+    return describe_clocks(logs, answer)
 
 
 def test_a_time_from_short_logs_takes_one_clock_for_granted() -> None:
@@ -34,5 +34,5 @@ def test_without_a_time_nothing_is_said_of_clocks(found: dict[str, dict[str, flo
 def test_a_log_without_heading_is_said_also_where_the_part_has_none_of_it() -> None:
     logs: Any = [log(circle(0.0)), log(circle(0.0).drop(columns="heading_deg"))]
     course = build_dataset(logs[:1])
-    said_of = [[line for line in _describe_logs(some, course) if "heading" in line] for some in (logs[:1], logs)]
+    said_of = [[line for line in describe_logs(some, course) if "heading" in line] for some in (logs[:1], logs)]
     assert said_of == [[], ["Some logs have no heading; the course of the positions is used instead."]]

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.identification.analytic_drives import simulated
 from vehicle.identification.diagnosis.demo_logs import DEMO_PLACE, build_programme, draw_hidden_effect
 from vehicle.identification.diagnosis.diagnose import _ProgressCounter
-from vehicle.identification.diagnosis.log_notes import _describe_file_corrections, _describe_logs
+from vehicle.identification.diagnosis.log_notes import describe_file_corrections, describe_logs
 from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Diagnosis, Finding, Hint, join_clauses
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, check_effect, get_neutral_values
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
@@ -71,9 +71,9 @@ def test_progress_never_runs_past_its_estimate() -> None:
 
 def test_notes_of_logs_say_what_was_missing() -> None:
     dataset = simulated("there-and-back", {})
-    assert _describe_logs([], dataset) == ()
+    assert describe_logs([], dataset) == ()
     bare = tuple(replace(one, wheel=None, target=None) for one in dataset.segments)
-    lines = _describe_logs([], replace(dataset, segments=bare))
+    lines = describe_logs([], replace(dataset, segments=bare))
     assert [line.split(" was")[0] for line in lines] == ["No wheel angle", "No commanded speed"]
 
 
@@ -82,15 +82,15 @@ def test_notes_of_a_file_say_what_became_of_its_effects_and_its_rest() -> None:
     known = {"steering_offset": EffectSetting(value={"angle_deg": 1.0}), "wheel_slip": slip}
     mine = EG105.model_copy(update={"effects": known, "discrepancy_model": REST})
     kept = answer(tractor=EG105.model_copy(update={"effects": {"wheel_slip": slip}, "discrepancy_model": REST}))
-    one, two = _describe_file_corrections(mine, kept)
+    one, two = describe_file_corrections(mine, kept)
     assert "already has steering_offset, wheel_slip;" in one and one.endswith(
         "show wheel_slip; the value of the file was kept."
     )
     assert two == "The tractor file has a discrepancy model: kept, as these logs do not contradict it."
-    assert _describe_file_corrections(mine, answer())[1].endswith("dropped, as these logs contradict it.")
+    assert describe_file_corrections(mine, answer())[1].endswith("dropped, as these logs contradict it.")
     newer = answer(tractor=EG105.model_copy(update={"discrepancy_model": REST.model_copy(update={"on": False})}))
-    assert _describe_file_corrections(mine, newer)[1].endswith("replaced.")
-    assert _describe_file_corrections(EG105, answer()) == ()
+    assert describe_file_corrections(mine, newer)[1].endswith("replaced.")
+    assert describe_file_corrections(EG105, answer()) == ()
 
 
 @given(st.integers(0, 10**6), st.sampled_from([None, *EFFECTS_BY_ID]))

@@ -6,7 +6,7 @@ import pytest
 
 from tests.identification.fault_logs import START_S, clean_frames
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
-from vehicle.identification.faults.heading_jumps import HEADING_JUMP, correct_heading_jumps
+from vehicle.identification.faults.level_steps import HEADING_JUMP, correct_heading_jumps
 from vehicle.identification.logs.reader import build_log
 
 

@@ -8,7 +8,7 @@ from tests.identification.analytic_drives import backwards, circle, joined
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.directions import HEADING_FLIPPED, find_flipped_headings, find_wrong_gear
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.schema import Columns
 
 ROUND = joined(circle(0.03, 30.0), circle(-0.03, 30.0, bearing_deg=np.degrees(1.35)))
 SPAN = slice(120, 170)

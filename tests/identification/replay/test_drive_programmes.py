@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, course, rig
-from vehicle.identification.replay.drive_programmes import (
+from vehicle.identification.diagnosis.next_drive import (
     DRIVE_PROGRAMMES,
     PROGRAMME_PACE_MPS,
     DriveProgramme,

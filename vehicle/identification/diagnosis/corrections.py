@@ -17,21 +17,19 @@ from scipy.signal import lfilter
 
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
-from vehicle.identification.faults.heading_jumps import correct_heading_jumps
-from vehicle.identification.faults.level_steps import mark_level_step
+from vehicle.identification.faults.level_steps import correct_heading_jumps, mark_level_step
 from vehicle.identification.logs.column_quality import (
     drop_columns_coarse_elsewhere,
     drop_commands_not_logged,
     merge_copies,
 )
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
-from vehicle.identification.logs.series import find_changes
-from vehicle.identification.logs.thresholds import FEWEST_EVENTS, MAJORITY, MOST_SHARE, STANDING_FACTOR
+from vehicle.identification.logs.series import draw_lines, find_changes
+from vehicle.identification.logs.thresholds import FEWEST_EVENTS, HOLDS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
 
 _STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
-_MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
 _LAGS_S = np.arange(0.0, 1.6, 0.1)
 _FILTERS_S = (0.0, 0.15, 0.3, 0.6, 1.0)
 MEASURED_COLUMNS = ("steering_deg", "speed_mps")
@@ -55,21 +53,17 @@ def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
     rows = np.flatnonzero(log.used)
     if len(rows) < 2 * FEWEST_EVENTS:
         return log
-    time, measured, changed = log.time_s[rows], dict(log.measured_rows), dict[str, Any]()
+    time, command = log.time_s[rows], log.steering_command_deg
     for name in MEASURED_COLUMNS:
         values = getattr(log, name)
         find = find_line_knots if name in moving else find_knots
         knots = None if values is None else find(time, values[rows])
         if knots is not None:
-            measured[name], changed[name] = _mark_rows(log, rows[knots]), _draw_lines(values, time, rows, knots)
-    command = log.steering_command_deg
+            log = _mark_knots(log, name, rows, knots)
     knots = None if command is None else find_knots(time, command[rows])
-    if command is not None and knots is not None and _is_command_stale(log, rows, knots, measured, changed):
-        measured["steering_command_deg"] = _mark_rows(log, rows[knots])
-        changed["steering_command_deg"] = _draw_lines(command, time, rows, knots)
-    if not changed:
-        return _mark_interpolated_places(log, rows)
-    return _mark_interpolated_places(replace(log, measured_rows=measured, **changed), rows)
+    if knots is not None and _is_command_stale(log, rows, knots):
+        log = _mark_knots(log, "steering_command_deg", rows, knots)
+    return _mark_interpolated_places(log, rows)
 
 
 def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
@@ -114,12 +108,8 @@ def _share_readings(log: Log, marked: Log) -> Log:
     changed = rows[1:][np.diff(command[rows]) != 0.0]
     if not len(changed) or float(np.mean(wheel_rows[changed])) < MOST_SHARE:
         return marked
-    readings = wheel_rows.copy()
-    readings[changed] = True
-    knots = np.flatnonzero(readings[rows])
-    drawn = _draw_lines(command, log.time_s[rows], rows, knots)
-    measured_rows = {**marked.measured_rows, "steering_command_deg": readings}
-    return replace(marked, measured_rows=measured_rows, steering_command_deg=drawn)
+    knots = np.flatnonzero(wheel_rows[rows] | np.isin(rows, changed))
+    return _mark_knots(replace(marked, steering_command_deg=command), "steering_command_deg", rows, knots)
 
 
 def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
@@ -127,21 +117,19 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
     values, rows = getattr(log, name), np.flatnonzero(log.used)
     if values is None or name in log.measured_rows or len(rows) < 2:
         return log
-    time = log.time_s[rows]
-    count = max(round(hold_s / log.step_s), 1)
+    time, count = log.time_s[rows], max(round(hold_s / log.step_s), 1)
     held, lines = np.append(0, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1), _find_bends(time, values[rows])
-    if _is_as_rare(time, held, hold_s):
-        knots = _add_last_known_rows(held, len(rows), count)
-    elif _is_as_rare(time, lines, hold_s):
-        knots = lines
-    else:
-        return log
-    changed: dict[str, Any] = {name: _draw_lines(values, time, rows, knots)}
-    return replace(log, measured_rows={**log.measured_rows, name: _mark_rows(log, rows[knots])}, **changed)
+    for knots, marked in ((held, _add_last_known_rows(held, len(rows), count)), (lines, lines)):
+        if len(knots) > 1 and float(np.median(np.diff(time[knots]))) >= 0.5 * hold_s:
+            return _mark_knots(log, name, rows, marked)
+    return log
 
 
-def _is_as_rare(time: Array, knots: Rows, hold_s: float) -> bool:
-    return len(knots) > 1 and float(np.median(np.diff(time[knots]))) >= 0.5 * hold_s
+def _mark_knots(log: Log, name: str, rows: Rows, knots: Rows) -> Log:
+    """Return the log with a column that was measured in the knots of its rows (k,), and straight between them."""
+    column: dict[str, Any] = {name: draw_lines(getattr(log, name), log.time_s, rows, knots)}
+    measured_rows = {**log.measured_rows, name: np.isin(np.arange(len(log.used)), rows[knots])}
+    return replace(log, measured_rows=measured_rows, **column)
 
 
 def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
@@ -154,24 +142,11 @@ def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
         shown = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
         knots = find_line_knots(time, shown)
         if knots is not None:
-            mask = _mark_rows(log, rows[knots])
+            mask = np.isin(np.arange(len(log.used)), rows[knots])
             place_rows.setdefault("heading" if name == "heading_deg" else "position", mask)
             fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
     is_same = fresh is log.fresh and len(place_rows) == len(log.place_rows)
     return log if is_same else replace(log, fresh=fresh, place_rows=place_rows)
-
-
-def _mark_rows(log: Log, rows: Rows) -> Mask:
-    mask = np.zeros(len(log.used), dtype=np.bool_)
-    mask[rows] = True
-    return mask
-
-
-def _draw_lines(values: Array, time: Array, rows: Rows, knots: Rows) -> Array:
-    """Return a column that runs straight from measured row to measured row."""
-    out = values.copy()
-    out[rows] = np.interp(time, time[knots], values[rows][knots])
-    return out
 
 
 def find_knots(time: Array, values: Array) -> Rows | None:
@@ -211,7 +186,7 @@ def find_line_knots(time: Array, values: Array) -> Rows | None:
     if len(knots) < FEWEST_EVENTS or not both_move.any() or float(np.median(gaps)) < 2.0:
         return None
     is_straight = float(np.mean(~is_knot[both_move])) >= _STRAIGHT_SHARE
-    return knots if is_straight and np.quantile(gaps, 0.9) <= _MOST_UNEVEN * np.median(gaps) else None
+    return knots if is_straight and np.quantile(gaps, 0.9) <= HOLDS * np.median(gaps) else None
 
 
 def _find_bends(time: Array, values: Array) -> Rows:
@@ -223,17 +198,17 @@ def _find_bends(time: Array, values: Array) -> Rows:
     return np.concatenate([[0], bends, [len(values) - 1]])
 
 
-def _is_command_stale(log: Log, rows: Rows, knots: Rows, measured: dict[str, Mask], changed: dict[str, Any]) -> bool:
+def _is_command_stale(log: Log, rows: Rows, knots: Rows) -> bool:
     """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does.
 
     A slower wheel angle shows that as well, in the rows in which it was measured.
     """
-    wheel = changed.get("steering_deg", log.steering_deg)
+    wheel = log.steering_deg
     if wheel is None or log.steering_command_deg is None:
         return False
     shown = np.ones(len(rows), dtype=np.bool_)
-    if "steering_deg" in measured:
-        shown = measured["steering_deg"][rows]
+    if "steering_deg" in log.measured_rows:
+        shown = log.measured_rows["steering_deg"][rows]
         if float(np.mean(shown[knots])) >= MOST_SHARE:
             return True
     time, command = log.time_s[rows], log.steering_command_deg[rows]

@@ -76,7 +76,11 @@ def build_residual_plot(problem: Problem, base: Fit, fit: Fit, name: str) -> Res
     design, count = np.stack(columns, axis=2), len(kept)
     before, after = (estimate_bins(problem, channel, design, one.residuals[channel]) for one in (base, fit))
     centres = np.array([values[bins == number].mean() for number in kept])
-    limit = _find_limit(problem, fit, name)
+    found, limit = next((one for one in fit.model if str(one) == name and name in LIMIT_UNITS), None), None
+    if found is not None:
+        parameter, unit = LIMIT_UNITS[name]
+        value = compute_values(found, fit.get_amounts(found), data, problem.rig.tractor)[parameter]
+        limit = value * unit if math.isfinite(value) else None
     (mean, error), (mean_after, error_after) = ([part[:count] for part in one] for one in (before, after))
     return ResidualPlot(
         REGRESSORS[regressor], QUANTITIES[quantity], centres, mean, error, mean_after, error_after, limit
@@ -92,23 +96,17 @@ def select_axes(name: str) -> tuple[str, str]:
     return quantity, REGRESSOR_BY_LAW.get(basis, regressor)
 
 
-def _simulate_turning(problem: Problem, base: Fit) -> Array:
-    """The turning rate to the right (m,) for which the tractor steers, scaled to that of the base model.
-
-    Sorted by the measured one, its own noise would look like an error.
-    """
+def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> Array:
+    """A regressor in the cells of the windows (w, cells)."""
     data, path = problem.data, problem.data.path
+    # The turning rate to the right (m,) for which the tractor steers, scaled to that of the base model: sorted by the
+    # measured one, its own noise would look like an error.
     steered = path["speed"] * np.tan(path["steady"]) / problem.rig.tractor.wheelbase_m
     whole = np.asarray(data.heading.observed.all(axis=1))
     heading = np.asarray(problem.measured[:, :, 2]) - base.residuals["pose"].reshape(data.windows, 3, -1)[:, 2]
-    rates, means = np.gradient(heading[whole], POSE_CELL_S, axis=1), data.cut(steered, POSE_CELLS)[whole]
-    size = float((means * means).sum())
-    return steered * (-float((rates * means).sum()) / size if size > 0.0 else 1.0)
-
-
-def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> Array:
-    """A regressor in the cells of the windows (w, cells)."""
-    data, path, turning = problem.data, problem.data.path, _simulate_turning(problem, base)
+    rates, turned = np.gradient(heading[whole], POSE_CELL_S, axis=1), data.cut(steered, POSE_CELLS)[whole]
+    size = float((turned * turned).sum())
+    turning = steered * (-float((rates * turned).sum()) / size if size > 0.0 else 1.0)
     series = {
         effects.ANGLE: np.degrees(path["steady"]),
         effects.STEERING_SPEED: np.degrees(path["steady"]),
@@ -175,13 +173,3 @@ def estimate_bins(problem: Problem, channel: str, design: Array, residuals: Arra
     means = covariance @ (flat.T @ rest.ravel())
     scores = np.einsum("wnb,wn->wb", columns, rest - columns @ means) @ covariance
     return means, np.sqrt(np.maximum(np.diag(covariance), (scores * scores).sum(axis=0)))
-
-
-def _find_limit(problem: Problem, fit: Fit, name: str) -> float | None:
-    """The limit that was found, in the unit of its regressor; None where the effect is none."""
-    found = next((one for one in fit.model if str(one) == name and name in LIMIT_UNITS), None)
-    if found is None:
-        return None
-    parameter, unit = LIMIT_UNITS[name]
-    values = compute_values(found, fit.get_amounts(found), problem.data, problem.rig.tractor)
-    return values[parameter] * unit if math.isfinite(values[parameter]) else None

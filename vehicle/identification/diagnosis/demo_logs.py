@@ -7,14 +7,16 @@ works, not how good it is: that is measured on an independent model of a tractor
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from vehicle.identification.diagnosis.next_drive import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.series import turn_path
-from vehicle.identification.replay.drive_programmes import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.rig import ReplayRig, build_rig
 from vehicle.identification.replay.simulation import (
@@ -65,20 +67,13 @@ class HiddenEffect:
         return get_effect(self.id).describe(self.values)
 
 
-def _build_triangle_wave(size: float, seconds: float, step: float) -> ProgrammePieces:
-    steps = int(seconds / step)
-    return tuple(
-        (step, size * 2.0 / math.pi * math.asin(math.sin(2 * math.pi * i * step / 15.0)), 1.0, 0.0)
-        for i in range(steps)
-    )
-
-
 def build_programme() -> tuple[tuple[str, float, ProgrammePieces], ...]:
     """Return name, first heading (deg from north) and pieces of every run: about nine minutes."""
 
-    def build_turns(angles: tuple[float, ...], seconds: float) -> ProgrammePieces:
+    def build_turns(angles: Iterable[float], seconds: float) -> ProgrammePieces:
         return tuple((seconds, angle, 1.0, 0.0) for angle in angles)
 
+    waves = (3.0 * 2.0 / math.pi * math.asin(math.sin(2 * math.pi * i * 0.2 / 15.0)) for i in range(int(45.0 / 0.2)))
     return (
         ("straight_east", 90.0, build_turns((0.0,), 40.0)),
         ("straight_west", 270.0, build_turns((0.0,), 40.0)),
@@ -86,7 +81,7 @@ def build_programme() -> tuple[tuple[str, float, ProgrammePieces], ...]:
         ("circles_left", 0.0, build_turns((-6.0, -12.0, -20.0, -30.0), 12.0)),
         ("steps", 45.0, build_turns((3.0, -3.0, 8.0, -8.0, 15.0, -15.0, 20.0, -20.0, 4.0, -10.0), 5.0)),
         ("small_steps", 200.0, build_turns((0.5, 0.0, -0.7, 0.3, 1.2, 0.0, -1.5, -0.6, 0.8, 2.0, 0.0, -2.0), 4.0)),
-        ("waves", 300.0, _build_triangle_wave(3.0, 45.0, 0.2)),
+        ("waves", 300.0, build_turns(waves, 0.2)),
         ("implement", 0.0, tuple((10.0, 0.0, 1.0, float(i % 2)) for i in range(5))),
         ("speeds", 120.0, tuple((9.0, a, s, 0.0) for a in (9.0, -9.0) for s in (0.6, 1.3, 2.1))),
         ("fast_circles", 30.0, tuple((11.0, a, s, 0.0) for a in (18.0, -18.0) for s in (0.7, 2.1))),
@@ -109,27 +104,20 @@ def simulate_demo_logs(
     hidden: HiddenEffect | None, tractor: Tractor, ground: str, seed: int, rate_hz: float = 20.0
 ) -> list[Log]:
     """Simulate the logs of the programme with the hidden effect (or none), noise and rounding."""
-    rig = build_rig(tractor, ground, (0.0, 0.0))
+    rig, rng = build_rig(tractor, ground, (0.0, 0.0)), np.random.default_rng([seed, 1])
     settings: Settings = {} if hidden is None else {hidden.id: hidden.values}
-    rng = np.random.default_rng([seed, 1])
-    return [
-        _simulate_noisy_log(rig, name, bearing, pieces, settings, rng, rate_hz)
-        for name, bearing, pieces in build_programme()
-    ]
+    logs = []
+    for name, bearing, pieces in build_programme():
+        drive = build_command_segment(0, math.radians(90.0 - bearing), pieces, PROGRAMME_PACE_MPS, 1.0 / rate_hz)
+        logs.append(_simulate_noisy_log(rig, name, drive, settings, rng))
+    return logs
 
 
 def _simulate_noisy_log(
-    rig: ReplayRig,
-    name: str,
-    bearing: float,
-    pieces: ProgrammePieces,
-    settings: Settings,
-    rng: np.random.Generator,
-    rate_hz: float,
+    rig: ReplayRig, name: str, drive: DriveSegment, settings: Settings, rng: np.random.Generator
 ) -> Log:
     import pandas as pd
 
-    drive = build_command_segment(0, math.radians(90.0 - bearing), pieces, PROGRAMME_PACE_MPS, 1.0 / rate_hz)
     place = rng.uniform(-10.0, 10.0, 2)
     # Effects of a place use the measured pose, so the drive is simulated twice: first to learn where it goes.
     states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
@@ -158,16 +146,11 @@ def _simulate_noisy_log(
 
 
 def _replace_segment_poses(drive: DriveSegment, states: Array, shift: Array) -> DriveSegment:
+    shown = {"east": states[:, X_COLUMN] + shift[0], "north": states[:, Y_COLUMN] + shift[1],
+             "heading": states[:, ANGLE_COLUMN]}  # fmt: skip
     grid = np.arange(len(states)) * DT_S
-    x, y = states[:, X_COLUMN] + shift[0], states[:, Y_COLUMN] + shift[1]
-    grids = dict(drive.grids) | {"east": x, "north": y, "heading": states[:, ANGLE_COLUMN]}
-    return replace(
-        drive,
-        grids=grids,
-        east=np.interp(drive.time, grid, x),
-        north=np.interp(drive.time, grid, y),
-        heading=np.interp(drive.time, grid, states[:, ANGLE_COLUMN]),
-    )
+    poses: dict[str, Any] = {name: np.interp(drive.time, grid, values) for name, values in shown.items()}
+    return replace(drive, grids=drive.grids | shown, **poses)
 
 
 def add_instrument_noise(
@@ -183,16 +166,14 @@ def add_instrument_noise(
     dt = np.diff(segment.time, prepend=0.0)
 
     def draw_instrument_noise(white: float, drift: float) -> Array:
-        return white * rng.standard_normal(segment.rows) + drift * draw_coloured_noise(
-            rng, np.exp(-dt / DRIFT_MEMORY_S)
-        )
+        memory = np.exp(-dt / DRIFT_MEMORY_S)
+        return white * rng.standard_normal(segment.rows) + drift * draw_coloured_noise(rng, memory)
 
     east = antenna[:, 0] + draw_instrument_noise(noise.position, noise.position_drift)
     north = antenna[:, 1] + draw_instrument_noise(noise.position, noise.position_drift)
-    noisy_heading = heading + (
-        draw_instrument_noise(noise.heading, noise.heading_drift) if segment.heading_measured else 0.0
-    )
-    return replace(segment, east=east, north=north, heading=noisy_heading), wheel, speed
+    if segment.heading_measured:
+        heading = heading + draw_instrument_noise(noise.heading, noise.heading_drift)
+    return replace(segment, east=east, north=north, heading=heading), wheel, speed
 
 
 def add_soil_noise(noise: NoiseLevels, states: Array, rng: np.random.Generator) -> Array:

@@ -11,32 +11,31 @@ import numpy as np
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.curves import build_residual_plot
-from vehicle.identification.diagnosis.drive_data import build_drive_data
-from vehicle.identification.diagnosis.grammar import BY_RUN, build_constant
+from vehicle.identification.diagnosis.drive_data import build_drive_data, choose_informative_parts
+from vehicle.identification.diagnosis.grammar import BY_RUN, build_constant, scale_effect
 from vehicle.identification.diagnosis.hints import find_hints
-from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
-    add_compass,
-    add_turning,
+    add_outside,
     build_fault_diagnosis,
     check_runs,
+    describe_clocks,
     describe_columns,
-    list_diagnosis_notes,
+    describe_file_corrections,
+    describe_logs,
     list_onset_faults,
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
-from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
+from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive, find_usual_heading_and_speed
 from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
-from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning, find_other_turning
+from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, find_other_turning
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
 from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter, compute_value_correlations, list_run_starts
-from vehicle.identification.diagnosis.verdicts import Verdict, decide, find_smallest_visible, is_refutable
+from vehicle.identification.diagnosis.verdicts import Verdict, decide, find_smallest_visible
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
@@ -74,31 +73,59 @@ def diagnose_logs(
     logs = correct_logs(logs, tractor)
     try:
         dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
-        _refuse_sparse(dataset)
+        if not any(len(find_piece_bounds(segment.time, ERROR_PIECE_S)[0]) for segment in dataset.segments):
+            raise LogError(
+                f"No {ERROR_PIECE_S:g} s of these logs hold {FEWEST_PIECE_ROWS} measured positions, the fewest that "
+                "errors are computed from; log positions at 1 Hz or faster, without rows that are lost."
+            )
         data = build_drive_data(choose_informative_parts(dataset))
     except LogError as error:
         if not any(log.faults for log in logs):
             raise
         return build_fault_diagnosis(logs, tractor, ground, str(error))
     problem = Problem(data, build_rig(tractor, ground, dataset.origin))
-    _refuse_spinning(problem, tractor)
+    # No vehicle turns by more than half a turn between two rows; no number is more, too.
+    if not problem.simulator.measure_fastest_turn() * data.row_step_s <= math.pi:
+        raise VehicleError(
+            f"The simulation of {tractor.name} spins where these logs drive; the axles, the mass, the length and the "
+            "width in its tractor file cannot be those of one vehicle."
+        )
     result = Searcher(problem, count.count_step).run()
     verdicts = decide(problem, result)
     converter = ValueConverter(problem, list_run_starts(logs))
     saved = choose_saved(converter, result.fit, verdicts, count.count_step)
-    verdicts = withdraw_refused(verdicts, saved.refused)
     turning = find_other_turning(logs, tractor)
+    verdicts = withdraw_refused(verdicts, saved.refused)
     compass = next((one for one in verdicts if str(one.hypothesis) == COMPASS), None)
-    verdicts = [one for one in doubt_by_turning(verdicts, turning) if one is not compass]
-    findings = FindingBuilder(problem, result, saved, converter).build(verdicts)
-    composer = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings)
-    diagnosis = composer.compose()
-    if compass is not None:
-        diagnosis = add_compass(diagnosis, float(np.linalg.norm(compass.amounts)))
     if turning is not None:
-        diagnosis = add_turning(diagnosis, turning)
+        # Without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as rams that
+        # move half of the vehicle are not those of the file.
+        verdicts = [one for one in verdicts if one.hypothesis.id not in turning.faked_ids]
+        is_joint = turning.kind == ARTICULATED
+        verdicts = [replace(one, status=LIKELY) if is_joint else one for one in verdicts]
+    verdicts = [one for one in verdicts if one is not compass]
+    diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts).compose()
     count.report_completion()
-    return diagnosis
+    return add_outside(diagnosis, None if compass is None else float(np.linalg.norm(compass.amounts)), turning)
+
+
+class _ProgressCounter:
+    """Progress in steps; the total is not known beforehand, so the estimate grows when necessary."""
+
+    def __init__(self, progress: ReportProgress | None) -> None:
+        self.progress, self.steps_done, self.steps_total = progress, 0, 60
+
+    def count_step(self) -> None:
+        """Count one step."""
+        self.steps_done += 1
+        self.steps_total = max(self.steps_total, self.steps_done + 20)
+        if self.progress:
+            self.progress(self.steps_done, self.steps_total)
+
+    def report_completion(self) -> None:
+        """Report that everything is done."""
+        if self.progress:
+            self.progress(self.steps_total, self.steps_total)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,21 +141,21 @@ class _Composer:
     result: SearchResult
     saved: Saved
     verdicts: Sequence[Verdict]
-    findings: Sequence[Finding]
 
     def compose(self) -> Diagnosis:
         """The diagnosis: causes from the windows, errors from all driving."""
         dataset, problem, result = self.dataset, self.problem, self.result
-        extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, self.findings)
+        findings = self.build_findings()
+        extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, findings)
         before, after = (
             measure_dataset(dataset, *build_rig_and_corrections(one, self.ground, dataset.origin))
             for one in (self.tractor, extended)
         )
         floor = compute_noise_floor(problem, result.fit, dataset)
         unexplained = measure_unexplained(dataset, problem.data.row_step_s, floor, before, after)
-        clearest = sorted(self.findings, key=lambda one: -(one.gain_pct or 0.0))  # by the error that returns without it
+        clearest = sorted(findings, key=lambda one: -(one.gain_pct or 0.0))  # by the error that returns without it
         named = tuple(one.id for one in clearest if one.status == NAMED)
-        equivalents = [one for one in self.findings if one.status == EQUIVALENT]
+        equivalents = [one for one in findings if one.status == EQUIVALENT]
         blocks = [*(get_effect(name).block for name in named), *(one.block for one in equivalents)]
         curves = [*named, *(str(one.hypothesis) for one in self.verdicts)]  # the first name, or the clearest verdict
         patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
@@ -146,7 +173,7 @@ class _Composer:
             noise_floor=compute_horizon_errors(floor),
             guilty_block=blocks[0] if blocks else None,
             block_error=self._compute_block_errors(),
-            findings=tuple(self.findings),
+            findings=tuple(findings),
             named=named,
             unexplained_share=unexplained.share,
             depends_on=tuple(dict.fromkeys(f"{one.effect} that depends on {one.regressor}" for one in terms))
@@ -167,12 +194,17 @@ class _Composer:
             runs=check_runs(dataset, before, after, odd_runs),
             holdout=self.saved.holdout,
             hints=find_hints(problem, result.fit, result.judgements, unexplained) if unexplained.above_s else (),
-            interval_note=INTERVAL_NOTE if any(one.interval for one in self.findings) else "",
+            interval_note=INTERVAL_NOTE if any(one.interval for one in findings) else "",
             rows_gated_by_reason=count_rows_left_out(self.logs, dataset.rows),
             faults=list_onset_faults(self.logs),
-            columns=describe_columns(self.logs, self.findings),
+            columns=describe_columns(self.logs, findings),
         )
-        return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
+        notes = (
+            *describe_logs(self.logs, dataset),
+            *describe_clocks(self.logs, diagnosis),
+            *describe_file_corrections(self.tractor, diagnosis),
+        )
+        return replace(diagnosis, notes=notes)
 
     def _list_pairs(self) -> list[CompetingPair]:
         """What the next drive is to separate: alternatives of an equivalent set, or something likely from nothing."""
@@ -198,69 +230,18 @@ class _Composer:
                 errors[BLOCKS[channel]] = (sizes[0], sizes[1])
         return errors
 
-
-def _refuse_spinning(problem: Problem, tractor: Tractor) -> None:
-    """Raise VehicleError where the simulation turns by more than half a turn between two rows, as no vehicle does."""
-    if not problem.simulator.measure_fastest_turn() * problem.data.row_step_s <= math.pi:  # no number is more, too
-        raise VehicleError(
-            f"The simulation of {tractor.name} spins where these logs drive; the axles, the mass, the length and the "
-            "width in its tractor file cannot be those of one vehicle."
-        )
-
-
-def _refuse_sparse(dataset: DriveDataset) -> None:
-    if not any(len(find_piece_bounds(segment.time, ERROR_PIECE_S)[0]) for segment in dataset.segments):
-        raise LogError(
-            f"No {ERROR_PIECE_S:g} s of these logs hold {FEWEST_PIECE_ROWS} measured positions, the fewest that "
-            "errors are computed from; log positions at 1 Hz or faster, without rows that are lost."
-        )
-
-
-class _ProgressCounter:
-    """Progress in steps; the total is not known beforehand, so the estimate grows when necessary."""
-
-    def __init__(self, progress: ReportProgress | None) -> None:
-        self.progress, self.steps_done, self.steps_total = progress, 0, 60
-
-    def count_step(self) -> None:
-        """Count one step."""
-        self.steps_done += 1
-        self.steps_total = max(self.steps_total, self.steps_done + 20)
-        if self.progress:
-            self.progress(self.steps_done, self.steps_total)
-
-    def report_completion(self) -> None:
-        """Report that everything is done."""
-        if self.progress:
-            self.progress(self.steps_total, self.steps_total)
-
-
-@dataclass(frozen=True, eq=False)
-class FindingBuilder:
-    """Builds the findings of a problem from its verdicts and what of them is saved."""
-
-    problem: Problem
-    result: SearchResult
-    saved: Saved
-    converter: ValueConverter
-
-    def build(self, verdicts: Sequence[Verdict]) -> list[Finding]:
+    def build_findings(self) -> list[Finding]:
         """A finding for every effect of the catalogue, in its order."""
         visible = find_smallest_visible(self.problem, self.result.fit)
         by_id: dict[str, list[Verdict]] = {}
-        for verdict in verdicts:
+        for verdict in self.verdicts:
             if verdict.hypothesis.id in EFFECTS_BY_ID:
                 by_id.setdefault(verdict.hypothesis.id, []).append(verdict)
         findings = {effect_id: self._build_found(own, visible.get(effect_id)) for effect_id, own in by_id.items()}
-        for verdict in verdicts:
+        for verdict in self.verdicts:
             for finding in self._build_alternatives(verdict, visible):
                 findings.setdefault(finding.id, finding)
-        return [
-            findings[effect.id]
-            if effect.id in findings
-            else self._build_absent(effect, visible.get(effect.id), verdicts)
-            for effect in CATALOGUE
-        ]
+        return [findings.get(one.id) or self._build_absent(one, visible.get(one.id)) for one in CATALOGUE]
 
     def _build_found(self, verdicts: Sequence[Verdict], visible: float | None) -> Finding:
         """The finding of an effect: its constant with a law, if it has one."""
@@ -285,16 +266,13 @@ class FindingBuilder:
             neutral = get_neutral_values(effect.id, self.problem.rig.tractor.steering)[effect.size.name]
             low, high = interval[effect.size.name]
             interval[effect.size.name] = min(low, neutral), max(high, neutral)
-        gain, ids = self.saved.gains.get(effect.id), self._list_ids(main.equivalent_to)
+        gain, ids = self.saved.gains.get(effect.id), tuple(one for one in main.equivalent_to if one in EFFECTS_BY_ID)
         others = " or ".join(get_effect(one).label for one in ids)
         return Finding(
             effect.id, main.status, dict(value), interval, gain and gain[0], gain and gain[1], visible,
             effect.size.unit, effect.block, effect.describe(value), ids,
             f"these logs cannot tell it from {others}" if others else "", law,
         )  # fmt: skip
-
-    def _list_ids(self, ids: Sequence[str]) -> tuple[str, ...]:
-        return tuple(one for one in ids if one in EFFECTS_BY_ID)
 
     def _build_alternatives(self, verdict: Verdict, visible: Mapping[str, float]) -> list[Finding]:
         """Findings of the effects that could take the place of one."""
@@ -310,23 +288,26 @@ class FindingBuilder:
             found.append(
                 Finding(
                     effect.id, EQUIVALENT, value, None, None, None, visible.get(effect.id), effect.size.unit,
-                    effect.block, effect.describe(value), self._list_ids(sets),
+                    effect.block, effect.describe(value), tuple(one for one in sets if one in EFFECTS_BY_ID),
                     f"looks like {get_effect(verdict.hypothesis.id).label}",
                 )
             )  # fmt: skip
         return found
 
-    def _build_absent(self, effect: Effect, visible: float | None, verdicts: Sequence[Verdict]) -> Finding:
+    def _build_absent(self, effect: Effect, visible: float | None) -> Finding:
         """The finding of an effect that the logs do not call for."""
         own = build_constant(effect, self.problem.data, self.problem.rig.tractor) if effect.kind is not CIRCLE else None
         channels = frozenset({"pose"}) if own is None else self.problem.list_channels(own)
-        said = {str(one.hypothesis) for one in verdicts}
+        said = {str(one.hypothesis) for one in self.verdicts}
         # What the model holds and nothing can be said of may be this effect.
         is_open = any(
             str(one.hypothesis) not in said and self.problem.list_channels(one.hypothesis) & channels
             for one in self.result.judgements
         )
-        status = REFUTED if is_refutable(effect, visible, self.problem) and not is_open else NOT_VISIBLE
+        kind, size, _ = scale_effect(effect, self.problem.data, self.problem.rig.tractor)
+        # A usual size would have been seen.
+        is_refuted = visible is not None and kind.is_no_larger_fault(visible, size.typical) and not is_open
+        status = REFUTED if is_refuted else NOT_VISIBLE
         shown = None if visible is None or not math.isfinite(visible) else visible
         return Finding(effect.id, status, None, None, None, None, shown, effect.size.unit, effect.block, "")
 
@@ -345,12 +326,3 @@ def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) ->
         elif verdict.status == NAMED:
             kept.append(replace(verdict, status=LIKELY))
     return kept
-
-
-def doubt_by_turning(verdicts: Sequence[Verdict], turning: OtherTurning | None) -> list[Verdict]:
-    """The verdicts without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as
-    rams that move half of the vehicle are not those of the file."""
-    if turning is None:
-        return list(verdicts)
-    kept = [one for one in verdicts if one.hypothesis.id not in turning.faked_ids]
-    return [replace(one, status=LIKELY) if turning.kind == ARTICULATED else one for one in kept]

@@ -253,23 +253,18 @@ def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
     for key, values in bases.arrays.items():
         if key == CONSTANT or key.startswith(("by_place", BY_RUN, *DIRECTIONS)):
             continue
-        spread = float(np.std(values))
-        is_varied = spread > 1e-3 * max(float(np.abs(values).max()), 1e-9)
-        if is_varied and _can_vary(parent, key) and f"{parent.id}@{key}" not in SYNONYMS:
+        is_varied = float(np.std(values)) > 1e-3 * max(float(np.abs(values).max()), 1e-9)
+        # Sides of movement are for the steering system, sides of the wheels for the path; columns do not know either.
+        if key.startswith("by_side:to_"):
+            is_for_it = "steering" in parent.chains
+        elif key.startswith("by_side"):
+            is_for_it = parent.chains == frozenset({"path"})
+        else:
+            is_for_it = "instruments" not in parent.chains or key == "over_minutes"
+        if is_varied and is_for_it and f"{parent.id}@{key}" not in SYNONYMS:
             scale = float(np.sqrt(np.mean(values * values))) if ":" not in key else 1.0
             laws.append(build_scope(parent, key, scale=max(scale, 1e-6)))
     return laws
-
-
-def _can_vary(parent: Hypothesis, key: str) -> bool:
-    """Sides of movement are for the steering system, sides of the wheels for the path; columns do not know either."""
-    if key.startswith("by_side:to_"):
-        return "steering" in parent.chains
-    if key.startswith("by_side"):
-        return parent.chains == frozenset({"path"})
-    if parent.chains & {"instruments"}:
-        return key == "over_minutes"
-    return True
 
 
 def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hypothesis]:

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import rankdata
 
-from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELLS
 from vehicle.identification.diagnosis.grammar import LAW_WORDS, PENALTIES, Coordinate, Hypothesis
-from vehicle.identification.diagnosis.linear_response import PoseResponse
-from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.model_fit import Fit, Gain, Problem
+from vehicle.identification.diagnosis.noise import POSE_PARTS, build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.noise_floor import Unexplained, limit_noise
 from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Searcher
@@ -26,9 +26,9 @@ from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, SURE_SIGMAS
 from vehicle.model.effects import PATH, get_effect
 
 MOST_HINTS, MOST_TRIED = 4, 3  # chosen: a longer list is of no use to a reader; laws of a scan that are fitted
-# Of whitened residuals, with noise that is still noise: eleven clean sets have 1.1, and 1.9 where crab is misjudged.
-LOUD_SQUARE = 1.5
-LOUD_RATIO = 1.5  # a part of the noise so many times its limit is part of what is too loud
+# Of the squares of whitened residuals, with noise that is still noise, where eleven clean sets have 1.1 (1.9 where crab
+# is misjudged); and of a limit, from which a part of the noise is part of what is too loud.
+LOUD_TIMES = 1.5
 CLUE_TIMES = 2.0  # errors in the third of windows where they are larger over the other: noise shows up to 1.9
 FEWEST_CLUE_WINDOWS = 12  # chosen: ranks of fewer windows show nothing
 DEG = math.radians(1.0)
@@ -105,8 +105,6 @@ LOUD_SENSOR = {
     "speed": Hint("speed", "speed", None, "The speed follows its command otherwise than any drive line that is known: "
                   "look at what slows the tractor."),
 }  # fmt: skip
-# Parts of the noise of a pose by what they say, as in noise.POSE_AMOUNTS.
-WALK, ALONG, ACROSS, TURNS = (2,), (8, 9), (10,), (4, 5, 6, 7)
 
 
 def find_hints(
@@ -122,7 +120,10 @@ def find_hints(
         quantities = list_quantities(problem)
         hints += find_laws(problem, rest, quantities)
         if unexplained.above_s:
-            squares = measure_squares(problem, rest)
+            white, _ = problem.weigh(rest.residuals)
+            counts = {channel: one.counts for channel, one in problem.noise.items()}
+            squares = {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
+                       for channel, own in white.items()}  # fmt: skip
             hints += list_loud(squares, {channel: np.exp(0.5 * noise[channel]) / limits[channel] for channel in noise})
             hints += list_clues(problem, squares, quantities)
     finally:
@@ -183,30 +184,23 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
 
 
 def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
-    slopes, penalty = ((change.field, 1.0),), PENALTIES["place"]
-    return [
-        Hypothesis(f"hint_{change.field}", key, (Coordinate(slopes, change.width, -math.inf, math.inf, key),), penalty,
-                   change.least)
-        for key in (f"hint_{key}" for key in change.keys) if key in arrays
-    ]  # fmt: skip
-
-
-def measure_squares(problem: Problem, rest: Fit) -> dict[str, Array]:
-    """Mean squares (w,) of whitened residuals per channel; empty for one that was not measured."""
-    white, _ = problem.weigh(rest.residuals)
-    counts = {channel: noise.counts for channel, noise in problem.noise.items()}
-    return {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
-            for channel, own in white.items()}  # fmt: skip
+    keys = [key for key in (f"hint_{key}" for key in change.keys) if key in arrays]
+    own = [(Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),) for key in keys]
+    pairs = zip(keys, own, strict=True)
+    return [Hypothesis(f"hint_{change.field}", *pair, PENALTIES["place"], change.least) for pair in pairs]
 
 
 def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[Hint]:
-    """Instruments and blocks that are louder than noise; `ratios` are fitted parts of the noise over their limits."""
-    loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_SQUARE}
+    """Instruments and blocks that are louder than noise, by mean squares (w,) of whitened residuals per channel.
+
+    `ratios` are fitted parts of the noise over their limits.
+    """
+    loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_TIMES}
     yield from (hint for channel, hint in LOUD_SENSOR.items() if channel in loud)
     if "pose" in loud:
-        parts = {"position": WALK, "speed": ALONG, "heading": ACROSS, "path": TURNS}
-        of = {name: float(ratios["pose"][list(places)].max()) for name, places in parts.items()}
-        if min(of["speed"], of["heading"]) > LOUD_RATIO:
+        pairs = list(zip(POSE_PARTS, ratios["pose"], strict=True))
+        of = {name: max(float(ratio) for part, ratio in pairs if part.shown_by == name) for name in LOUD_POSE}
+        if min(of["speed"], of["heading"]) > LOUD_TIMES:
             of["position"] = math.inf
         yield LOUD_POSE[max(of, key=lambda name: of[name])]
 
@@ -248,3 +242,65 @@ def compare_thirds(values: Array, squares: Array) -> float:
     if not (is_low.any() and is_high.any()):
         return 1.0
     return math.sqrt(max(float(squares[is_high].mean()), 1e-6) / max(float(squares[is_low].mean()), 1e-6))
+
+
+class PoseResponse:
+    """The response of the poses beside a fit, and what laws would gain by it."""
+
+    def __init__(self, problem: Problem, fit: Fit) -> None:
+        self.problem, self.fit = problem, fit
+        tractor = problem.rig.tractor
+        self.by_yaw = build_yaw_response(problem.data, tractor.antenna_forward_m)
+        self.speed, heading, self.yaw = cut_motion(problem.data)
+        self.cosine, self.sine = np.cos(heading), np.sin(heading)
+        data = problem.data
+        east, north = data.cut(data.path["east"], POSE_CELLS), data.cut(data.path["north"], POSE_CELLS)
+        self.east, self.north = (values - values.mean(axis=1, keepdims=True) for values in (east, north))
+        wheel = problem.data.cut(problem.data.path["steady"], POSE_CELLS)
+        self.per_angle = -self.speed / (tractor.wheelbase_m * np.cos(wheel) ** 2)
+
+    def compute(self, field: str, values: Array) -> Array:
+        """The change (w, 3 n) of east, north and heading where a field changes by values in the cells (w, n)."""
+        none = np.zeros_like(values)
+        match field:
+            case "offset":
+                return self._turn(self.per_angle * values)
+            case "bend":
+                return self._turn(self.yaw * values)
+            case "heading_bias":
+                return np.concatenate([none, none, values], axis=1)
+            case "shift_forward":
+                return np.concatenate([self.cosine * values, self.sine * values, none], axis=1)
+            case "shift_right":
+                return np.concatenate([self.sine * values, -self.cosine * values, none], axis=1)
+            case "speed_scale":
+                total, less = integrate_cells().T, -self.speed * values
+                return np.concatenate([(self.cosine * less) @ total, (self.sine * less) @ total, none], axis=1)
+        raise ValueError(f"The response to {field!r} is not known.")
+
+    def _turn(self, rate: Array) -> Array:
+        return np.asarray((self.by_yaw @ rate[:, :, None])[:, :, 0])
+
+    def scan(self, hypotheses: Sequence[Hypothesis]) -> list[Gain]:
+        """What hypotheses of one coordinate and one field would gain beside the fit, the best first."""
+        problem, fit, shown = self.problem, self.fit, list[Array]()
+        linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
+        for one in hypotheses:
+            (coordinate,) = one.coordinates
+            field, slope = coordinate.slopes[0]
+            basis = problem.data.cut(problem.bases.get(coordinate.basis), POSE_CELLS)
+            shown.append(self.align(self.compute(field, coordinate.width * slope * basis)))
+        columns = linear.stack({
+            channel: problem.noise[channel].whiten(np.stack(shown, axis=2)) if channel == "pose"
+            else np.zeros((*residuals.shape, len(hypotheses)))
+            for channel, residuals in fit.residuals.items()
+        })  # fmt: skip
+        gains = (linear.predict_gain(one, columns[:, [number]], 1.0) for number, one in enumerate(hypotheses))
+        return sorted((gain for gain in gains if gain is not None), key=lambda gain: -gain.nats)
+
+    def align(self, change: Array) -> Array:
+        """A change (w, 3 n) after each window is laid on what was measured, as residuals are."""
+        east, north, heading = np.split(change, 3, axis=1)
+        turn = heading.mean(axis=1, keepdims=True)
+        moved = (east + turn * self.north, north - turn * self.east, heading)
+        return np.concatenate([values - values.mean(axis=1, keepdims=True) for values in moved], axis=1)

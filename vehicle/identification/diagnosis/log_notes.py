@@ -21,8 +21,7 @@ from vehicle.identification.diagnosis.results import (
     Hint,
     RunCheck,
 )
-from vehicle.identification.faults.heading_jumps import HEADING_JUMP
-from vehicle.identification.faults.level_steps import STEERING_JUMP
+from vehicle.identification.faults.level_steps import HEADING_JUMP, STEERING_JUMP
 from vehicle.identification.logs.clocks import CLOCKS_FROM_S
 from vehicle.identification.logs.column_faults import POSITION_JUMP
 from vehicle.identification.logs.directions import COURSE_HEADING
@@ -64,50 +63,45 @@ EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for ni
 
 def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[ColumnTiming, ...]:
     """Return the columns with a clock of their own: how often they are refreshed, and how old they are found to be."""
-    ages = _collect_ages(findings)
     timings = []
     for column in COLUMN_WORDS:
-        hold, sentences = _measure_column_hold(logs, column), list[str]()
-        if hold is not None:
-            sentences.append(_describe_hold(column, hold))
-        values = {field: value for field, (value, _) in ages.get(column, {}).items()}
-        sentences += [sentence for _, sentence in ages.get(column, {}).values()]
-        if hold is None or column != "heading":  # a hold of the heading is its correction
-            sentences += _list_corrections(logs, column)
+        hold_s, rare_s, share = _measure_column_hold(logs, column)
+        ages, sentences = dict[str, tuple[float, str]](), list[str]()
+        if hold_s is not None and rare_s is not None and share is not None:
+            words = COLUMN_WORDS[column]
+            is_rarer = rare_s > 1.2 * hold_s and f"{rare_s:.1f}" != f"{hold_s:.1f}"
+            rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if is_rarer else ""
+            sentences.append(
+                f"{words[0].upper()}{words[1:]} is refreshed every {hold_s:.1f} s{rare}: {100.0 * share:.0f} % of its "
+                "rows repeat or interpolate an older value and are not used."
+            )
+        for finding in findings:
+            columns, name = _TIMING_EFFECTS.get(finding.id, ((), ""))
+            if column in columns and finding.value is not None and finding.status in (NAMED, LIKELY):
+                ages[name] = finding.value[get_effect(finding.id).size.name], finding.description
+        sentences += [words for _, words in ages.values()]
+        starts = [start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column]
+        if hold_s is not None and column == "heading":  # a hold of the heading is its correction
+            starts = []
+        for start in starts:  # as it was in the first of the logs concerned
+            concerned = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
+            if concerned:
+                (name, said), count = concerned[0], len(concerned)
+                more = f"{name} and {count - 1} more" if count > 1 else name
+                sentences.append(f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}.")
+                break
         if sentences:
-            hold_s, share = (None, None) if hold is None else (hold[0], hold[2])
             factors = [log.speed_factor for log in logs if log.speed_factor != 1.0]
             scale = factors[0] if factors and column == "speed" else None
-            ages_s = (values.get("delay_s"), hold_s, values.get("filter_s"), values.get("clock_offset_s"))
-            timings.append(ColumnTiming(column, *ages_s, share, " ".join(sentences), scale))
+            values = {name: value for name, (value, _) in ages.items()}
+            words = " ".join(sentences)
+            timings.append(ColumnTiming(column, hold_s=hold_s, stale_share=share, words=words, scale=scale, **values))
     return tuple(timings)
 
 
-def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
-    """Return what was corrected in a column, as it was in the first of the logs concerned."""
-    for start in (start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column):
-        sentences = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
-        if sentences:
-            (name, said), count = sentences[0], len(sentences)
-            more = f"{name} and {count - 1} more" if count > 1 else name
-            return [f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}."]
-    return []
-
-
-def _collect_ages(findings: Sequence[Finding]) -> dict[str, dict[str, tuple[float, str]]]:
-    """Return per column and field the value of what was named, or is likely, and its sentence."""
-    ages: dict[str, dict[str, tuple[float, str]]] = {}
-    for finding in findings:
-        if finding.id in _TIMING_EFFECTS and finding.value is not None and finding.status in (NAMED, LIKELY):
-            columns, field = _TIMING_EFFECTS[finding.id]
-            value = finding.value[get_effect(finding.id).size.name]
-            for column in columns:
-                ages.setdefault(column, {})[field] = (value, finding.description)
-    return ages
-
-
-def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float, float] | None:
-    """Return median and 90 % quantile of the hold (s) over the readings of all logs, and the share of stale rows.
+def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float | None, float | None, float | None]:
+    """Return median and 90 % quantile of the hold (s) over the readings of all logs, and the share of stale rows; None
+    where a column is not held.
 
     A value that stands still in one log says less of how often it was read than those that change in others. A command,
     a speed or an angle at rest was read as often as a moving one, so its rows are as stale as those between changes.
@@ -120,23 +114,12 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
             gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
             rows.append(np.diff(np.flatnonzero(measured[log.used])))
     if not gaps or len(gaps) < MAJORITY * having:
-        return None
+        return None, None, None
     all_gaps, all_rows = np.concatenate(gaps), np.concatenate(rows)
     hold_s = float(np.median(all_gaps))
     if column not in _PLACES:
         all_rows = all_rows[all_gaps <= STANDING_FACTOR * hold_s]
     return hold_s, float(np.quantile(all_gaps, 0.9)), 1.0 - len(all_rows) / float(np.sum(all_rows))
-
-
-def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
-    hold_s, rare_s, share = hold
-    words = COLUMN_WORDS[column]
-    is_rarer = rare_s > 1.2 * hold_s and f"{rare_s:.1f}" != f"{hold_s:.1f}"
-    rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if is_rarer else ""
-    return (
-        f"{words[0].upper()}{words[1:]} is refreshed every {hold_s:.1f} s{rare}: {100.0 * share:.0f} % of its rows "
-        "repeat or interpolate an older value and are not used."
-    )
 
 
 def list_onset_faults(logs: Sequence[Log]) -> tuple[LogFault, ...]:
@@ -174,26 +157,11 @@ def format_time(time_s: float, start_s: float) -> str:
 def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, reason: str) -> Diagnosis:
     """Build the diagnosis of logs that leave nothing to replay beside their faults, for the sentence `reason`."""
     undiagnosed = f"Nothing else can be diagnosed: {reason[0].lower()}{reason[1:]}"
-    rows = sum(len(log.used) for log in logs)
     return Diagnosis(
         names=tuple(log.name for log in logs),
-        rows_used=0,
-        rows_gated=rows,
-        minutes=0.0,
         ground=ground,
-        before={},
-        after={},
-        noise_floor={},
-        guilty_block=None,
-        block_error={},
-        findings=(),
-        named=(),
-        unexplained_share=0.0,
-        depends_on=(),
-        next_drive=None,
         tractor=tractor,
-        calibration={},
-        curve=None,
+        rows_gated=sum(len(log.used) for log in logs),
         notes=tuple(list_shared_remarks(logs)),
         faults=list_onset_faults(logs),
         runs=tuple(RunCheck(log.name, None, None) for log in logs),
@@ -203,25 +171,25 @@ def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, re
     )
 
 
-def add_compass(diagnosis: Diagnosis, wrong_deg: float) -> Diagnosis:
-    """The diagnosis with headings that are wrong by up to so many degrees, by the direction of travel."""
-    words = (
-        f"The headings are wrong by up to {wrong_deg:.1f} degrees, depending on the direction of travel, as of a "
-        "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks "
-        "like a drift across a slope."
-    )
-    hint = Hint("the direction of travel", "heading", None, words)
-    return replace(diagnosis, known_outside=words, hints=(hint, *diagnosis.hints))
-
-
-def add_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
-    """The diagnosis with how the vehicle turns, and without a drive that would separate what stands in for that."""
-    drive, block = diagnosis.next_drive, PATH if turning.kind == ARTICULATED else POSITION
-    if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
-        drive = None
-    depends_on = "the rate of steering" if turning.kind == ARTICULATED else "the way the vehicle steers"
-    hint = Hint(depends_on, None, block, turning.words)
-    return replace(diagnosis, known_outside=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
+def add_outside(diagnosis: Diagnosis, compass_deg: float | None, turning: OtherTurning | None) -> Diagnosis:
+    """The diagnosis with what no effect is: headings that are wrong by up to so many degrees by the direction of
+    travel, and how the vehicle turns, without a drive that would separate what stands in for that."""
+    hints, drive = list[Hint](), diagnosis.next_drive
+    if turning is not None:
+        is_joint = turning.kind == ARTICULATED
+        depends_on = "the rate of steering" if is_joint else "the way the vehicle steers"
+        hints.append(Hint(depends_on, None, PATH if is_joint else POSITION, turning.words))
+        if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
+            drive = None
+    if compass_deg is not None:
+        words = (
+            f"The headings are wrong by up to {compass_deg:.1f} degrees, depending on the direction of travel, as of a "
+            "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this "
+            "looks like a drift across a slope."
+        )
+        hints.append(Hint("the direction of travel", "heading", None, words))
+    known = hints[0].words if hints else ""
+    return replace(diagnosis, known_outside=known, next_drive=drive, hints=(*hints, *diagnosis.hints))
 
 
 def check_runs(
@@ -247,18 +215,7 @@ def check_runs(
 # --- notes on logs, clocks and the tractor file ----------------------------------------------------------------------
 
 
-def list_diagnosis_notes(
-    logs: Sequence[Log], dataset: DriveDataset, tractor: Tractor, diagnosis: Diagnosis
-) -> tuple[str, ...]:
-    """Return all notes, those on the logs first."""
-    return (
-        *_describe_logs(logs, dataset),
-        *_describe_clocks(logs, diagnosis),
-        *_describe_file_corrections(tractor, diagnosis),
-    )
-
-
-def _describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...]:
+def describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...]:
     """Return notes on rows and columns."""
     sentences = list_shared_remarks(logs) + list(dataset.remarks)
     if all(segment.wheel is None for segment in dataset.segments):
@@ -274,7 +231,7 @@ def _describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...
     return tuple(sentences)
 
 
-def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
+def describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
     """Return a note where a delay was found in logs too short to check for drifting clocks."""
     late = [finding.id for finding in diagnosis.findings if finding.id in TIME_EFFECTS and finding.value is not None]
     short = sum(float(np.ptp(log.time_s[log.used])) < CLOCKS_FROM_S for log in logs)
@@ -287,7 +244,7 @@ def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
     ]
 
 
-def _describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[str, ...]:
+def describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return notes on the effects and the discrepancy model that the tractor file already had."""
     sentences = []
     if tractor.effects:

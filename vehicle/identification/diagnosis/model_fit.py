@@ -1,10 +1,15 @@
-"""Fitting a model, a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
+"""Fitting a model, a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan.
+
+A fit is linear least squares about where it stands, weighted as the likelihood weighs the windows: that says what a
+further hypothesis would gain.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -17,9 +22,8 @@ from vehicle.identification.diagnosis.grammar import (
     split_amounts,
     sum_fields,
 )
-from vehicle.identification.diagnosis.linearisation import RUGGED_CHAINS, Gain, Linearisation, list_signs
-from vehicle.identification.diagnosis.noise import ChannelNoise, build_pose_noise, build_speed_noise, build_wheel_noise
-from vehicle.identification.logs.schema import Array
+from vehicle.identification.diagnosis.noise import SENSOR_PARTS, ChannelNoise, build_pose_noise, build_sensor_noise
+from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import CHAINS, Simulator
 
@@ -51,9 +55,14 @@ class Fit:
         penalty = sum(hypothesis.penalty for hypothesis in self.model)
         return -self.cost - 0.5 * float(log_size if sign > 0 else 0.0) - penalty
 
+    @property
+    def causes(self) -> frozenset[str]:
+        """What the model holds beside the nuisances."""
+        return frozenset(str(one) for one in self.model if not one.is_nuisance)
+
     def get_amounts(self, hypothesis: Hypothesis) -> Array:
         """The amounts of one of its hypotheses."""
-        return next(own for one, own in split_amounts(self.model, self.amounts) if one == hypothesis)
+        return self.amounts[self.locate(hypothesis)]
 
     def locate(self, hypothesis: Hypothesis) -> slice:
         """The place of a hypothesis among the amounts."""
@@ -81,8 +90,7 @@ class Problem:
         tractor = self.rig.tractor
         self.noise = {
             "pose": build_pose_noise(self.data, tractor.antenna_forward_m),
-            "wheel": build_wheel_noise(self.data),
-            "speed": build_speed_noise(self.data),
+            **{channel: build_sensor_noise(self.data, channel) for channel in SENSOR_PARTS},
         }
         data = self.data
         self.measured = np.stack([data.east.values, data.north.values, data.heading.values], axis=2)
@@ -284,25 +292,18 @@ class Problem:
 
     def scan(self, fit: Fit, hypotheses: Iterable[Hypothesis]) -> list[Gain]:
         """What every hypothesis would gain on top of a fit, the best first, by secants at half a width."""
-        linear = self.linearise(fit.model, fit.amounts, fit.residuals)
-        gains = []
+        linear, gains = self.linearise(fit.model, fit.amounts, fit.residuals), list[Gain]()
         for hypothesis in hypotheses:
-            steps = hypothesis.starts or [SCAN_STEP * sign for sign in list_signs(hypothesis)]
-            found = [self._predict_gain(fit, linear, hypothesis, step) for step in steps]
-            best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
-            if best is not None:
-                gains.append(best)
+            amounts, found = np.append(fit.amounts, np.zeros(hypothesis.size)), list[Gain]()
+            places = range(len(fit.amounts), len(amounts))
+            for step in hypothesis.starts or [SCAN_STEP * sign for sign in list_signs(hypothesis)]:
+                secants = self.compute_secants((*fit.model, hypothesis), amounts, fit.residuals, places, step)
+                gain = linear.predict_gain(hypothesis, linear.stack(secants), math.copysign(1.0, step))
+                if gain is not None and hypothesis.starts:
+                    gain = replace(gain, amounts=step * collect_widths((hypothesis,)))
+                found += [] if gain is None else [gain]
+            gains += [max(found, key=lambda one: one.nats)] if found else []
         return sorted(gains, key=lambda one: -one.nats)
-
-    def _predict_gain(self, fit: Fit, linear: Linearisation, hypothesis: Hypothesis, step: float) -> Gain | None:
-        model = (*fit.model, hypothesis)
-        size = len(fit.amounts)
-        amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
-        secants = self.compute_secants(model, amounts, fit.residuals, range(size, len(amounts)), step)
-        gain = linear.predict_gain(hypothesis, linear.stack(secants), math.copysign(1.0, step))
-        if gain is None or not hypothesis.starts:
-            return gain
-        return replace(gain, amounts=step * collect_widths((hypothesis,)))
 
 
 def collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:
@@ -329,3 +330,101 @@ def _solve_inside(
         if not free.any():
             break
     return step
+
+
+# Effects of the steering system act by thresholds: their cost has many minima, and both signs are tried.
+RUGGED_CHAINS = frozenset({"steering"})
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What a hypothesis would gain on top of a fit (nats, less its penalty), by linear prediction, and its amounts."""
+
+    nats: float
+    hypothesis: Hypothesis
+    amounts: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Per channel the whitened change of the prediction per width of each amount (w, n, k), the whitened residuals
+    (w, n), and the roots of the weights of the windows (w,)."""
+
+    changes: Mapping[str, Array]
+    residuals: Mapping[str, Array]
+    roots: Mapping[str, Array]
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Weighted changes of all channels (rows, k)."""
+        return self.stack(self.changes)
+
+    @cached_property
+    def target(self) -> Array:
+        """Weighted residuals of all channels (rows,)."""
+        return self.stack({channel: values[:, :, None] for channel, values in self.residuals.items()})[:, 0]
+
+    @cached_property
+    def curvature(self) -> Array:
+        """Curvature (k, k) of the cost per width, with the prior."""
+        return np.asarray(np.eye(self.matrix.shape[1]) + self.matrix.T @ self.matrix)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """The inverse of the curvature."""
+        return np.asarray(np.linalg.inv(self.curvature), dtype=np.float64)
+
+    def stack(self, changes: Mapping[str, Array]) -> Array:
+        """Whitened changes per channel (w, n, j) as one weighted matrix (rows, j)."""
+        parts = [(changes[c] * root[:, None, None]).reshape(-1, changes[c].shape[2]) for c, root in self.roots.items()]
+        return np.concatenate(parts)
+
+    def sum_windows(self, inside: Mask) -> tuple[Array, Array]:
+        """What some windows (w,) add to the curvature (k, k), and to the slope of the likelihood per width (k,)."""
+        size = self.matrix.shape[1]
+        information, slope = np.zeros((size, size)), np.zeros(size)
+        for channel, root in self.roots.items():
+            weights = root[inside][:, None]
+            columns = (self.changes[channel][inside] * weights[:, :, None]).reshape(-1, size)
+            information += columns.T @ columns
+            slope += columns.T @ (self.residuals[channel][inside] * weights).ravel()
+        return information, slope
+
+    def step_without(self, inside: Mask) -> tuple[Array, Array]:
+        """The step in widths (k,) to the amounts that the other windows give, and the curvature (k, k) these leave."""
+        information, slope = self.sum_windows(inside)
+        curvature = self.curvature - information
+        return np.asarray(-np.linalg.solve(curvature, slope), dtype=np.float64), curvature
+
+    def reduce(self, columns: Array) -> Array:
+        """Weighted columns (rows, j) without what the amounts of the fit would take up of them."""
+        return np.asarray(columns - self.matrix @ (self.inverse @ (self.matrix.T @ columns)))
+
+    def predict_gain(self, hypothesis: Hypothesis, columns: Array, sign: float) -> Gain | None:
+        """The gain of a hypothesis with weighted columns (rows, k) beside the fit; None on the wrong side.
+
+        `sign` is the direction in which the columns were computed.
+        """
+        own = self.reduce(columns)
+        curvature = columns.T @ own + np.eye(hypothesis.size)
+        slope = own.T @ self.target
+        amounts = np.linalg.solve(curvature, slope)
+        if hypothesis.size == 1:
+            coordinate = hypothesis.coordinates[0]
+            if (amounts[0] < 0.0 and coordinate.low >= 0.0) or (amounts[0] > 0.0 and coordinate.high <= 0.0):
+                return None
+            if len(list_signs(hypothesis)) > 1 and amounts[0] * sign < 0.0:
+                return None
+        nats = 0.5 * float(slope @ amounts) - 0.5 * float(np.linalg.slogdet(curvature)[1]) - hypothesis.penalty
+        widths = np.array([one.width for one in hypothesis.coordinates])
+        return Gain(nats, hypothesis, amounts * widths)
+
+
+def list_signs(hypothesis: Hypothesis) -> tuple[float, ...]:
+    """Directions to try: of effects of the steering system, and of limits, both sides act differently."""
+    low, high = hypothesis.coordinates[0].low, hypothesis.coordinates[0].high
+    if low >= 0.0:
+        return (1.0,)
+    if high <= 0.0:
+        return (-1.0,)
+    return (1.0, -1.0) if hypothesis.chains & RUGGED_CHAINS else (1.0,)

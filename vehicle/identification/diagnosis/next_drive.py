@@ -12,22 +12,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, split_amounts
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Model, Problem
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import SURE_SIGMAS
-from vehicle.identification.replay.drive_programmes import (
-    DRIVE_PROGRAMMES,
-    DriveProgramme,
-    find_usual_heading_and_speed,
-    simulate_programme,
-)
+from vehicle.identification.logs.thresholds import GRID_S, SURE_SIGMAS
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
+from vehicle.model.tractor import Settings
+from vehicle.records import DT_S
 
 SIGMAS_PER_Z = 2.0  # standard deviations between two explanations per standard error of their predictive difference
 NO_EFFECT = "no effect"  # the name of the alternative without any hypothesis
@@ -36,66 +36,45 @@ CompetingPair = tuple[Alternative, Alternative | None]
 """Two hypotheses that explain the logs equally well, with their amounts; None stands for neither."""
 
 
-@dataclass(frozen=True, eq=False)
-class Explanation:
-    """A whole model with its amounts (k,), and how precisely the logs determine them: (k, k), per width."""
-
-    model: Model
-    amounts: Array
-    precision: Array
-
-
 def choose_next_drive(problem: Problem, fit: Fit, competitors: Sequence[CompetingPair]) -> NextDrive | None:
     """The drive that decides between most pairs, and of several that which separates most per second.
 
     When none decides it is the one that separates most. None without a pair. `separates` is the pair that is hardest to
     separate of those decided; `score` its separation in standard deviations. A drive decides where the right
-    alternative would win by CLEAR_Z standard errors, as naming asks for.
+    alternative would win by SURE_SIGMAS standard errors, as naming asks for.
     """
-    explained = [(pair, _explain(problem, fit, pair)) for pair in competitors]
+    explained = []
+    for pair in competitors:
+        one, other = pair[0][0], None if pair[1] is None else pair[1][0]
+        names = one.id, NO_EFFECT if other is None else other.id
+        if other is not None and one.id == other.id:  # two laws of one effect
+            names = f"{one.id}:{one.law}", f"{other.id}:{other.law}"
+        explained.append((names, [_explain(problem, fit, pair, own) for own in pair], other is not None))
     choices = []
     for programme in DRIVE_PROGRAMMES if explained else ():
-        trial = build_trial(problem, programme)
-        drives = [
-            _judge(programme, pair, compute_separation(trial, *both, can_both_adapt=pair[1] is not None))
-            for pair, both in explained
-        ]
+        trial, drives = build_trial(problem, programme), []
+        for names, (first, second), can_both_adapt in explained:
+            score = compute_separation(trial, first, second, can_both_adapt)
+            is_clear = score > SIGMAS_PER_Z * SURE_SIGMAS
+            drives.append(NextDrive(programme.id, programme.description, programme.seconds, names, score, is_clear))
         decided = [drive for drive in drives if drive.decides]
         drive = min(decided, key=lambda one: one.score) if decided else max(drives, key=lambda one: one.score)
         choices.append((len(decided), drive.score / (drive.seconds if decided else 1.0), drive))
     return max(choices, key=lambda choice: choice[:2])[2] if choices else None
 
 
-def _judge(programme: DriveProgramme, pair: CompetingPair, separation: float) -> NextDrive:
-    is_clear = separation > SIGMAS_PER_Z * SURE_SIGMAS
-    return NextDrive(programme.id, programme.description, programme.seconds, _name_pair(pair), separation, is_clear)
-
-
-def _name_pair(pair: CompetingPair) -> tuple[str, str]:
-    """The effects of a pair, with their laws where both are of one effect."""
-    first, second = pair[0][0], None if pair[1] is None else pair[1][0]
-    if second is None:
-        return first.id, NO_EFFECT
-    if first.id != second.id:
-        return first.id, second.id
-    return f"{first.id}:{first.law}", f"{second.id}:{second.law}"
-
-
-def _explain(problem: Problem, fit: Fit, pair: CompetingPair) -> tuple[Explanation, Explanation]:
-    """Both alternatives of a pair in the place of what the fit has of them."""
+def _explain(problem: Problem, fit: Fit, pair: CompetingPair, own: Alternative | None) -> Fit:
+    """One alternative of a pair in the place of what the fit has of both, with how precisely the logs determine it."""
     paired = [alternative[0] for alternative in pair if alternative is not None]
-    shared = [part for part in split_amounts(fit.model, fit.amounts) if part[0] not in paired]
-    first, second = ([*shared, *([] if own is None else [own])] for own in pair)
-    return _build_explanation(problem, first), _build_explanation(problem, second)
+    parts = [part for part in split_amounts(fit.model, fit.amounts) if part[0] not in paired]
+    parts += [] if own is None else [own]
+    model, amounts = tuple(one for one, _ in parts), np.concatenate([amount for _, amount in parts])
+    residuals = problem.compute_residuals(model, amounts)
+    return replace(fit, model=model, amounts=amounts, residuals=residuals,
+                   curvature=problem.linearise(model, amounts, residuals).curvature)  # fmt: skip
 
 
-def _build_explanation(problem: Problem, parts: Sequence[Alternative]) -> Explanation:
-    model, amounts = tuple(one for one, _ in parts), np.concatenate([own for _, own in parts])
-    linear = problem.linearise(model, amounts, problem.compute_residuals(model, amounts))
-    return Explanation(model, amounts, linear.curvature)
-
-
-def compute_separation(trial: Problem, first: Explanation, second: Explanation, can_both_adapt: bool = True) -> float:
+def compute_separation(trial: Problem, first: Fit, second: Fit, can_both_adapt: bool = True) -> float:
     """Standard deviations between what two explanations show on a drive, whichever of them is right: the smaller value.
 
     The wrong one may adapt. Where the second is the model without an effect, only that one counts as wrong: an effect
@@ -111,7 +90,7 @@ def compute_separation(trial: Problem, first: Explanation, second: Explanation, 
         secants = trial.compute_secants(wrong.model, wrong.amounts, own, range(count), FIT_STEP)
         response = np.concatenate([secants[channel].reshape(-1, count) for channel in CHANNELS])
         crossed = response.T @ difference
-        taken = crossed @ np.linalg.solve(wrong.precision + response.T @ response, crossed)
+        taken = crossed @ np.linalg.solve(wrong.curvature + response.T @ response, crossed)
         losses.append(float(difference @ difference - taken))
     return math.sqrt(max(min(losses), 0.0))
 
@@ -157,3 +136,144 @@ def _adapt_segment(segment: DriveSegment, logs: DriveDataset, start_s: float) ->
         target=segment.target if any(one.target is not None for one in every) else None,
         grids=grids,
     )
+
+
+PROGRAMME_PACE_MPS = 1.4  # 5 km/h, the speed of the thesis's experiments
+ProgrammePiece = tuple[float, float, float, float]
+ProgrammePieces = tuple[ProgrammePiece, ...]
+
+
+@dataclass(frozen=True)
+class DriveProgramme:
+    """A drive for a person to make: passes, each with a first heading (deg to the right of the usual one) and pieces.
+
+    A piece is (seconds, wheel angle in deg, share of the usual speed, implement 0 or 1).
+    """
+
+    id: str
+    description: str
+    passes: tuple[tuple[float, ProgrammePieces], ...]
+
+    @property
+    def seconds(self) -> float:
+        """Duration of the drive."""
+        return sum(piece[0] for _, pieces in self.passes for piece in pieces)
+
+
+DRIVE_PROGRAMMES = (
+    DriveProgramme(
+        "implement-lifted",
+        "Drive straight ahead for 30 s, implement up for the first 15 s, then down.",
+        ((0.0, ((15.0, 0.0, 1.0, 0.0), (15.0, 0.0, 1.0, 1.0))),),
+    ),
+    DriveProgramme(
+        "there-and-back",
+        "Drive the same straight line there and back, 20 s each way, with the implement unchanged.",
+        (
+            (0.0, ((20.0, 0.0, 1.0, 1.0),)),
+            (180.0, ((20.0, 0.0, 1.0, 1.0),)),
+        ),
+    ),
+    DriveProgramme(
+        "there-and-back-lifted",
+        "Drive the same straight line there and back, 20 s each way, implement up.",
+        (
+            (0.0, ((20.0, 0.0, 1.0, 0.0),)),
+            (180.0, ((20.0, 0.0, 1.0, 0.0),)),
+        ),
+    ),
+    DriveProgramme(
+        "circles",
+        "Drive a circle to the right and one to the left at 15 degrees, 20 s each.",
+        (
+            (0.0, ((20.0, 15.0, 1.0, 0.0),)),
+            (0.0, ((20.0, -15.0, 1.0, 0.0),)),
+        ),
+    ),
+    DriveProgramme(
+        "two-speeds",
+        "Drive a circle at 12 degrees for 20 s slowly and for 15 s at twice the speed.",
+        ((0.0, ((20.0, 12.0, 0.7, 0.0), (15.0, 12.0, 2.0, 0.0))),),
+    ),
+    DriveProgramme(
+        "steps",
+        "Steer in steps of 4, 8 and 15 degrees to both sides, 4 s each.",
+        ((0.0, tuple((4.0, a, 1.0, 0.0) for a in (0.0, 4.0, -4.0, 8.0, -8.0, 15.0, -15.0, 0.0))),),
+    ),
+    DriveProgramme(
+        "small-steps",
+        "Steer in steps of half a degree up to 2 degrees and back, 4 s each.",
+        ((0.0, tuple((4.0, a, 1.0, 0.0) for a in (0.0, 0.5, 0.0, -1.0, 0.5, 2.0, 0.0, -2.0, 0.0))),),
+    ),
+    DriveProgramme(
+        "bends-at-speeds",
+        "Weave at 10 degrees, 6 s each way, at three speeds.",
+        ((0.0, tuple((6.0, a, s, 0.0) for s in (0.6, 1.2, 2.0) for a in (10.0, -10.0))),),
+    ),
+    DriveProgramme(
+        "shuffled-bends",
+        "Steer to 20, 5, 25, 10, 15 and 5 degrees, 5 s to the right and 5 s to the left each, in this order.",
+        ((0.0, tuple((5.0, side * a, 1.0, 0.0) for a in (20.0, 5.0, 25.0, 10.0, 15.0, 5.0) for side in (1.0, -1.0))),),
+    ),
+    DriveProgramme(
+        "four-ways",
+        "Drive straight ahead to all four points of the compass, 15 s each, implement up.",
+        tuple((float(way), ((15.0, 0.0, 1.0, 0.0),)) for way in (0, 90, 180, 270)),
+    ),
+)
+
+
+def simulate_programme(
+    rig: ReplayRig,
+    programme: DriveProgramme,
+    heading: float,
+    pace: float,
+    settings: Settings,
+    step: float = GRID_S,
+) -> DriveDataset:
+    """Return the log of the tractor with these effects on each pass of a programme, without noise.
+
+    `heading` (rad) and `pace` (m/s) are the usual ones; the log has a row every `step` seconds.
+    """
+    segments = []
+    for run, (turn, pieces) in enumerate(programme.passes):
+        blank = build_command_segment(run, heading - math.radians(turn), pieces, pace, step)
+        states = replay_segment(rig, blank, settings, from_sensor=False, from_speed=True)
+        antenna, angle, wheel, speed = simulate_logged_values(rig, blank, states, settings)
+        east, north = (np.ascontiguousarray(axis) for axis in antenna.T)
+        shown: dict[str, Any] = {"east": east, "north": north, "heading": angle, "wheel": wheel}
+        grid = np.arange(len(states)) * DT_S
+        grids = blank.grids | {name: np.interp(grid, blank.time, values) for name, values in shown.items()}
+        segments.append(replace(blank, **shown, speed=speed, grids=grids))
+    names = tuple(f"pass {run + 1}" for run in range(len(segments)))
+    return DriveDataset(names, tuple(segments), (0.0, 0.0), sum(segment.rows for segment in segments))
+
+
+def find_usual_heading_and_speed(segments: Sequence[DriveSegment]) -> tuple[float, float]:
+    """Return the most frequent heading (rad; the first one's if the drive repeats) and the median speed (m/s) of a
+    dataset."""
+    east = np.concatenate([np.cos(segment.heading) for segment in segments])
+    north = np.concatenate([np.sin(segment.heading) for segment in segments])
+    pace = float(np.median(np.concatenate([segment.speed_in_gear for segment in segments]))) or PROGRAMME_PACE_MPS
+    return math.atan2(float(north.mean()), float(east.mean())), pace
+
+
+def build_command_segment(
+    run: int, heading: float, pieces: ProgrammePieces, pace: float, step: float = GRID_S
+) -> DriveSegment:
+    """Return a drive that has only its commands yet: pieces as in DriveProgramme, `heading` in rad, a row every `step`
+    seconds."""
+    ends = np.cumsum([piece[0] for piece in pieces])
+    time = np.arange(0.0, ends[-1] - 1e-9, step)
+    grid = np.arange(math.ceil(time[-1] / DT_S) + 1) * DT_S
+
+    def select_values(times: npt.NDArray[Any], column: int, factor: float) -> Array:
+        values = np.array([piece[column] for piece in pieces]) * factor
+        return values[np.minimum(np.searchsorted(ends, times, side="right"), len(pieces) - 1)]
+
+    columns = {"command": (1, math.pi / 180.0), "target": (2, pace), "working": (3, 1.0), "speed": (2, pace)}
+    grids = {name: select_values(grid, *column_spec) for name, column_spec in columns.items()}
+    grids |= {"east": np.zeros(len(grid)), "north": np.zeros(len(grid)), "heading": np.full(len(grid), heading)}
+    rows: dict[str, Any] = {name: select_values(time, *column_spec) for name, column_spec in columns.items()}
+    rows |= {"east": np.zeros(len(time)), "north": np.zeros(len(time)), "heading": np.full(len(time), heading)}
+    return DriveSegment(run, 0.0, time, heading_measured=True, speed_measured=True, wheel=None, grids=grids, **rows)

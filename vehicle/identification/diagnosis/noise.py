@@ -8,7 +8,9 @@ Windows follow a Student t distribution, so that one odd window does not decide.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -21,16 +23,49 @@ UNSEEN_VARIANCE = 1e4  # of a cell without a sample, far above any residual: m2 
 FREE_START_RAD = 0.2  # standard deviation of the direction at the start of a window, after the alignment
 MOST_LOG_AMOUNT = 7.0  # how far the logarithm of a variance may go from its usual value
 LOG_AMOUNT_SIGMA = 3.0  # standard deviation of that logarithm: a factor of 20
-# Usual standard deviations of the parts, by which a fit begins: RTK positions, a dual-antenna heading, farm tyres.
-POSE_AMOUNTS = (4e-3, 1e-3, 6e-4, 1e-3, 3e-3, 1e-3, 5e-4, 1e-2, 8e-3, 3e-3, 1e-3, 3e-3)
-YAW_TIMES_S = (0.6, 3.0, 20.0)  # of the wandering of the yaw rate: a bump, a rut, a slope
-HEADING_TIME_S, SPEED_TIME_S, SHORT_S = 20.0, 5.0, 3.0
-WHEEL_AMOUNTS_DEG, WHEEL_TIMES_S = (0.04, 0.03, 0.02), (0.3, 3.0)
-SPEED_AMOUNTS, SPEED_TIMES_S = (0.01, 0.005, 0.003), (1.0, 10.0)
-WHEEL_TIMING_S, SPEED_TIMING_S = (0.02, 0.03), (0.1, 0.1)
 SETTLED_SHARE = 1e-6  # of the cost: a twentieth of a nat for ten minutes of logs
 SMALLEST_HALF = 20  # rows from which a triangular matrix is inverted as a whole: smaller halves take no less time
 COMMAND_JITTER = 0.29  # of the step between rows: 1 / sqrt(12), a command may have come at any time in between
+
+
+class NoisePart(NamedTuple):
+    """A part of the noise of a channel: its usual standard deviation, by which a fit begins; the most that is still
+    noise; for how long (s) it is remembered, 0 for white noise; and what shows a pose in which it is louder."""
+
+    usual: float
+    most: float = math.inf
+    memory_s: float = 0.0
+    shown_by: str = ""
+
+
+# Usual are RTK positions, a dual-antenna heading, farm tyres. The most is one to two times what nine in ten of 53 sets
+# of three truths by other hands stay under; of crab, which fits overstate, eight in ten. White noise of receivers and
+# sensors has no limit.
+POSE_PARTS = (
+    NoisePart(4e-3),  # positions, m
+    NoisePart(1e-3),  # headings, rad
+    NoisePart(6e-4, 0.02, shown_by="position"),  # positions that wander
+    NoisePart(1e-3, 0.01, 20.0),  # headings that are off for a while
+    NoisePart(3e-3, 0.005, 0.6, "path"),  # yaw rates that wander: a bump, a rut, a slope
+    NoisePart(1e-3, 0.0012, 3.0, "path"),
+    NoisePart(5e-4, 0.0005, 20.0, "path"),
+    NoisePart(1e-2, 0.02, 3.0, "path"),  # yaw rates in proportion to turning
+    NoisePart(8e-3, 0.02, shown_by="speed"),  # speeds that are a little off
+    NoisePart(3e-3, 0.003, 5.0, "speed"),
+    NoisePart(1e-3, 0.005, 3.0, "heading"),  # crab
+    NoisePart(3e-3, 0.006),  # timing
+)
+SENSOR_PARTS = {
+    "wheel": (
+        NoisePart(math.radians(0.04)), NoisePart(math.radians(0.03), 3e-4, 0.3),
+        NoisePart(math.radians(0.02), 8e-4, 3.0), NoisePart(0.02, 0.05), NoisePart(0.03, 0.07, 0.3),
+    ),
+    "speed": (
+        NoisePart(0.01), NoisePart(0.005, 0.008, 1.0), NoisePart(0.003, 0.004, 10.0), NoisePart(0.1, 0.015),
+        NoisePart(0.1, 0.13, 1.0),
+    ),
+}  # fmt: skip
+"""White and slow noise (rad, m/s), and errors of timing (s) in proportion to the rate of change, white and slow."""
 
 
 @dataclass(eq=False)
@@ -126,8 +161,9 @@ def invert_lower(lower: Array) -> Array:
 
 
 def compute_memory(times: Array, time_constant: float) -> Array:
-    """Covariance (n, n) of unit noise that forgets with a time constant (s)."""
-    return np.asarray(np.exp(-np.abs(times[:, None] - times[None]) / time_constant))
+    """Covariance (n, n) of unit noise that forgets with a time constant (s), at once for 0."""
+    apart = np.abs(times[:, None] - times[None])
+    return np.asarray(np.exp(-apart / time_constant)) if time_constant else np.eye(len(times))
 
 
 def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
@@ -145,25 +181,25 @@ def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     by_time = np.concatenate([along * cosine * one, along * sine * one, yaw[:, :, None] * one], axis=1)
     by_turning = by_yaw * np.abs(yaw)[:, None, :]
 
-    def carry(how: Array, memory: Array) -> Array:
-        return np.asarray(how @ memory @ how.transpose(0, 2, 1))
-
     def place(position: float, direction: float, memory: Array) -> Array:
         block = np.kron(np.diag([position, position, direction]), memory)
         return np.broadcast_to(block, (windows, 3 * n, 3 * n))
 
+    memories = [compute_memory(times, part.memory_s) for part in POSE_PARTS]
     walk = np.minimum(times[:, None], times[None]) + POSE_CELL_S
-    parts = [
-        place(1.0, 0.0, np.eye(n)), place(0.0, 1.0, np.eye(n)), place(1.0, 0.0, walk),
-        place(0.0, 1.0, compute_memory(times, HEADING_TIME_S)),
-        *(carry(by_yaw, compute_memory(times, tau)) for tau in YAW_TIMES_S),
-        carry(by_turning, compute_memory(times, SHORT_S)), carry(by_speed, np.eye(n)),
-        carry(by_speed, compute_memory(times, SPEED_TIME_S)), carry(by_crab, compute_memory(times, SHORT_S)),
-        carry(by_time, np.eye(n)),
-    ]  # fmt: skip
+    carried = (by_yaw, by_yaw, by_yaw, by_turning, by_speed, by_speed, by_crab, by_time)
+    parts = [place(1.0, 0.0, memories[0]), place(0.0, 1.0, memories[1]), place(1.0, 0.0, walk),
+             place(0.0, 1.0, memories[3])]  # fmt: skip
+    parts += [how @ memory @ how.transpose(0, 2, 1) for how, memory in zip(carried, memories[4:], strict=True)]
+    # The place and the direction at the start of a window are unknown: a rigid motion.
+    free = np.zeros((windows, 3 * n, 3))
+    free[:, :n, 0] = free[:, n : 2 * n, 1] = 1.0
+    east = (speed * np.cos(heading)) @ total.T + ahead * np.cos(heading)
+    north = (speed * np.sin(heading)) @ total.T + ahead * np.sin(heading)
+    free[:, :, 2] = FREE_START_RAD * np.concatenate([-north, east, np.ones_like(east)], axis=1)
     observed = np.concatenate([data.east.observed, data.north.observed, data.heading.observed], axis=1)
-    amounts = np.log(np.square(POSE_AMOUNTS))
-    return ChannelNoise(np.array(parts), amounts, _free_start(data, ahead), 3, observed)
+    amounts = np.log(np.square([part.usual for part in POSE_PARTS]))
+    return ChannelNoise(np.array(parts), amounts, np.asarray(free @ free.transpose(0, 2, 1)), 3, observed)
 
 
 def cut_motion(data: DriveData) -> tuple[Array, Array, Array]:
@@ -188,41 +224,15 @@ def build_yaw_response(data: DriveData, ahead: float) -> Array:
          total @ (along * cosine * total) + ahead * cosine * total, turned], axis=1)  # fmt: skip
 
 
-def _free_start(data: DriveData, ahead: float) -> Array:
-    """Covariance (w, 3 n, 3 n) of an unknown place and direction at the start of each window: a rigid motion."""
-    speed, heading, _ = cut_motion(data)
-    total, n = integrate_cells(), POSE_CELLS
-    east = (speed * np.cos(heading)) @ total.T + ahead * np.cos(heading)
-    north = (speed * np.sin(heading)) @ total.T + ahead * np.sin(heading)
-    free = np.zeros((data.windows, 3 * n, 3))
-    free[:, :n, 0] = free[:, n : 2 * n, 1] = 1.0
-    free[:, :, 2] = FREE_START_RAD * np.concatenate([-north, east, np.ones_like(east)], axis=1)
-    return np.asarray(free @ free.transpose(0, 2, 1))
-
-
-def build_wheel_noise(data: DriveData) -> ChannelNoise:
-    """Noise of the wheel angle (w, n), rad."""
-    sizes = np.radians(WHEEL_AMOUNTS_DEG)
-    jitter_s = max(WHEEL_TIMING_S[1], COMMAND_JITTER * data.row_step_s)
-    return _build_sensor_noise(data, data.path["wheel"], data.wheel.observed, (*sizes, WHEEL_TIMING_S[0], jitter_s),
-                               WHEEL_TIMES_S, max(WHEEL_TIMES_S[0], data.row_step_s))  # fmt: skip
-
-
-def build_speed_noise(data: DriveData) -> ChannelNoise:
-    """Noise of the speed (w, n), m/s."""
-    return _build_sensor_noise(data, data.path["speed"], data.speed.observed, (*SPEED_AMOUNTS, *SPEED_TIMING_S),
-                               SPEED_TIMES_S, SPEED_TIMES_S[0])  # fmt: skip
-
-
-def _build_sensor_noise(
-    data: DriveData, values: Array, observed: Mask, sizes: tuple[float, ...], taus: tuple[float, ...], jitter_s: float
-) -> ChannelNoise:
-    """White and slow noise, and errors of timing in proportion to the rate of change, white and slow."""
-    n, windows = SENSOR_CELLS, data.windows
+def build_sensor_noise(data: DriveData, channel: str) -> ChannelNoise:
+    """Noise (w, n) of the wheel angle (rad) or of the speed (m/s); angles are also off by when a command came."""
+    n, observed, parts = SENSOR_CELLS, getattr(data, channel).observed, SENSOR_PARTS[channel]
+    least_s, least_memory_s = (COMMAND_JITTER * data.row_step_s, data.row_step_s) if channel == "wheel" else (0.0, 0.0)
     times = np.asarray(SENSOR_CELL_S * np.arange(n), dtype=np.float64)
-    one = np.broadcast_to(np.eye(n), (windows, n, n))
-    rate: Array = np.asarray(np.gradient(data.cut(values, n), SENSOR_CELL_S, axis=1))
-    slow = [np.broadcast_to(compute_memory(times, tau), one.shape) for tau in taus]
-    timing = rate[:, :, None] * compute_memory(times, jitter_s) * rate[:, None, :]
-    parts = np.array([one, *slow, rate[:, :, None] ** 2 * one, timing])
-    return ChannelNoise(parts, np.log(np.square(sizes)), np.zeros(one.shape), 0, observed)
+    one = np.broadcast_to(np.eye(n), (data.windows, n, n))
+    rate: Array = np.asarray(np.gradient(data.cut(data.path[channel], n), SENSOR_CELL_S, axis=1))
+    slow = [np.broadcast_to(compute_memory(times, part.memory_s), one.shape) for part in parts[1:3]]
+    timing = rate[:, :, None] * compute_memory(times, max(parts[4].memory_s, least_memory_s)) * rate[:, None, :]
+    sizes = (*(part.usual for part in parts[:4]), max(parts[4].usual, least_s))
+    covariances = np.array([one, *slow, rate[:, :, None] ** 2 * one, timing])
+    return ChannelNoise(covariances, np.log(np.square(sizes)), np.zeros(one.shape), 0, observed)

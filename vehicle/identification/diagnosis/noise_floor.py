@@ -23,23 +23,14 @@ from vehicle.identification.diagnosis.drive_data import (
     STRIDE,
     DriveData,
     build_drive_data,
+    thin_evenly,
 )
 from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, split_amounts, sum_fields
-from vehicle.identification.diagnosis.informative_parts import thin_evenly
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.diagnosis.noise import (
-    COMMAND_JITTER,
-    FREEDOM,
-    HEADING_TIME_S,
-    SHORT_S,
-    SPEED_TIME_S,
-    SPEED_TIMES_S,
-    WHEEL_TIMES_S,
-    YAW_TIMES_S,
-)
+from vehicle.identification.diagnosis.noise import COMMAND_JITTER, FREEDOM, POSE_PARTS, SENSOR_PARTS
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.series import turn_path
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_inputs import sample_rows
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
@@ -53,12 +44,7 @@ from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import Simulator
 
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
-DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
-# Most of each part that is still noise, in the order of noise.ChannelNoise: one to two times what nine in ten of 53
-# sets of three truths by other hands stay under; of crab, which fits overstate, eight in ten. White noise of receivers
-# and sensors has no limit.
-MOST_POSE = (np.inf, np.inf, 0.02, 0.01, 0.005, 0.0012, 0.0005, 0.02, 0.02, 0.003, 0.005, 0.006)
-MOST_WHEEL, MOST_SPEED = (np.inf, 3e-4, 8e-4, 0.05, 0.07), (np.inf, 0.008, 0.004, 0.015, 0.13)
+DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
 MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart
 Rng = np.random.Generator
 Model = Sequence[tuple[Hypothesis, Array]]
@@ -106,10 +92,10 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> Pi
 
 def limit_noise(problem: Problem) -> dict[str, Array]:
     """Standard deviations of the parts of the noise per channel, none above what is still noise."""
-    jitter_s = MOST_JITTERS * COMMAND_JITTER * problem.data.row_step_s
-    wheel = np.maximum(MOST_WHEEL, [0.0, 0.0, 0.0, jitter_s, jitter_s])
-    most = {"pose": np.array(MOST_POSE), "wheel": wheel, "speed": np.array(MOST_SPEED)}
-    return {name: np.minimum(np.exp(0.5 * one.amounts), most[name]) for name, one in problem.noise.items()}
+    parts = {"pose": POSE_PARTS, **SENSOR_PARTS}
+    most = {channel: np.array([part.most for part in own]) for channel, own in parts.items()}
+    most["wheel"][3:] = np.maximum(most["wheel"][3:], MOST_JITTERS * COMMAND_JITTER * problem.data.row_step_s)
+    return {channel: np.minimum(np.exp(0.5 * one.amounts), most[channel]) for channel, one in problem.noise.items()}
 
 
 def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> CommandedReplay:
@@ -160,30 +146,35 @@ class _MotionDraw:
     def _draw_ground(self, rng: Rng) -> tuple[Array, Array, Array, Array]:
         """How far the path goes to the east, to the north, and for a moment ahead (m), and how far it turns (rad)."""
         pose, count, forward = self.sizes["pose"], len(self.speed), self.speed
-        slow = [size * draw_memory(rng, count, tau) for size, tau in zip(pose[4:7], YAW_TIMES_S, strict=True)]
-        yaw = np.sum(slow, axis=0) + pose[7] * np.abs(self.turning) * draw_memory(rng, count, SHORT_S)
-        follow = self._draw_sensor(rng, "wheel", self.wheel, WHEEL_TIMES_S)
-        lag = self._draw_sensor(rng, "speed", forward, SPEED_TIMES_S)
+
+        def remember(number: int) -> Array:
+            return draw_memory(rng, count, POSE_PARTS[number].memory_s)
+
+        yaw = np.sum([pose[number] * remember(number) for number in (4, 5, 6)], axis=0)
+        yaw = yaw + pose[7] * np.abs(self.turning) * remember(7)
+        follow = self._draw_sensor(rng, "wheel", self.wheel)
+        lag = self._draw_sensor(rng, "speed", forward)
         yaw += forward * self.bend * follow + self.curvature * lag
-        push = lag + pose[8] * draw_cells(rng, count, POSE_CELL_S) + pose[9] * draw_memory(rng, count, SPEED_TIME_S)
-        crab = forward * pose[10] * draw_memory(rng, count, SHORT_S)
+        push = lag + pose[8] * draw_cells(rng, count, POSE_CELL_S) + pose[9] * remember(9)
+        crab = forward * pose[10] * remember(10)
         cosine, sine = np.cos(self.heading), np.sin(self.heading)
         east, north, turned = (
             np.cumsum(rate) * PATH_STEP_S for rate in (push * cosine - crab * sine, push * sine + crab * cosine, yaw)
         )
         return east, north, forward * pose[11] * draw_cells(rng, count, POSE_CELL_S), turned
 
-    def _draw_sensor(self, rng: Rng, channel: str, values: Array, taus: Sequence[float]) -> Array:
+    def _draw_sensor(self, rng: Rng, channel: str, values: Array) -> Array:
         """How a wheel angle (rad) or speed (m/s) follows its command otherwise than simulated."""
         segment, sizes, count = self.segment, self.sizes[channel], len(values)
         command, measured = (segment.command, segment.wheel is not None) if channel == "wheel" else (
             segment.target, segment.speed_measured)  # fmt: skip
         if command is None or not measured:
             return np.zeros(count)
-        memory_s = max(taus[0], self.row_step_s) if channel == "wheel" else taus[0]
+        memories_s = [part.memory_s for part in SENSOR_PARTS[channel]]
+        late_s = max(memories_s[4], self.row_step_s) if channel == "wheel" else memories_s[4]
         rate = np.gradient(values, PATH_STEP_S)
-        slow = sum(size * draw_memory(rng, count, tau) for size, tau in zip(sizes[1:3], taus, strict=True))
-        late = sizes[3] * draw_cells(rng, count, SENSOR_CELL_S) + sizes[4] * draw_memory(rng, count, memory_s)
+        slow = sum(sizes[number] * draw_memory(rng, count, memories_s[number]) for number in (1, 2))
+        late = sizes[3] * draw_cells(rng, count, SENSOR_CELL_S) + sizes[4] * draw_memory(rng, count, late_s)
         return np.asarray(sizes[0] * draw_cells(rng, count, SENSOR_CELL_S) + slow + rate * late)
 
     def _draw_receiver(self, rng: Rng) -> tuple[Array, Array]:
@@ -193,7 +184,7 @@ class _MotionDraw:
         steps = np.sqrt(np.diff(time, prepend=time[0]))[:, None]
         walk = np.cumsum(steps * rng.standard_normal((rows, 2)), axis=0)
         position = by_row * pose[0] * rng.standard_normal((rows, 2)) + pose[2] * walk
-        drift = self._sample(draw_memory(rng, len(self.speed), HEADING_TIME_S))
+        drift = self._sample(draw_memory(rng, len(self.speed), POSE_PARTS[3].memory_s))
         return position, by_row * pose[1] * rng.standard_normal(rows) + pose[3] * drift
 
 

@@ -8,7 +8,7 @@ the time between which it began. Of spans of one run that overlap, the one that 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,8 +40,10 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_READINGS,
     MOMENT_S,
     PATH_MPS,
+    POSITION_NOISE_M,
     STEADY_SHARE,
     STEERING_SPREAD_DEG,
+    WHEEL_NOISE_DEG,
 )
 
 # Shares of an angle that a path may need: a patch without grip leaves half, and no cause doubles it.
@@ -50,7 +52,6 @@ SLIDING_MPS2 = 0.3  # a path that turns less than its wheels at this lateral acc
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
 UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
-LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
 USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
 HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
@@ -62,6 +63,10 @@ WORDS = {
     POSITION_LOST: LOST_WORDS,
     WHEEL_SENSOR_FROZEN: "steering_deg does not follow the commands while the path does",
 }
+
+Channel = tuple[Array, Array]
+"""What an entry of MEASURES reads in a run (k,), NaN where nothing is known: how far it is beyond what is allowed, and
+the nats per second that speak for "as before" where it is not."""
 
 
 @dataclass(frozen=True)
@@ -78,27 +83,6 @@ class OnsetSpan:
     last_s: float
     latest_s: float
     nats: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Channel:
-    """What one entry of the table reads in one run (k,), NaN where nothing is known.
-
-    `excess` is how far the channel is beyond what is allowed, `against` the nats per second that speak for "as before"
-    where it is not.
-    """
-
-    excess: Array
-    against: Array
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """What may change: how it is measured, and its least standard deviation. The name may depend on the span."""
-
-    measure: Callable[[RunEvidence, Sequence[BendScale | None]], _Channel]
-    least_sigma: float
-    find_id: Callable[[RunEvidence, Sequence[BendScale | None], slice, float], str]
 
 
 def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
@@ -124,30 +108,27 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
     numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
     spans = [span for name in STILL_READINGS for span in _find_frozen_spans(logs, name)]
-    if runs:
-        scales = fit_path_scales(runs)
-        for entry in ENTRIES:
-            channels = [entry.measure(run, scales) for run in runs]
-            for number, one, channel, sigma in zip(numbers, runs, channels, _find_sigmas(channels, entry), strict=True):
-                for rows, nats, reach in _find_likely_rows(_compute_nats(channel, sigma)):
-                    name = entry.find_id(one, scales, rows, lock_deg)
-                    earliest = rows.start if name == STEERING_STUCK else reach.start  # wheels that run show when
-                    times = one.time_s[[earliest, rows.start, rows.stop - 1, reach.stop - 1]]
-                    spans += [_build_span(name, number, times, nats)] if name else []
-    return _choose_spans(spans)
-
-
-def _build_span(name: str, run: int, times: Array, nats: float) -> OnsetSpan:
-    earliest_s, first_s, last_s, latest_s = (float(time_s) for time_s in times)
-    return OnsetSpan(name, run, earliest_s, first_s, last_s, latest_s, nats)
-
-
-def _choose_spans(spans: Sequence[OnsetSpan]) -> list[OnsetSpan]:
+    scales = fit_path_scales(runs) if runs else []
+    for measure, least_sigma in MEASURES.items() if runs else ():
+        channels = [measure(run, scales) for run in runs]
+        for number, one, channel, sigma in zip(
+            numbers, runs, channels, _find_sigmas(channels, least_sigma), strict=True
+        ):
+            # The log likelihood ratio of broken against as before, per step of the grid; 0 where nothing is known.
+            excess, against = channel
+            broken = np.minimum(0.5 * (excess / sigma) ** 2, MOST_NATS)
+            ratio = np.where(excess > 0.0, broken, -np.minimum(against, MOST_NATS)) - IDLE_NATS
+            for rows, nats, reach in _find_likely_rows(np.nan_to_num(ratio) * STEP_S):
+                name = POSITION_LOST if measure is _measure_place else _find_steering_id(one, scales, rows, lock_deg)
+                earliest = rows.start if name == STEERING_STUCK else reach.start  # wheels that run show when
+                places = [earliest, rows.start, rows.stop - 1, reach.stop - 1]
+                earliest_s, first_s, last_s, latest_s = one.time_s[places].tolist()
+                if name:
+                    spans.append(OnsetSpan(name, number, earliest_s, first_s, last_s, latest_s, nats))
     chosen: list[OnsetSpan] = []
     for span in sorted(spans, key=lambda one: -one.nats):
-        if not any(
-            span.run == other.run and span.first_s <= other.last_s and other.first_s <= span.last_s for other in chosen
-        ):
+        own = [other for other in chosen if other.run == span.run]
+        if not any(span.first_s <= other.last_s and other.first_s <= span.last_s for other in own):
             chosen.append(span)
     return chosen
 
@@ -155,23 +136,12 @@ def _choose_spans(spans: Sequence[OnsetSpan]) -> list[OnsetSpan]:
 # --- likelihood --------------------------------------------------------------------------------------------------
 
 
-def _find_sigmas(channels: Sequence[_Channel], entry: _Entry) -> list[float]:
+def _find_sigmas(channels: Sequence[Channel], least_sigma: float) -> list[float]:
     """Per run, how far the other runs are beyond what is allowed, without the one that is so most."""
-    usual = [
-        float(np.quantile(channel.excess[np.isfinite(channel.excess)], USUAL_QUANTILE))
-        if np.isfinite(channel.excess).any()
-        else 0.0
-        for channel in channels
-    ]
+    known = [excess[np.isfinite(excess)] for excess, _ in channels]
+    usual = [float(np.quantile(excess, USUAL_QUANTILE)) if len(excess) else 0.0 for excess in known]
     others = [sorted(usual[:number] + usual[number + 1 :]) for number in range(len(usual))]
-    return [max(entry.least_sigma, other[-2] if len(other) > 1 else 0.0) for other in others]
-
-
-def _compute_nats(channel: _Channel, sigma: float) -> Array:
-    """Log likelihood ratio of broken against as before, per step of the grid; 0 where nothing is known."""
-    shown = np.minimum(0.5 * (channel.excess / sigma) ** 2, MOST_NATS)
-    nats = np.where(channel.excess > 0.0, shown, -np.minimum(channel.against, MOST_NATS)) - IDLE_NATS
-    return np.asarray(np.nan_to_num(nats) * STEP_S)
+    return [max(least_sigma, other[-2] if len(other) > 1 else 0.0) for other in others]
 
 
 def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
@@ -214,30 +184,25 @@ def _find_following(angle: Array, expected: Array) -> Array:
     )
 
 
-def _build_unknown(run: RunEvidence) -> _Channel:
-    return _Channel(np.full(len(run.time_s), np.nan), np.full(len(run.time_s), np.nan))
-
-
-def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
+def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> Channel:
     """The wheel angle against what commands allow."""
     if run.wheel is None or run.command is None:
-        return _build_unknown(run)
+        return run.unknown, run.unknown
     excess = np.where(run.known, _find_excess(run.wheel, run.low, run.high), np.nan)
-    return _Channel(excess, _find_following(run.wheel, run.usual))
+    return excess, _find_following(run.wheel, run.usual)
 
 
-def _measure_swing(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
+def _measure_swing(run: RunEvidence, scales: Sequence[BendScale | None]) -> Channel:
     """How much less the wheels move to and fro than any steering with a dead band to both sides would."""
     needed = run.list_needed(scales)
     angle, gain = (run.wheel, 1.0) if run.wheel is not None else (needed[0][0] if needed else None, LEAST_GAIN)
     if angle is None or run.command is None:
-        return _build_unknown(run)
+        return run.unknown, run.unknown
     short = gain * (run.steered - 2.0 * OFFSET_DEG) - measure_swing(np.nan_to_num(angle))
-    excess = np.where(run.known & np.isfinite(angle), np.maximum(short, 0.0), np.nan)
-    return _Channel(excess, _find_following(angle, run.usual))
+    return np.where(run.known & np.isfinite(angle), np.maximum(short, 0.0), np.nan), _find_following(angle, run.usual)
 
 
-def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
+def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> Channel:
     """The angle that the path needs against that of the wheels: the nearer of heading and course."""
     low, high = run.low, run.high
     if run.wheel is not None:
@@ -252,9 +217,14 @@ def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Chan
         excess = np.where(sliding, 0.0, _find_excess(needed, low, high))
         channels.append((excess, _find_following(needed, expected)))
     if not channels:
-        return _build_unknown(run)
-    excesses, followings = (np.array([channel[part] for channel in channels]) for part in range(2))
-    return _Channel(np.where(run.known, excesses.min(axis=0), np.nan), followings.max(axis=0))
+        return run.unknown, run.unknown
+    excesses, followings = (np.array(part) for part in zip(*channels, strict=True))
+    return np.where(run.known, excesses.min(axis=0), np.nan), followings.max(axis=0)
+
+
+def _measure_place(run: RunEvidence, _scales: Sequence[BendScale | None]) -> Channel:
+    """Positions against their neighbours."""
+    return run.aside, np.full(len(run.time_s), PLACED_NATS)
 
 
 def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows: slice, lock_deg: float) -> str:
@@ -263,38 +233,27 @@ def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows
     angle = run.wheel if run.wheel is not None else needed
     if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
         apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
-        if apart[1] < apart[0] - LEAST_SIGMA_DEG:
+        if apart[1] < apart[0] - WHEEL_NOISE_DEG:
             is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < STEERING_SPREAD_DEG
             return WHEEL_SENSOR_FROZEN if is_still else ""
-    if angle is None:
+    known = None if angle is None else np.isfinite(angle[rows])
+    if angle is None or known is None or np.count_nonzero(known) < 2:
         return STEERING_LOOSE
-    return STEERING_STUCK if _is_run_away(angle[rows], run.usual[rows], lock_deg) else STEERING_LOOSE
-
-
-def _is_run_away(angle: Array, expected: Array, lock_deg: float) -> bool:
-    """Whether an angle leaves what is expected and ends near the lock."""
-    known = np.isfinite(angle)
-    if np.count_nonzero(known) < 2:
-        return False
-    angle, expected = angle[known], expected[known]
-    end = float(np.median(angle[len(angle) // 2 :]))
+    # Wheels that leave what is expected and end near the lock have run away.
+    shown, expected = angle[rows][known], run.usual[rows][known]
+    end = float(np.median(shown[len(shown) // 2 :]))
     side = float(np.sign(end))
-    ran, beyond = side * (end - angle[0]), side * (end - np.median(expected[len(angle) // 2 :]))
-    return bool(min(ran, beyond) > CLEARLY_APART_DEG and abs(end) > STEADY_SHARE * lock_deg)
+    ran, beyond = side * (end - shown[0]), side * (end - np.median(expected[len(shown) // 2 :]))
+    has_run = min(ran, beyond) > CLEARLY_APART_DEG and abs(end) > STEADY_SHARE * lock_deg
+    return STEERING_STUCK if has_run else STEERING_LOOSE
 
 
 PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely
-ENTRIES = (
-    _Entry(_measure_wheel, LEAST_SIGMA_DEG, _find_steering_id),
-    _Entry(_measure_swing, LEAST_SIGMA_DEG, _find_steering_id),
-    _Entry(_measure_path, LEAST_SIGMA_DEG, _find_steering_id),
-    # Positions against their neighbours.
-    _Entry(
-        lambda run, _: _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS)),
-        LEAST_SIGMA_M,
-        lambda *_: POSITION_LOST,
-    ),
-)
+MEASURES = {
+    _measure_wheel: WHEEL_NOISE_DEG, _measure_swing: WHEEL_NOISE_DEG, _measure_path: WHEEL_NOISE_DEG,
+    _measure_place: POSITION_NOISE_M,
+}  # fmt: skip
+"""What may change, and its least standard deviation; what it is depends on the span."""
 
 
 def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
@@ -313,8 +272,8 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
         price = math.log(len(pool) + 1.0)
         nats = seconds / max(HOLD_TAIL * float(pool.max()) / price, STAND_S) - price
         spans += [
-            _build_span(STILL_READINGS[column].fault_id, run, np.array([first, first, last, last]), float(value))
-            for first, last, value in zip(firsts, lasts, nats, strict=True)
+            OnsetSpan(STILL_READINGS[column].fault_id, run, first, first, last, last, value)
+            for first, last, value in zip(firsts.tolist(), lasts.tolist(), nats.tolist(), strict=True)
             if value > ADD_NATS
         ]
     return spans

@@ -15,7 +15,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,14 +29,23 @@ from vehicle.identification.faults.steering_evidence import (
 )
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, FEWEST_LINE_ROWS, MEASURED_SIGMAS, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import (
+    DOUBT_SIGMAS,
+    FEWEST_LINE_ROWS,
+    MEASURED_SIGMAS,
+    READING_S,
+    SURE_SIGMAS,
+    WINDOW_S,
+)
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING
 from vehicle.model.tractor import Tractor
 
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
-WINDOW_STEPS, THIN_STEPS = 10, 3  # of the grid: over which changes are taken, and between them
+WINDOW_STEPS = round(READING_S / STEP_S)  # over which changes are taken
+THIN_STEPS = 3  # between them
 MOST_ROWS = 10_000
-MOST_STEPS, PIECE_STEPS = 60_000, 1_200  # of the grid: of longer logs pieces of two minutes are looked at
+PIECE_STEPS = round(12.0 * WINDOW_S / STEP_S)  # two minutes
+MOST_STEPS = 50 * PIECE_STEPS  # of longer logs pieces are looked at
 MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
@@ -44,8 +53,8 @@ MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the
 JOINT_SHARES, LEAST_NATS = (0.2, 0.85), 20.0
 COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
 STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
-NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1  # of the wheelbase: how near to the front axle, and how well that is known
-LEAST_LEVER_SHARE = 0.1  # of the wheelbase: a nearer antenna goes where the tractor points
+# Of the wheelbase: how near to the front axle; how well that is known, and the least lever.
+NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))
@@ -111,28 +120,24 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
 
 
 def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
-    """Return the logs without headings that are the course of the antenna, which `corrections` tell.
+    """Return the logs without headings that are the course of the antenna, which `corrections` tell: they turn with the
+    angle as that does, and it does not move sideways.
 
     What a drive in reverse has shown of one log holds for all of a set.
     """
-    is_known = any(COURSE_HEADING in log.corrections for log in logs)
-    if not is_known and not _has_course_headings(logs, tractor):
-        return list(logs)
-    without = [replace(log, heading_deg=None, corrections=(*log.corrections, COURSE_HEADING)) for log in logs]
-    return [log if log.heading_deg is None else other for log, other in zip(logs, without, strict=True)]
-
-
-def _has_course_headings(logs: Sequence[Log], tractor: Tractor) -> bool:
-    """Whether headings turn with the angle as the course of the antenna does, and it does not move sideways."""
-    ahead_m = tractor.antenna_forward_m
-    if ahead_m < LEAST_LEVER_SHARE * tractor.wheelbase_m:
-        return False
-    measure = measure_turning(logs)
-    if measure.joint_share is None or measure.antenna_m is None or measure.antenna_error_m > KNOWN_SHARE * ahead_m:
-        return False
-    low, high = (share * ahead_m / tractor.wheelbase_m for share in COURSE_SHARES)
-    turns_alike = max(low, SURE_SIGMAS * measure.joint_error) < measure.joint_share < high
-    return turns_alike and abs(measure.antenna_m) < STILL_SHARE * ahead_m + DOUBT_SIGMAS * measure.antenna_error_m
+    ahead_m, is_course = tractor.antenna_forward_m, any(COURSE_HEADING in log.corrections for log in logs)
+    if not is_course and ahead_m >= KNOWN_SHARE * tractor.wheelbase_m:
+        measure = measure_turning(logs)
+        low, high = (share * ahead_m / tractor.wheelbase_m for share in COURSE_SHARES)
+        if measure.joint_share is not None and measure.antenna_m is not None:
+            turns_alike = max(low, SURE_SIGMAS * measure.joint_error) < measure.joint_share < high
+            most_m = STILL_SHARE * ahead_m + DOUBT_SIGMAS * measure.antenna_error_m
+            is_known = measure.antenna_error_m <= KNOWN_SHARE * ahead_m
+            is_course = is_known and turns_alike and abs(measure.antenna_m) < most_m
+    return [
+        log if log.heading_deg is None or not is_course else log.correct_columns(COURSE_HEADING, heading_deg=None)
+        for log in logs
+    ]
 
 
 _JOINT_WORDS = (
@@ -159,23 +164,17 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     runs = [run for run in runs if run.hold_s <= MOST_HOLD_S]
     sensed, commanded = ([run for run in runs if getattr(run, name) is not None] for name in ("wheel", "command"))
     is_sensed = len(sensed) >= len(commanded)
-    runs = _thin_runs(sensed if is_sensed else commanded)
+    runs = sensed if is_sensed else commanded
+    thin = math.ceil(sum(len(run.time_s) for run in runs) / MOST_STEPS)
+    if thin > 1:  # evenly chosen pieces of long runs: more of them tell nothing new
+        runs = [run.cut(slice(begin, begin + PIECE_STEPS)) for run in runs
+                for begin in range(0, len(run.time_s), PIECE_STEPS)][::thin]  # fmt: skip
     stride = THIN_STEPS * max(math.ceil(sum(len(run.time_s) for run in runs) / THIN_STEPS / MOST_ROWS), 1)
     windows = [_build_windows(run, stride) for run in runs]
     if sum(len(one.turn) for one in windows) < FEWEST_LINE_ROWS:
         return TurningMeasure(None, math.inf, 0.0, None, math.inf, 0.0)
     pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in windows])))) / (WINDOW_STEPS * STEP_S)
     return TurningMeasure(*_fit_joint(windows, is_sensed, stride), *_fit_antenna(windows), pace_mps)
-
-
-def _thin_runs(runs: Sequence[RunEvidence]) -> list[RunEvidence]:
-    """Evenly chosen pieces of long runs: more of them tell nothing new."""
-    thin = math.ceil(sum(len(run.time_s) for run in runs) / MOST_STEPS)
-    if thin <= 1:
-        return list(runs)
-    pieces = [run.cut(slice(begin, begin + PIECE_STEPS)) for run in runs
-                 for begin in range(0, len(run.time_s), PIECE_STEPS)]  # fmt: skip
-    return pieces[::thin]
 
 
 def _build_windows(run: RunEvidence, stride: int) -> _Windows:
@@ -198,7 +197,7 @@ def _fit_joint(windows: Sequence[_Windows], is_sensed: bool, stride: int) -> tup
     turn = np.concatenate([one.turn for one in windows])
     best, least, least_without = None, math.inf, math.inf
     for steering in SENSED if is_sensed else COMMANDED:
-        columns = np.concatenate([_list_columns(one, _find_angle(one.run, is_sensed, *steering)) for one in windows])
+        columns = np.concatenate([_list_columns(one, is_sensed, *steering) for one in windows])
         if best is None and float(np.sqrt(np.sum(columns[:, 0] ** 2))) < LEAST_MOVED_RAD:
             return None, math.inf, 0.0
         fit = fit_robustly(columns, turn)
@@ -210,37 +209,28 @@ def _fit_joint(windows: Sequence[_Windows], is_sensed: bool, stride: int) -> tup
     return float(best[0][0]), float(best[1][0]), 0.5 * windows_apart * math.log(least_without / least)
 
 
-def _find_angle(run: RunEvidence, is_sensed: bool, late_s: float, rate: float, lag_s: float) -> Array:
-    """Return the angle (rad) that turns the vehicle, on the grid of a run."""
+def _list_columns(windows: _Windows, is_sensed: bool, late_s: float, rate: float, lag_s: float) -> Array:
+    """Return what the turn of windows depends on (k, n) under a steering: first the change of the angle, then the path
+    by the angle."""
+    half, time, run = WINDOW_STEPS // 2, windows.run.time_s, windows.run
     source = run.wheel if is_sensed else run.command
     assert source is not None
-    if not is_sensed:
-        return np.radians(follow_command(source, late_s, rate, lag_s, source[0]))
-    shifted = np.interp(run.time_s - late_s, run.time_s, source)
-    return np.radians(follow_command(shifted, 0.0, 1e6, lag_s, float(shifted[0])) if lag_s > 0.0 else shifted)
-
-
-def _list_columns(windows: _Windows, angle: Array) -> Array:
-    """Return what the turn of windows depends on (k, n): first the change of the angle, then the path by the angle."""
-    half, time = WINDOW_STEPS // 2, windows.run.time_s
+    if is_sensed:
+        source, late_s, rate = np.interp(time - late_s, time, source), 0.0, 1e6
+    angle = np.radians(follow_command(source, late_s, rate, lag_s, float(source[0])) if lag_s > 0.0 else source)
     moved = (shift(angle, half) - shift(angle, -half))[windows.chosen]
     speed = windows.ahead / (WINDOW_STEPS * STEP_S)
     pace = np.interp(time, time[windows.chosen], speed) if len(speed) else np.zeros(len(time))
-    way_m = np.cumsum(np.abs(pace)) * STEP_S
-    trails = [_follow_way(angle, way_m, length_m) for length_m in TRAILS_M]
+    way_m, weights, trails = np.cumsum(np.abs(pace)) * STEP_S, np.exp(-0.1 * np.arange(60)), []
+    for length_m in TRAILS_M:  # a drawn implement follows the angle over the way
+        even_m = np.arange(0.0, way_m[-1] + length_m, 0.1 * length_m)
+        along = np.interp(even_m, way_m, angle)
+        padded = np.concatenate([np.full(59, along[0]), along])
+        trails.append(np.interp(way_m, even_m, np.convolve(padded, weights / weights.sum(), mode="valid")))
     shapes = (angle, np.abs(angle), angle**3, angle * np.abs(angle), pace**2 * angle, np.ones(len(angle)), *trails)
     mean = np.full(WINDOW_STEPS + 1, WINDOW_STEPS * STEP_S / (WINDOW_STEPS + 1))
     bends = [np.convolve(pace * shape, mean, mode="same")[windows.chosen] for shape in shapes]
     return np.stack([moved, *bends, speed * moved], axis=1)
-
-
-def _follow_way(angle: Array, way_m: Array, length_m: float) -> Array:
-    """Return what follows an angle (k, rad) over a way of `length_m`, as a drawn implement does."""
-    even_m = np.arange(0.0, way_m[-1] + length_m, 0.1 * length_m)
-    along = np.interp(even_m, way_m, angle)
-    weights = np.exp(-0.1 * np.arange(60))
-    padded = np.concatenate([np.full(59, along[0]), along])
-    return np.asarray(np.interp(way_m, even_m, np.convolve(padded, weights / weights.sum(), mode="valid")))
 
 
 def _fit_antenna(windows: Sequence[_Windows]) -> tuple[float | None, float]:

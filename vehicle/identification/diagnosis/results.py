@@ -19,22 +19,11 @@ ErrorsByHorizon = dict[float, HorizonError]
 
 
 CONSTANT_LAW = "constant"
-LAW_KINDS = (
-    CONSTANT_LAW,
-    "over_minutes",
-    "over_day",
-    "by_place",
-    "by_run",
-    "by_implement",
-    "by_side",
-    "by_angle",
-    "by_speed",
-)
 
 
 @dataclass(frozen=True)
 class ParameterLaw:
-    """How the parameter of an effect varies: a kind of LAW_KINDS, its coefficients by name (with unit), a sentence."""
+    """How the parameter of an effect varies: the kind of its law, its coefficients by name (with unit), a sentence."""
 
     kind: str
     values: dict[str, float]
@@ -314,23 +303,23 @@ class Diagnosis:
     """
 
     names: tuple[str, ...]
-    rows_used: int
-    rows_gated: int
-    minutes: float
     ground: str
-    before: ErrorsByHorizon
-    after: ErrorsByHorizon
-    noise_floor: ErrorsByHorizon
-    guilty_block: str | None
-    block_error: dict[str, tuple[float, float]]
-    findings: tuple[Finding, ...]
-    named: tuple[str, ...]
-    unexplained_share: float
-    depends_on: tuple[str, ...]
-    next_drive: NextDrive | None
     tractor: Tractor
-    calibration: dict[str, dict[str, float]]
-    curve: ResidualPlot | None
+    rows_used: int = 0
+    rows_gated: int = 0
+    minutes: float = 0.0
+    before: ErrorsByHorizon = field(default_factory=dict)
+    after: ErrorsByHorizon = field(default_factory=dict)
+    noise_floor: ErrorsByHorizon = field(default_factory=dict)
+    guilty_block: str | None = None
+    block_error: dict[str, tuple[float, float]] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    named: tuple[str, ...] = ()
+    unexplained_share: float = 0.0
+    depends_on: tuple[str, ...] = ()
+    next_drive: NextDrive | None = None
+    calibration: dict[str, dict[str, float]] = field(default_factory=dict)
+    curve: ResidualPlot | None = None
     notes: tuple[str, ...] = ()
     plan: PlanGain | None = None
     grounds: tuple[GroundLevel, ...] = ()
@@ -367,10 +356,9 @@ class Diagnosis:
         if not self.after or self.pace_mps <= 0.0:
             return None
         horizon_s = max(self.after)
+        left, floor = self.after[horizon_s], self.noise_floor[horizon_s]
         along, across = (
-            math.sqrt(
-                max(getattr(self.after[horizon_s], kind) ** 2 - getattr(self.noise_floor[horizon_s], kind) ** 2, 0.0)
-            )
+            math.sqrt(max(getattr(left, kind) ** 2 - getattr(floor, kind) ** 2, 0.0))
             for kind in ("along_cm", "cross_cm")
         )
         return ResidualError(horizon_s, along / 100.0 / self.pace_mps, across)
@@ -385,53 +373,45 @@ class Diagnosis:
         """The causes in a few sentences, without what begins during a run: first what no effect has and is known."""
         if self.undiagnosed_reason:
             return self.undiagnosed_reason
-        causes = self._describe_causes()
-        return f"{self.known_outside} {causes}" if self.known_outside else causes
-
-    def _describe_causes(self) -> str:
         by_id = {finding.id: finding for finding in self.findings}
+        sets, likely = (
+            [one.sentence for one in self.findings if one.status == status] for status in (EQUIVALENT, LIKELY)
+        )
         if self.named:
-            return " ".join(by_id[name].sentence for name in self.named)
-        sets = [finding for finding in self.findings if finding.status == EQUIVALENT]
-        if sets:
-            return "Several causes fit these logs equally well: " + " Or: ".join(finding.sentence for finding in sets)
-        likely = [finding for finding in self.findings if finding.status == LIKELY]
-        if likely:
-            return "No cause is certain. Likely: " + " ".join(finding.sentence for finding in likely)
-        return self._describe_nothing_found()
+            causes = " ".join(by_id[name].sentence for name in self.named)
+        elif sets:
+            causes = "Several causes fit these logs equally well: " + " Or: ".join(sets)
+        elif likely:
+            causes = "No cause is certain. Likely: " + " ".join(likely)
+        else:
+            causes = self._describe_nothing_found()
+        return f"{self.known_outside} {causes}" if self.known_outside else causes
 
     def _describe_nothing_found(self) -> str:
         if self.known_outside:
             return "Apart from that no cause is found."
+        unexplained = "No known cause explains these logs"
         if self.depends_on:
-            return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."
-        if self.unexplained_share > 0.0 and self.hints:
-            return f"No known cause explains these logs. {self.hints[0].words}"
-        if self.unexplained_share > 0.0:
-            return "No known cause explains these logs, and the error depends on none of the quantities examined."
+            return f"{unexplained}: the simulation misses {join_clauses(self.depends_on)}."
         if self.hints:
-            return f"No cause found. {self.hints[0].words}"
+            return f"{unexplained if self.unexplained_share > 0.0 else 'No cause found'}. {self.hints[0].words}"
+        if self.unexplained_share > 0.0:
+            return f"{unexplained}, and the error depends on none of the quantities examined."
         if self.calibration or self.tractor.discrepancy_model is not None:
             return "No cause found; a discrepancy model without a named cause lowers the error."
         if any("already" in note for note in self.notes):
             return "Nothing found beyond the effects already in the tractor file: see the notes."
+        as_file = "the tractor drives as its file says"
         if self.faults:
-            return (
-                "Nothing else found: apart from that, the tractor drives as its file says, as far as these logs show."
-            )
+            return f"Nothing else found: apart from that, {as_file}, as far as these logs show."
         if self.columns:
             columns = join_clauses([COLUMN_WORDS[column.column] for column in self.columns])
-            return (
-                f"Nothing found apart from how {columns} {'is' if len(self.columns) == 1 else 'are'} logged: as far as "
-                "these logs show, the tractor drives as its file says."
-            )
-        unlike = [run.name for run in self.runs if run.unlike]
-        if unlike:
-            return (
-                f"Beside the runs unlike the others ({', '.join(unlike)}) nothing is found: as far as the other runs "
-                "show, the tractor drives as its file says."
-            )
-        return "Nothing found: as far as these logs show, the tractor drives as its file says."
+            are = "is" if len(self.columns) == 1 else "are"
+            return f"Nothing found apart from how {columns} {are} logged: as far as these logs show, {as_file}."
+        if unlike := ", ".join(run.name for run in self.runs if run.unlike):
+            nothing = f"Beside the runs unlike the others ({unlike}) nothing is found"
+            return f"{nothing}: as far as the other runs show, {as_file}."
+        return f"Nothing found: as far as these logs show, {as_file}."
 
 
 def join_clauses(parts: Sequence[str]) -> str:

@@ -1,29 +1,39 @@
 """What a diagnosis saves: effect by effect, whatever lowers the error of runs that had no part in its value.
 
 Every run is replayed from its commands with amounts fitted to the other runs, each half of a single run with those of
-the other. An effect that raises an error by more than the scatter of its pieces is not saved, and only likely.
+the other. An effect that raises an error by more than the scatter of its pieces is not saved, and only likely. Pieces
+are compared in pairs, before and after, as a few held-out runs hold only a few of the longer ones.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
+from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
-from vehicle.identification.diagnosis.holdout import compare_pieces, is_extension_harmful, is_extension_helpful
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
-from vehicle.identification.diagnosis.noise_floor import SEED
-from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
-from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.logs.schema import Array, Log, Mask
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_inputs import Places
-from vehicle.identification.replay.drive_segments import DriveDataset, compute_half_numbers
-from vehicle.identification.replay.horizon_errors import Pieces, join_pieces, measure_pieces, sum_by_run
+from vehicle.identification.replay.drive_segments import build_dataset, compute_half_numbers
+from vehicle.identification.replay.horizon_errors import (
+    Pieces,
+    compute_horizon_errors,
+    join_pieces,
+    measure_dataset,
+    measure_pieces,
+    sum_by_run,
+)
+from vehicle.identification.replay.rig import build_rig_and_corrections
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import DISCREPANCY_KEY
@@ -50,63 +60,44 @@ class Saved:
 
 def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
-    names = converter.problem.data.dataset.names
-    trial = _LeftOutTrial(converter, fit)
-    kept: list[Verdict] = []
-    refused: list[Verdict] = []
-    base = now = trial.replay([])
-    for verdict in verdicts:
-        if not verdict.hypothesis.is_storable:
-            continue
-        pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
+    names, has_speed = converter.problem.data.dataset.names, converter.problem.data.dataset.has_speed
+    replay = partial(_replay_left_out, converter, fit, compute_left_out_amounts(converter.problem, fit))
+    kept, refused = list[Verdict](), list[Verdict]()
+    base = now = replay([])
+    for verdict in (one for one in verdicts if one.hypothesis.is_storable):
+        pieces = replay([*(one.hypothesis for one in kept), verdict.hypothesis])
         step()
-        is_refused = (
-            not is_extension_helpful(now, pieces, trial.has_speed)
+        is_saved = (
+            is_extension_helpful(now, pieces, has_speed)
             if verdict.status == LIKELY
-            else is_extension_harmful(now, pieces, trial.has_speed)
+            else not is_extension_harmful(now, pieces, has_speed)
         )
-        if is_refused:
-            refused.append(verdict)
-        else:
-            kept.append(verdict)
-            now = pieces
+        (kept if is_saved else refused).append(verdict)
+        now = pieces if is_saved else now
     gains = {}
     for verdict in kept:
-        others = [one.hypothesis for one in kept if one is not verdict]
-        gains[verdict.hypothesis.id] = _compute_gain(
-            *(sum_by_run(one, len(names)) for one in (trial.replay(others), now))
-        )
+        others = replay([one.hypothesis for one in kept if one is not verdict])
+        gains[verdict.hypothesis.id] = _compute_gain(*(sum_by_run(one, len(names)) for one in (others, now)))
     words = LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS
-    holdout = compare_pieces(names, base, now, trial.has_speed, words) if kept else None
+    holdout = compare_pieces(names, base, now, has_speed, words) if kept else None
     return Saved(tuple(kept), tuple(refused), gains, holdout)
 
 
-@dataclass(eq=False)
-class _LeftOutTrial:
-    """Replays of every run with amounts that the run had no part in."""
-
-    converter: ValueConverter
-    fit: Fit
-
-    def __post_init__(self) -> None:
-        self.problem = self.converter.problem
-        self.has_speed = self.problem.data.dataset.has_speed
-        self.amounts = compute_left_out_amounts(self.problem, self.fit)
-
-    def replay(self, hypotheses: Sequence[Hypothesis]) -> Pieces:
-        """Errors of all pieces with these hypotheses alone."""
-        parts: list[Pieces] = []
-        for segment in self.problem.data.dataset.segments:
-            every = self.amounts[segment.run]
-            for half, amounts in enumerate(every):
-                own = [part for part in split_amounts(self.fit.model, amounts) if part[0] in hypotheses]
-                settings = self.converter.build_settings(own)
-                pieces = measure_pieces(segment, *simulate_instruments(self.problem.rig, segment, settings)[:2])
-                parts.append({
-                    horizon: rows[(compute_half_numbers(rows[:, 1]) == half) | (len(every) == 1)]
-                    for horizon, rows in pieces.items()
-                })  # fmt: skip
-        return join_pieces(parts)
+def _replay_left_out(
+    converter: ValueConverter, fit: Fit, amounts_by_run: Mapping[int, Sequence[Array]], hypotheses: Sequence[Hypothesis]
+) -> Pieces:
+    """Errors of all pieces with these hypotheses alone, every run with amounts that it had no part in."""
+    parts: list[Pieces] = []
+    for segment in converter.problem.data.dataset.segments:
+        every = amounts_by_run[segment.run]
+        for half, amounts in enumerate(every):
+            own = [part for part in split_amounts(fit.model, amounts) if part[0] in hypotheses]
+            shown = simulate_instruments(converter.problem.rig, segment, converter.build_settings(own))
+            parts.append({
+                horizon: rows[(compute_half_numbers(rows[:, 1]) == half) | (len(every) == 1)]
+                for horizon, rows in measure_pieces(segment, *shown[:2]).items()
+            })  # fmt: skip
+    return join_pieces(parts)
 
 
 def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array]]:
@@ -153,7 +144,6 @@ def build_extended_tractor(
     by_id = {finding.id: finding for finding in findings}
     unseen = {finding.id for finding in findings if finding.value is None and finding.smallest_visible is None}
     effects = {name: setting for name, setting in tractor.effects.items() if name in unseen}
-    dataset = converter.problem.data.dataset
     settings = converter.build_settings([(one.hypothesis, one.amounts) for one in saved])
     for name, values in settings.items():
         if name == DISCREPANCY_KEY or name not in by_id:
@@ -166,10 +156,10 @@ def build_extended_tractor(
             named=finding.status == NAMED,
             equivalent_to=finding.equivalent_to if finding.status == EQUIVALENT else (),
             ground=ground,
-            logs=dataset.names,
+            logs=converter.problem.data.dataset.names,
         )  # fmt: skip
     amounts = settings.get(DISCREPANCY_KEY, {})
-    discrepancy = _build_discrepancy(dataset, amounts, _list_spreads(converter, saved)) if amounts else None
+    discrepancy = _build_discrepancy(converter, saved, amounts) if amounts else None
     kept = tractor.discrepancy_model if discrepancy is None and not saved else discrepancy
     return tractor.model_copy(update={"effects": effects, "discrepancy_model": kept})
 
@@ -179,37 +169,108 @@ def round_value(value: float) -> float:
     return float(f"{value:.{FILE_DIGITS}g}")
 
 
-def _list_spreads(converter: ValueConverter, saved: Sequence[Verdict]) -> dict[str, Interval]:
-    """95 % intervals of the amounts of a discrepancy model."""
-    spreads: dict[str, Interval] = {}
-    for verdict in saved:
-        sigmas = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
-        ends = [
-            converter.build_settings([(verdict.hypothesis, verdict.amounts + sign * INTERVAL_SIGMAS * sigmas)])
-            for sign in (-1.0, 1.0)
-        ]
-        if verdict.hypothesis.terms:
-            low, high = (one[DISCREPANCY_KEY] for one in ends)
-            spreads |= {name: (min(low[name], high[name]), max(low[name], high[name])) for name in low}
-    return spreads
-
-
 def _build_discrepancy(
-    dataset: DriveDataset, amounts: Mapping[str, float], intervals: Mapping[str, Interval]
+    converter: ValueConverter, saved: Sequence[Verdict], amounts: Mapping[str, float]
 ) -> DiscrepancyModel:
-    """The discrepancy model, trusted where nearly all of the driving was."""
+    """The discrepancy model with 95 % intervals, trusted where nearly all of the driving was."""
+    dataset, intervals = converter.problem.data.dataset, dict[str, Interval]()
+    for verdict in (one for one in saved if one.hypothesis.terms):
+        spread = INTERVAL_SIGMAS * np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
+        low, high = (
+            converter.build_settings([(verdict.hypothesis, verdict.amounts + sign * spread)])[DISCREPANCY_KEY]
+            for sign in (-1.0, 1.0)
+        )
+        intervals |= {name: (min(low[name], high[name]), max(low[name], high[name])) for name in low}
     speeds = np.concatenate([segment.speed_in_gear for segment in dataset.segments])
     angles = [segment.wheel if segment.wheel is not None else segment.command for segment in dataset.segments]
     degrees = np.degrees(np.concatenate([one for one in angles if one is not None]))
-    fast = float(np.quantile(speeds, 1.0 - TRUSTED_SHARE))
-    low, high = (float(np.quantile(degrees, share)) for share in (TRUSTED_SHARE, 1.0 - TRUSTED_SHARE))
-    slow = min(float(np.quantile(speeds, TRUSTED_SHARE)), 0.9 * fast)
-    if high - low < 1.0:
-        low, high = low - 0.5, high + 0.5
+    slow, fast = (float(np.quantile(speeds, share)) for share in (TRUSTED_SHARE, 1.0 - TRUSTED_SHARE))
+    left, right = (float(np.quantile(degrees, share)) for share in (TRUSTED_SHARE, 1.0 - TRUSTED_SHARE))
+    slow = min(slow, 0.9 * fast)
+    if right - left < 1.0:
+        left, right = left - 0.5, right + 0.5
     return DiscrepancyModel(
         amounts={name: round_value(amount) for name, amount in amounts.items()},
         speed_mps=(round_value(max(slow, 0.0)), round_value(max(fast, 0.01))),
-        angle_deg=(round_value(low), round_value(high)),
+        angle_deg=(round_value(left), round_value(right)),
         interval={name: (round_value(first), round_value(last)) for name, (first, last) in intervals.items()},
         logs=dataset.names,
     )
+
+
+HARM_FACTOR = 1.05  # an error that changes by less than a twentieth is the same
+LEAST_HARM = np.array([5e-4, math.radians(0.03)])  # m and rad: smaller errors differ by the last digits of instruments
+
+
+def measure_holdout(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> HoldoutResult:
+    """Replay logs that had no part in anything by the tractor as it was and by the extended one.
+
+    Raises LogError where no segment can be replayed.
+    """
+    dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
+    old, new = (
+        measure_dataset(dataset, *build_rig_and_corrections(machine, ground, dataset.origin))
+        for machine in (tractor, extended)
+    )
+    return compare_pieces(dataset.names, old, new, dataset.has_speed)
+
+
+def compare_pieces(names: tuple[str, ...], old: Pieces, new: Pieces, has_speed: bool, words: str = "") -> HoldoutResult:
+    """Compare the errors of runs of these names by two tractors."""
+    by_run = tuple(
+        HoldoutRun(name, *(compute_horizon_errors(pieces, run) for pieces in (old, new)))
+        for run, name in enumerate(names)
+    )
+    before, after = (compute_horizon_errors(pieces) for pieces in (old, new))
+    return HoldoutResult(names, before, after, is_extension_helpful(old, new, has_speed), by_run, words)
+
+
+def is_extension_helpful(old: Pieces, new: Pieces, with_along: bool) -> bool:
+    """Whether errors fall together, at least one noticeably, and none rises by more than the scatter of its pieces.
+
+    All horizons weigh the same, and distance and heading too; without `with_along` only the distance across counts.
+    """
+    if is_extension_harmful(old, new, with_along):
+        return False
+    changes = [np.where(noticeable, change, 0.0) for _, change, noticeable in _list_changes(old, new, with_along)]
+    together = np.concatenate(changes) if changes else np.zeros(1)
+    return bool(together.mean() < 0.0 and together.min() < -math.log(HARM_FACTOR))
+
+
+def is_extension_harmful(old: Pieces, new: Pieces, with_along: bool) -> bool:
+    """Whether the distance rises over some horizon, noticeably and by more than the scatter of its pieces; or the
+    heading does while the distances do not fall together."""
+    risen, fallen = np.zeros(2, dtype=np.bool_), 0.0
+    for horizon, change, is_noticeable in _list_changes(old, new, with_along):
+        rise = compute_rise_sigmas(_join_kinds(old[horizon], with_along), _join_kinds(new[horizon], with_along))
+        risen |= (change > math.log(HARM_FACTOR)) & is_noticeable & (rise > DOUBT_SIGMAS)
+        fallen += float(change[0]) * float(is_noticeable[0])
+    return bool(risen[0] or (risen[1] and fallen >= 0.0))
+
+
+def _join_kinds(pieces: Array, with_along: bool) -> Array:
+    """Squared errors per piece (p, 2) as they are judged: the distance, across alone without `with_along`, and the
+    heading, 0 where none was measured."""
+    distance = pieces[:, 2] + (pieces[:, 3] if with_along else 0.0)
+    return np.stack([distance, np.nan_to_num(pieces[:, 4])], axis=1)
+
+
+def _list_changes(old: Pieces, new: Pieces, with_along: bool) -> Iterator[tuple[float, Array, Mask]]:
+    """By horizon the logarithm of the change of the two errors (2,), and whether each is noticeable."""
+    for horizon in (horizon for horizon in old if len(old[horizon])):
+        rows = float(old[horizon][:, 5].sum())
+        first, last = (
+            np.maximum(np.sqrt(_join_kinds(pieces[horizon], with_along).sum(axis=0) / rows), 1e-9)
+            for pieces in (old, new)
+        )
+        yield horizon, np.log(last / first), np.abs(last - first) > LEAST_HARM
+
+
+def compute_rise_sigmas(old: Array, new: Array) -> Array:
+    """Return the rise of squared errors (k,) from paired pieces (p, k), in its standard errors; inf for one."""
+    rises = new - old
+    if len(rises) < 2:
+        return np.full(rises.shape[1], np.inf)
+    spread = rises.std(axis=0, ddof=1) * math.sqrt(len(rises))
+    sigmas: Array = rises.sum(axis=0) / np.maximum(spread, 1e-12)
+    return sigmas

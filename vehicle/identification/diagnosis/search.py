@@ -2,20 +2,25 @@
 
 A hypothesis enters by evidence. It is judged by prediction: windows are left out in turn, and the density of what was
 measured in them is compared with that of the model without it and of every competitor in its place, each fitted with
-its own noise.
+its own noise. Circles of the ground in which the tractor turns otherwise are scored many at once, by geometry alone.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELL_S, POSE_CELLS, DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
     CONSTANT,
+    PATCH_RADII_M,
     PENALTIES,
+    WIDTH_PER_TYPICAL,
+    Coordinate,
     Hypothesis,
     collect_widths,
     list_catalogue,
@@ -23,11 +28,11 @@ from vehicle.identification.diagnosis.grammar import (
     list_laws,
     list_nuisances,
 )
-from vehicle.identification.diagnosis.linear_response import CircleSearch
-from vehicle.identification.diagnosis.linearisation import Gain
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, collect_bounds
+from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
+from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, LASTING_S
+from vehicle.model.effects import get_effect
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
@@ -88,8 +93,7 @@ class Searcher:
     def run(self) -> SearchResult:
         """The model the logs call for, judged."""
         base = self.fit_base()
-        fit = self.add_greedily(base)
-        fit, judgements = self.settle(fit)
+        fit, judgements = self.settle(self.add_greedily(base))
         return SearchResult(fit, base, tuple(judgements))
 
     def fit_base(self) -> Fit:
@@ -101,7 +105,11 @@ class Searcher:
         laws of them."""
         known = {one.id for one in fit.model if not one.is_nuisance}
         tried = [one for one in self.hypotheses if one not in fit.model and not (one.is_catalogued and one.id in known)]
-        tried = [one for one in [*tried, *self._list_laws(fit)] if self.problem.list_channels(one) & channels]
+        for one in fit.model:  # laws of effects in the model that are not among the hypotheses anyway
+            if one.is_catalogued and one.coordinates[0].basis == CONSTANT:
+                laws = list_laws(one, self.problem.bases)
+                tried += [law for law in laws if law not in self.hypotheses and law not in fit.model]
+        tried = [one for one in tried if self.problem.list_channels(one) & channels]
         gains = self.problem.scan(fit, tried)
         circle = None
         if "grip_patch" not in known and "pose" in channels:
@@ -112,20 +120,17 @@ class Searcher:
         worth = [one for one in gains if float(np.linalg.norm(one.amounts)) > one.hypothesis.finest]
         return sorted((one for one in worth if one.nats > -PENALTIES["place"]), key=lambda one: -one.nats)
 
-    def _list_laws(self, fit: Fit) -> list[Hypothesis]:
-        """Laws of the effects in the model that are not among the hypotheses anyway."""
-        laws = []
-        for one in fit.model:
-            if one.is_catalogued and one.coordinates[0].basis == CONSTANT:
-                laws += [law for law in list_laws(one, self.problem.bases)
-                         if law not in self.hypotheses and law not in fit.model]  # fmt: skip
-        return laws
-
     def add_greedily(self, fit: Fit) -> Fit:
-        """Add the hypothesis with the largest evidence until none has enough."""
+        """Add the hypothesis with the largest evidence, of the best of a scan, until none has enough."""
         for _ in range(MOST_ROUNDS):
-            noise = self.problem.get_noise()
-            best = self._try_best(fit, self.scan(fit))
+            noise, fits = self.problem.get_noise(), list[Fit]()
+            for gain in self.scan(fit)[:MOST_TRIED]:
+                if gain.nats > 0.0:
+                    fits.append(self._fit_with(fit, gain))
+                    self.step()
+            best = max(
+                (one for one in fits if is_large(one, one.model[-1])), key=lambda one: one.evidence, default=None
+            )
             if best is None:
                 return fit
             # Noise that had to make up for what is missing hides the gain: with its own noise the model may show it.
@@ -136,20 +141,10 @@ class Searcher:
             fit = better
         return fit
 
-    def _try_best(self, fit: Fit, gains: Sequence[Gain]) -> Fit | None:
-        """The fit with the most evidence among the best of a scan, at the noise of the fit before."""
-        tried = [one for one in gains[:MOST_TRIED] if one.nats > 0.0]
-        fits = []
-        for gain in tried:
-            fits.append(self._fit_with(fit, gain))
-            self.step()
-        large = [one for one in fits if is_large(one, one.model[-1])]
-        return max(large, key=lambda one: one.evidence, default=None)
-
     def settle(self, fit: Fit) -> tuple[Fit, list[Judgement]]:
         """Judge every hypothesis; drop what predicts nothing and exchange what a competitor predicts better."""
         for turn in range(MOST_TURNS + 1):
-            self.visited[_name_model(fit)] = self.visited.get(_name_model(fit), 0) + 1
+            self.visited[fit.causes] = self.visited.get(fit.causes, 0) + 1
             self.may_change = turn < MOST_TURNS
             changed, judgements = self._judge_all(fit)
             if changed is None:
@@ -159,14 +154,18 @@ class Searcher:
 
     def _may_become(self, other: Fit) -> bool:
         """Whether the search may go on from another model: two that each predict better than the other come twice."""
-        return self.may_change and self.visited.get(_name_model(other), 0) < MOST_VISITS
+        return self.may_change and self.visited.get(other.causes, 0) < MOST_VISITS
 
     def _judge_all(self, fit: Fit) -> tuple[Fit | None, list[Judgement]]:
         """Judgements of a fit, or the better fit that one of them led to."""
         noise, judgements = self.problem.get_noise(), list[Judgement]()
         predicted = self.predict(fit)
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
-            without = self._fit_without(fit, hypothesis)
+            # Without a constant its laws go too, as they could take its place.
+            stays = [one != hypothesis and not (one.id == hypothesis.id and hypothesis.is_catalogued)
+                     for one in fit.model]  # fmt: skip
+            rest = fit.amounts[np.repeat(stays, [one.size for one in fit.model])]
+            without = self.problem.refit(tuple(itertools.compress(fit.model, stays)), rest, 6)
             against_none = self._compare(fit, predicted, without, None, noise)
             is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < DOUBT_SIGMAS)
             if is_idle and self._may_become(without):
@@ -208,15 +207,6 @@ class Searcher:
         common = np.repeat(gain.amounts.mean(), len(constants))
         amounts = np.concatenate([fit.amounts, common, gain.amounts - common.sum()])
         return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
-
-    def _fit_without(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
-        """The fit without a hypothesis; without a constant its laws go too, as they could take its place."""
-        is_kept = [
-            one != hypothesis and not (one.id == hypothesis.id and hypothesis.is_catalogued) for one in fit.model
-        ]
-        kept = np.repeat(is_kept, [one.size for one in fit.model])
-        model = tuple(one for one, stays in zip(fit.model, is_kept, strict=True) if stays)
-        return self.problem.refit(model, fit.amounts[kept], 6)
 
     def _compare(
         self, fit: Fit, predicted: dict[str, Array], other: Fit, alternative: Hypothesis | None,
@@ -276,5 +266,96 @@ def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothe
     return is_better and comparison.z <= -DOUBT_SIGMAS
 
 
-def _name_model(fit: Fit) -> frozenset[str]:
-    return frozenset(str(one) for one in fit.model if not one.is_nuisance)
+SPACING = 0.7  # of the radius between the centres that are tried
+FIRST_MOVE_M = 0.5 * PATCH_RADII_M[0]
+FINEST_MOVE_M = FIRST_MOVE_M / 8.0
+SMALLEST_RADIUS_M = 3.0
+MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
+LARGEST_PATCH_SHARE = 0.7  # of the driving: a circle that holds more is no place
+MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
+Circle = tuple[float, float, float]
+
+
+def build_patch(circle: Circle) -> Hypothesis:
+    """A change of grip inside a circle."""
+    size = get_effect("grip_patch").size
+    width, key = WIDTH_PER_TYPICAL * size.typical, ":".join(["by_place", *(f"{one:.2f}" for one in circle)])
+    coordinate = Coordinate((("bend", 1.0),), width, size.low - 1.0, size.high - 1.0, key)
+    return Hypothesis("grip_patch", key, (coordinate,), PENALTIES["place"], size.finest, place=circle)
+
+
+def find_middle_circle(data: DriveData) -> Circle:
+    """A circle about the middle of the driving, with a quarter of its spread."""
+    east, north = data.path["east"], data.path["north"]
+    radius = MIDDLE_SHARE * float(max(np.ptp(east), np.ptp(north)))
+    return float(np.median(east)), float(np.median(north)), radius
+
+
+@dataclass(eq=False)
+class CircleSearch:
+    """Scores circles beside a fit by what they add to the yaw rate, all at once."""
+
+    problem: Problem
+    fit: Fit
+
+    def __post_init__(self) -> None:
+        problem, fit = self.problem, self.fit
+        self.noise = problem.noise["pose"]
+        response = build_yaw_response(problem.data, problem.rig.tractor.antenna_forward_m)
+        # The turning of the fit, not that which was measured: a circle changes only what the wheels turn.
+        heading = cut_motion(problem.data)[1] - fit.residuals["pose"][:, 2 * POSE_CELLS :]
+        yaw = np.gradient(heading, POSE_CELL_S, axis=1)
+        linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
+        root = linear.roots["pose"][:, None, None]
+        self.response = root * self.noise.whiten(response * yaw[:, None, :])
+        self.rest = (root[:, :, 0] * linear.residuals["pose"]).ravel()
+        self.inverse = linear.inverse
+        self.known = (root * linear.changes["pose"]).reshape(len(self.rest), -1)
+        # Directions that the model explains already, also by other channels, take their part of the rest.
+        self.slope = linear.matrix.T @ linear.target
+
+    def find_best(self) -> Gain | None:
+        """The best circle, moved and resized until nothing is gained."""
+        path = self.problem.data.path
+        low = (float(path["east"].min()), float(path["north"].min()))
+        high = (float(path["east"].max()), float(path["north"].max()))
+        circles = [
+            (float(east), float(north), radius)
+            for radius in PATCH_RADII_M
+            for east in np.arange(low[0], high[0] + 1.0, SPACING * radius)
+            for north in np.arange(low[1], high[1] + 1.0, SPACING * radius)
+        ]
+        best, move = self._choose(circles), FIRST_MOVE_M
+        while best is not None and move >= FINEST_MOVE_M:
+            east, north, radius = best[1]
+            near = [(east + i * move, north + j * move, max(radius + k * move, SMALLEST_RADIUS_M))
+                    for i, j, k in MOVES]  # fmt: skip
+            other = self._choose(near)
+            if other is not None and other[0] > best[0] + 0.1:
+                best = other
+            else:
+                move *= 0.5
+        if best is None:
+            return None
+        patch = build_patch(best[1])
+        return Gain(best[0] - patch.penalty, patch, np.array([best[2] * patch.coordinates[0].width]))
+
+    def _choose(self, circles: Sequence[Circle]) -> tuple[float, Circle, float] | None:
+        """The best of some circles: nats, the circle, and its amount in widths."""
+        kept, columns = [], []
+        for circle in circles:
+            inside = self.problem.bases.find_circle(*circle)
+            if inside.sum() >= round(LASTING_S / PATH_STEP_S) and inside.mean() <= LARGEST_PATCH_SHARE:
+                kept.append(circle)
+                columns.append(self.problem.data.cut(inside.astype(np.float64), POSE_CELLS))
+        if not kept:
+            return None
+        width = WIDTH_PER_TYPICAL * get_effect("grip_patch").size.typical
+        own = np.stack(columns, axis=2)
+        values = width * (self.response @ own).reshape(len(self.rest), -1)
+        crossed = self.known.T @ values
+        curvature = (values * values).sum(axis=0) - (crossed * (self.inverse @ crossed)).sum(axis=0) + 1.0
+        slope = values.T @ self.rest - crossed.T @ (self.inverse @ self.slope)
+        nats = 0.5 * slope * slope / curvature - 0.5 * np.log(curvature)
+        place = int(np.argmax(nats))
+        return float(nats[place]), kept[place], float(slope[place] / curvature[place])

@@ -4,7 +4,7 @@ values of single runs have in common, and their sentences."""
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,8 +20,26 @@ from vehicle.model.effect_kinds import Interval
 from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
-WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 Values = dict[str, float]
+LAW_SENTENCES = {
+    "by_speed": "{at_0:.2f}{unit} at a crawl and changes by {per_mps:+.3f}{unit} per m/s",
+    "by_angle": "{at_0:.2f}{unit} at 0 degrees and {at_27:.2f}{unit} at 27 degrees",
+    "by_implement": "{lifted:.2f}{unit} with the implement lifted and {working:.2f}{unit} with it working",
+    "over_minutes": "{start:.2f}{unit} at the start of a run and changes by {per_minute:+.3f}{unit} per minute",
+    BY_RUN: "{value:.2f}{unit} in {run} and {other:.2f}{unit} in the other runs",
+    "over_day": "{mean:.2f}{unit} on average and swings by {amplitude:.2f}{unit} over the day",
+    "by_side": "{right:.2f}{unit} to the right and {left:.2f}{unit} to the left",
+}
+LAW_VALUES: Mapping[str, Callable[[float, float, bool], Values]] = {
+    "by_speed": lambda at, amount, _: {"at_0": at, "per_mps": amount},
+    "by_angle": lambda at, amount, _: {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount},
+    "by_implement": lambda at, amount, _: {"lifted": at, "working": at + amount},
+    "over_minutes": lambda at, amount, _: {"start": at, "per_minute": amount},
+    "by_side": lambda at, amount, is_left: {"right": at + amount * (not is_left), "left": at + amount * is_left},
+}
+"""Numbers of a law, as in LOGS.md, by the value without it, the amount, and whether it is of the left side."""
+OTHER_LAW_SENTENCE = "not the same in all directions ({amount:+.3f}{unit})"
+WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
 PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
 RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
@@ -66,15 +84,16 @@ class ValueConverter:
             at += float(constant[0])
             at -= 0.0 if pattern or hypothesis.is_storable else float(
                 self.problem.bases.compute_means(hypothesis) @ verdict.amounts)  # fmt: skip
-        kind = pattern.kind if pattern is not None else hypothesis.law
-        values = (
-            self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
-            if pattern is None
-            else _compute_pattern_values(pattern, at)
-        )
+        if pattern is not None:
+            kind, values = pattern.kind, pattern.compute_values(at)
+        else:
+            kind, amount = hypothesis.law, float(verdict.amounts[0])
+            compute = LAW_VALUES.get(kind, lambda _at, amount, _is_left: {"amount": amount})
+            values = compute(at, amount, hypothesis.basis.endswith("left"))
         unit = f" {effect.size.unit}" if effect.size.unit else ""
         run = "" if pattern is None else self.problem.data.dataset.names[pattern.run]
-        return ParameterLaw(kind, values, f"The {effect.label} is {_describe_values(kind, values, unit, run)}.")
+        words = LAW_SENTENCES.get(kind, OTHER_LAW_SENTENCE).format(**values, unit=unit, run=run)
+        return ParameterLaw(kind, values, f"The {effect.label} is {words}.")
 
     def find_pattern(self, verdict: Verdict) -> RunPattern | None:
         """What the values of single runs have in common; None for other laws."""
@@ -82,36 +101,6 @@ class ValueConverter:
             return None
         sigmas = np.sqrt(np.diag(verdict.covariance))
         return find_run_pattern(verdict.amounts, sigmas, self.run_starts_s)
-
-    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float) -> Values:
-        match hypothesis.law:
-            case "by_speed":
-                return {"at_0": at, "per_mps": amount}
-            case "by_angle":
-                return {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount}
-            case "by_implement":
-                return {"lifted": at, "working": at + amount}
-            case "over_minutes":
-                return {"start": at, "per_minute": amount}
-            case "by_side":
-                is_left = hypothesis.basis.endswith("left")
-                return {"right": at + amount * (not is_left), "left": at + amount * is_left}
-            case _:
-                return {"amount": amount}
-
-
-def _compute_pattern_values(pattern: RunPattern, at: float) -> Values:
-    """The numbers of a pattern of runs, as in LOGS.md; `lowest_s` is a time of the lowest value."""
-    if pattern.kind == BY_RUN:
-        return {"value": at + pattern.amount, "other": at + pattern.other}
-    lowest = (-0.25 - pattern.phase / (2.0 * math.pi)) % 1.0 * pattern.period_s
-    return {
-        "mean": at + pattern.other,
-        "amplitude": pattern.amount,
-        "period_s": pattern.period_s,
-        "phase_deg": math.degrees(pattern.phase) % 360.0,
-        "lowest_s": lowest,
-    }
 
 
 def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, tractor: Tractor) -> Values:
@@ -131,29 +120,6 @@ def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, trac
     return kind.compute_values(effect.params, np.array(box.neutral) + amounts, circle)
 
 
-def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
-    def show(name: str) -> str:
-        return f"{values[name]:.2f}{unit}"
-
-    match law:
-        case "by_speed":
-            return f"{show('at_0')} at a crawl and changes by {values['per_mps']:+.3f}{unit} per m/s"
-        case "by_angle":
-            return f"{show('at_0')} at 0 degrees and {show('at_27')} at 27 degrees"
-        case "by_implement":
-            return f"{show('lifted')} with the implement lifted and {show('working')} with it working"
-        case "over_minutes":
-            return f"{show('start')} at the start of a run and changes by {values['per_minute']:+.3f}{unit} per minute"
-        case "by_run":
-            return f"{show('value')} in {run} and {show('other')} in the other runs"
-        case "over_day":
-            return f"{show('mean')} on average and swings by {values['amplitude']:.2f}{unit} over the day"
-        case "by_side":
-            return f"{show('right')} to the right and {show('left')} to the left"
-        case _:
-            return f"not the same in all directions ({values['amount']:+.3f}{unit})"
-
-
 @dataclass(frozen=True)
 class RunPattern:
     """How the amounts of runs vary: `kind` by_run (`run` has `amount`, the others `other`), or over_day, a swing of
@@ -166,6 +132,18 @@ class RunPattern:
     period_s: float = 0.0
     phase: float = 0.0
 
+    def compute_values(self, at: float) -> Values:
+        """Its numbers about a value, as in LOGS.md; `lowest_s` is a time of the lowest value."""
+        if self.kind == BY_RUN:
+            return {"value": at + self.amount, "other": at + self.other}
+        return {
+            "mean": at + self.other,
+            "amplitude": self.amount,
+            "period_s": self.period_s,
+            "phase_deg": math.degrees(self.phase) % 360.0,
+            "lowest_s": (-0.25 - self.phase / (2.0 * math.pi)) % 1.0 * self.period_s,
+        }
+
 
 def list_run_starts(logs: Sequence[Log]) -> Array:
     """The time (s) of the first used row of every log."""
@@ -175,38 +153,28 @@ def list_run_starts(logs: Sequence[Log]) -> Array:
 def find_run_pattern(amounts: Array, sigmas: Array, starts_s: Array) -> RunPattern:
     """The simplest pattern that describes the amounts (r,) of runs that began at `starts_s` (r,).
 
-    A swing needs FEWEST_FOR_SWING runs at different times; it is taken where it describes them better than one odd run,
-    by the Bayesian information criterion.
+    That is the run whose own value leaves the least misfit of the others' mean. A swing needs FEWEST_FOR_SWING runs at
+    different times; it is taken where it describes them better, by the Bayesian information criterion.
     """
-    odd, misfit = _find_odd_run(amounts, sigmas)
-    span = float(np.ptp(starts_s))
-    if len(amounts) < FEWEST_FOR_SWING or span <= 0.0 or len(np.unique(starts_s)) < FEWEST_FOR_SWING:
-        return odd
-    fits = [_fit_swing(amounts, sigmas, starts_s, share * span) for share in PERIODS]
-    swing, swing_misfit = min(fits, key=lambda one: one[1])
-    more_numbers = 2.0 * math.log(len(amounts))
-    return swing if swing_misfit + more_numbers < misfit else odd
-
-
-def _find_odd_run(amounts: Array, sigmas: Array) -> tuple[RunPattern, float]:
-    """The run whose own value leaves the least misfit of the others' mean, and that misfit."""
-    weights = 1.0 / (sigmas * sigmas)
     found: list[tuple[float, int, float]] = []
     for run in range(len(amounts)):
-        others = np.arange(len(amounts)) != run
+        others, weights = np.arange(len(amounts)) != run, 1.0 / (sigmas * sigmas)
         mean = float(np.average(amounts[others], weights=weights[others]))
         found.append((float((weights[others] * (amounts[others] - mean) ** 2).sum()), run, mean))
     misfit, run, mean = min(found)
-    return RunPattern("by_run", float(amounts[run]), mean, run), misfit
-
-
-def _fit_swing(amounts: Array, sigmas: Array, starts_s: Array, period_s: float) -> tuple[RunPattern, float]:
-    angle = 2.0 * math.pi * starts_s / period_s
-    columns = np.stack([np.ones(len(amounts)), np.sin(angle), np.cos(angle)], axis=1) / sigmas[:, None]
-    numbers = np.linalg.lstsq(columns, amounts / sigmas, rcond=None)[0]
-    misfit = float(((columns @ numbers - amounts / sigmas) ** 2).sum())
-    size, phase = math.hypot(numbers[1], numbers[2]), math.atan2(numbers[2], numbers[1])
-    return RunPattern("over_day", size, float(numbers[0]), 0, period_s, phase), misfit
+    best, span = RunPattern(BY_RUN, float(amounts[run]), mean, run), float(np.ptp(starts_s))
+    if len(np.unique(starts_s)) < FEWEST_FOR_SWING:
+        return best
+    least = misfit - 2.0 * math.log(len(amounts))  # for two more numbers
+    for period_s in PERIODS * span:
+        angle = 2.0 * math.pi * starts_s / period_s
+        columns = np.stack([np.ones(len(amounts)), np.sin(angle), np.cos(angle)], axis=1) / sigmas[:, None]
+        numbers = np.linalg.lstsq(columns, amounts / sigmas, rcond=None)[0]
+        misfit = float(((columns @ numbers - amounts / sigmas) ** 2).sum())
+        if misfit < least:
+            size, phase = math.hypot(numbers[1], numbers[2]), math.atan2(numbers[2], numbers[1])
+            best, least = RunPattern("over_day", size, float(numbers[0]), 0, float(period_s), phase), misfit
+    return best
 
 
 def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelations | None:

@@ -16,26 +16,37 @@ from vehicle.identification.diagnosis.grammar import (
     scale_effect,
     split_amounts,
 )
-from vehicle.identification.diagnosis.linear_response import build_patch, find_middle_circle
-from vehicle.identification.diagnosis.linearisation import Linearisation
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
-from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, PredictiveComparison, SearchResult
+from vehicle.identification.diagnosis.search import (
+    ADD_NATS,
+    Judgement,
+    PredictiveComparison,
+    SearchResult,
+    build_patch,
+    find_middle_circle,
+)
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, NEARLY_SHARE, STRAY_CORRELATION, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import (
+    CLEAR_SIGMAS,
+    DOUBT_SIGMAS,
+    MEASURED_SIGMAS,
+    NEARLY_SHARE,
+    STRAY_CORRELATION,
+    SURE_SIGMAS,
+)
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
-from vehicle.model.effects import CATALOGUE, Effect
+from vehicle.model.effects import CATALOGUE
 
 LIKELY_Z = 1.5  # standard errors of the predictive difference from which something is likely
 EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
-LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
-FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
+TIME_FIELDS = frozenset({"dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"})
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 
 
@@ -55,26 +66,32 @@ class Verdict:
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     """Verdicts on the hypotheses of the final model that anything can be said of, the clearest first."""
-    centre = centre_laws(problem, result.fit)
-    covariance = centre @ compute_covariance(problem, result.fit) @ centre.T
-    all_amounts = centre @ result.fit.amounts
-    is_far = any(_is_far(one.hypothesis, result.fit.get_amounts(one.hypothesis)) for one in result.judgements)
-    spent = [one for one, own in split_amounts(result.fit.model, result.fit.amounts) if _is_spent(one, own)]
+    fit = result.fit
+    centre = centre_laws(problem, fit)
+    covariance, all_amounts = centre @ compute_covariance(problem, fit) @ centre.T, centre @ fit.amounts
+    is_far = any(_is_far(one.hypothesis, fit.get_amounts(one.hypothesis)) for one in result.judgements)
+    # Nuisances of the path to either side that are as large as they may be: the base model then lacks more than it is
+    # known to. Tyres that relax for long are no such thing.
+    spent = list[slice]()
+    for one, part in split_amounts(fit.model, fit.amounts):
+        coordinate = one.coordinates[0]
+        is_path = one.is_nuisance and "path" in one.chains and coordinate.low < 0.0
+        if is_path and np.abs(part).max() >= NEARLY_SHARE * coordinate.high:
+            spent.append(fit.locate(one))
+    sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    correlations = np.abs(covariance / np.outer(sigmas, sigmas))
     verdicts = []
     for judgement in result.judgements:
-        place = result.fit.locate(judgement.hypothesis)
-        own = covariance[place, place]
-        amounts = all_amounts[place]
+        place = fit.locate(judgement.hypothesis)
+        own, amounts = covariance[place, place], all_amounts[place]
         status = _choose_status(judgement, amounts, own)
-        is_doubtful = is_far or any(_are_alike(covariance, place, result.fit.locate(one)) for one in spent)
+        # The logs could exchange it with what the base model lacks.
+        is_doubtful = is_far or any(correlations[place, one].max() > STRAY_CORRELATION for one in spent)
         if status == NAMED and is_doubtful:
             status = LIKELY
-        others = _list_equivalents(judgement)
+        others, nats = _list_equivalents(judgement), judgement.against_none.nats
         ids = tuple(dict.fromkeys(one.alternative.id for one in others if one.alternative is not None))
-        if status:
-            verdicts.append(
-                Verdict(judgement.hypothesis, status, amounts, own, judgement.against_none.nats, ids, others)
-            )  # fmt: skip
+        verdicts += [Verdict(judgement.hypothesis, status, amounts, own, nats, ids, others)] if status else []
     return sorted(verdicts, key=lambda one: -one.nats)
 
 
@@ -94,28 +111,16 @@ def centre_laws(problem: Problem, fit: Fit) -> Array:
 
 
 def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
-    """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs."""
+    """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs.
+
+    Widths are standard deviations of priors. A limit near neutral is reached by no fault: no dead band at all is near.
+    """
     widths = np.array([one.width for one in hypothesis.coordinates])
     ends = np.array([[one.low, one.high] for one in hypothesis.coordinates])
     sizes = np.abs(amounts) / widths
-    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > LARGE_END_WIDTHS)
+    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > DOUBT_SIGMAS)
     is_at_end = hypothesis.law == CONSTANT and bool(is_large_end.any())
-    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > FAR_WIDTHS)
-
-
-def _are_alike(covariance: Array, one: slice, other: slice) -> bool:
-    """Whether the logs could exchange two hypotheses: their amounts are correlated."""
-    sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
-    correlations = covariance[one, other] / np.outer(sigmas[one], sigmas[other])
-    return bool(np.abs(correlations).max() > STRAY_CORRELATION)
-
-
-def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:
-    """Whether a nuisance of the path to either side is as large as it may be: the base model then lacks more than it is
-    known to. Tyres that relax for long are no such thing."""
-    coordinate = hypothesis.coordinates[0]
-    is_path = hypothesis.is_nuisance and "path" in hypothesis.chains and coordinate.low < 0.0
-    return is_path and bool(np.abs(amounts).max() >= NEARLY_SHARE * coordinate.high)
+    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > MEASURED_SIGMAS)
 
 
 def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:
@@ -149,26 +154,21 @@ def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
 
 
 def _list_equivalents(judgement: Judgement) -> tuple[PredictiveComparison, ...]:
-    """Comparisons with competitors with another id that predict the logs hardly worse."""
-    own = judgement.hypothesis
-    return tuple(
-        one
-        for one in judgement.against_others
-        if one.alternative is not None and one.alternative.id != own.id and not _is_excluded(one, one.alternative)
-    )
-
-
-def _is_excluded(comparison: PredictiveComparison, alternative: Hypothesis) -> bool:
-    """Whether a competitor predicts the logs clearly worse: a law or a circle, of which many are tried, by posterior
-    probability alone, an effect of the catalogue also in standard errors."""
-    if alternative.penalty:
-        return comparison.nats + alternative.penalty >= EXCLUDED_NATS and comparison.z >= EXCLUDED_LAW_Z
-    return comparison.nats >= EXCLUDED_NATS and comparison.z >= CLEAR_SIGMAS
+    """Comparisons with competitors with another id that do not predict the logs clearly worse: a law or a circle, of
+    which many are tried, by posterior probability alone, an effect of the catalogue also in standard errors."""
+    equivalents = []
+    for one in judgement.against_others:
+        if one.alternative is not None and one.alternative.id != judgement.hypothesis.id:
+            penalty = one.alternative.penalty
+            least_z = EXCLUDED_LAW_Z if penalty else CLEAR_SIGMAS
+            if one.nats + penalty < EXCLUDED_NATS or one.z < least_z:
+                equivalents.append(one)
+    return tuple(equivalents)
 
 
 def compute_covariance(problem: Problem, fit: Fit) -> Array:
     """Covariance (k, k) of all amounts: by the curvature, or by the scatter between runs where that is larger, and at
-    least what the base model leaves open."""
+    least what the base model and, of a time, the clock of the inputs leave open."""
     widths = collect_widths(fit.model)
     linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
     groups = problem.data.window_runs
@@ -180,71 +180,43 @@ def compute_covariance(problem: Problem, fit: Fit) -> Array:
     robust = inverse @ slopes.T @ slopes @ inverse * len(names) / max(len(names) - 1, 1)
     growth = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse), 1.0))
     covariance = inverse * np.outer(growth, growth) * np.outer(widths, widths)
-    return np.asarray(covariance + np.diag(_list_model_variances(problem, fit)))
-
-
-def _list_model_variances(problem: Problem, fit: Fit) -> Array:
-    """Variance of every amount by what the base model and the clock of the inputs leave open."""
-    variances = []
+    variances = list[float]()
     for hypothesis in fit.model:
-        times = {name for one in hypothesis.coordinates for name, _ in one.slopes} & {
-            "dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"}  # fmt: skip
-        clock = CLOCK_SHARE * problem.data.row_step_s if times else 0.0
+        is_time = any(name in TIME_FIELDS for one in hypothesis.coordinates for name, _ in one.slopes)
+        clock = CLOCK_SHARE * problem.data.row_step_s if is_time else 0.0
         variances += [(MODEL_SHARE * hypothesis.finest) ** 2 + clock**2] * hypothesis.size
-    return np.array(variances)
+    return np.asarray(covariance + np.diag(variances))
 
 
 def find_smallest_visible(problem: Problem, fit: Fit) -> dict[str, float]:
     """The smallest size of every effect (unit of its first parameter) that these logs would have shown; effects that no
     size of up to twice the typical one would show are left out."""
     linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
-    visible = {}
+    data, tractor, visible = problem.data, problem.rig.tractor, dict[str, float]()
     for effect in CATALOGUE:
-        hypothesis = (
-            build_patch(find_middle_circle(problem.data))
-            if effect.kind is CIRCLE
-            else build_constant(effect, problem.data, problem.rig.tractor)
-        )
+        is_circle = effect.kind is CIRCLE
+        hypothesis = build_patch(find_middle_circle(data)) if is_circle else build_constant(effect, data, tractor)
         if any(one.id == effect.id and one.is_catalogued for one in fit.model):
             continue
-        smallest = _find_smallest(problem, fit, effect, hypothesis, linear)
-        if smallest is not None:
-            visible[effect.id] = smallest
+        kind, parameter, _ = scale_effect(effect, data, tractor)
+        coordinate, size = hypothesis.coordinates[0], len(fit.amounts)
+        typical = coordinate.width / WIDTH_PER_TYPICAL
+        sign = -1.0 if coordinate.high <= 0.0 or effect.is_worse_when_less else 1.0
+        for share in TRIED_SHARES:
+            step = sign * share * typical / coordinate.width
+            moved = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
+            moved[size] += step * coordinate.width
+            shown = problem.compute_residuals((*fit.model, hypothesis), moved)
+            columns = linear.stack(
+                {c: problem.noise[c].whiten(fit.residuals[c] - shown[c])[:, :, None] for c in CHANNELS}
+            )
+            own = float(np.vdot(columns, linear.reduce(columns)))
+            # An effect of this size would enter by evidence and be clear: half its squares are the nats it brings.
+            needed = 2.0 * (ADD_NATS + 0.5 * np.log1p(own)) + SURE_SIGMAS**2
+            if own >= needed:
+                tried, fraction = np.array([share * typical]), share * float(np.sqrt(needed / own))
+                visible[effect.id] = kind.compute_smallest_detectable(
+                    tried, fraction, parameter.typical, parameter.finest
+                )
+                break
     return visible
-
-
-def _find_smallest(
-    problem: Problem, fit: Fit, effect: Effect, hypothesis: Hypothesis, linear: Linearisation
-) -> float | None:
-    model, size = (*fit.model, hypothesis), len(fit.amounts)
-    amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
-    kind, parameter, _ = scale_effect(effect, problem.data, problem.rig.tractor)
-    coordinate = hypothesis.coordinates[0]
-    sign = -1.0 if coordinate.high <= 0.0 or effect.is_worse_when_less else 1.0
-    for share in TRIED_SHARES:
-        step = sign * share * get_typical(hypothesis) / coordinate.width
-        moved = amounts.copy()
-        moved[size] += step * coordinate.width
-        shown = problem.compute_residuals(model, moved)
-        columns = linear.stack({c: problem.noise[c].whiten(fit.residuals[c] - shown[c])[:, :, None] for c in CHANNELS})
-        own = float(np.vdot(columns, linear.reduce(columns)))
-        # An effect of this size would enter by evidence and be clear: half its squares are the nats it brings.
-        needed = 2.0 * (ADD_NATS + 0.5 * np.log1p(own)) + SURE_SIGMAS**2
-        if own >= needed:
-            tried = np.array([share * get_typical(hypothesis)])
-            fraction = share * float(np.sqrt(needed / own))
-            return kind.compute_smallest_detectable(tried, fraction, parameter.typical, parameter.finest)
-    return None
-
-
-def get_typical(hypothesis: Hypothesis) -> float:
-    """The typical size of a hypothesis in its coordinate."""
-    return hypothesis.coordinates[0].width / WIDTH_PER_TYPICAL
-
-
-def is_refutable(effect: Effect, visible: float | None, problem: Problem) -> bool:
-    """Whether an effect that was not found is refuted: a usual size would have been seen."""
-    if visible is None:
-        return False
-    kind, size, _ = scale_effect(effect, problem.data, problem.rig.tractor)
-    return kind.is_no_larger_fault(visible, size.typical)

@@ -3,6 +3,9 @@
 The angle that the path needs, less the one that is measured (without a sensor: that of a usual steering), then steps by
 a constant. What speed, implement, side, direction of travel, place or time do to a path is no step: it must be seen at
 once, last until the run ends, and be the same on straights and bends and wherever else there is driving on both sides.
+
+Headings that jump once and stay off, of an instrument that was reset or turned on its mount, are turned back. No
+tractor turns so far between two rows, and the course over ground shows that it did not.
 """
 
 from __future__ import annotations
@@ -14,41 +17,41 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.faults.steering_evidence import (
+    COURSE_TURN_S,
     STEP_S,
-    TURN_S,
-    BendScale,
     RunEvidence,
     build_run_evidence,
     find_lock,
     fit_path_scales,
     shift,
 )
-from vehicle.identification.logs.schema import Array, Log, LogFault, Mask, Rows
-from vehicle.identification.logs.series import measure_spread
+from vehicle.identification.logs.schema import Array, Log, LogFault, Mask, Rows, list_gap_rows
+from vehicle.identification.logs.series import measure_spread, wrap_degrees
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
+    CLEARLY_APART_DEG,
     DOUBT_SIGMAS,
     FEW_SHARE,
     FEWEST_LINE_ROWS,
+    FEWEST_TIMES,
     LASTING_S,
+    MAJORITY,
     MOMENT_S,
+    NEAR_SHARE,
     PART_S,
     READING_S,
     STEADY_SHARE,
     SURE_SIGMAS,
+    TURN_S,
+    TURNED_DEG,
+    WHEEL_NOISE_DEG,
     WINDOW_S,
 )
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 2.0 * STEP_S  # between rows of the search; nearer ones say about the same
-_LEAST_STEP_DEG = 1.0  # chosen
 _LEAST_SIDE_S = 3.0 * PART_S  # driving on each side, and parts of it that have a level each
 _FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
-# Chosen, shares of the step: how near to the level of its side most parts and what is next to the step are, and how
-# large the best steps of other runs may be; the same of a path that follows the wheels on straights.
-_NEAR_SHARE = 0.4
-# Chosen: of the step, by which levels of a side may change from its begin to its end; of the rows of each side, those
-# that are driven as those of the other side.
-_DRIFT_SHARE = 0.3
 _CLEAR_DEG = 12.0  # chosen: smaller angles for a moment show a step at once
 _LEAST_SHARE, _MOST_SHARE = 0.55, 1.6  # chosen: of the step, as driving alike on both sides shows it
 _STRAIGHT_DEG = 4.0  # chosen: smaller angles are those of straights
@@ -100,46 +103,33 @@ def mark_level_step(logs: Sequence[Log]) -> list[Log]:
     step = find_level_step(logs, runs)
     if step is None:
         return list(logs)
-    marked = _mark_log(logs[step.run], step, _is_of_sensor(runs[step.run], step))
-    return [marked if run == step.run else log for run, log in enumerate(logs)]
-
-
-def _mark_log(log: Log, step: LevelStep, is_of_sensor: bool) -> Log:
-    words = _describe_step(log, step, is_of_sensor)
+    log, words = logs[step.run], _describe_step(logs[step.run], runs[step.run], step)
     odd = log.time_s >= step.earliest_s if step.is_after_odd else log.time_s < step.time_s
     between_s = (step.earliest_s, step.time_s) if step.earliest_s < step.time_s else None
     fault = LogFault(STEERING_JUMP, log.name, 0.5 * (step.earliest_s + step.time_s), None, words, between_s)
-    return log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
+    marked = log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
+    return [marked if run == step.run else one for run, one in enumerate(logs)]
 
 
-def _describe_step(log: Log, step: LevelStep, is_of_sensor: bool) -> str:
+def _describe_step(log: Log, run: RunEvidence | None, step: LevelStep) -> str:
     """Return words on a step, with which rows are left out."""
     size, side = f"{abs(step.size_deg):.1f} deg", "right" if step.size_deg > 0.0 else "left"
     left_out = "these rows are left out" if step.is_after_odd else "the rows before are left out"
-    if is_of_sensor:
-        other = "left" if step.size_deg > 0.0 else "right"
-        return (
-            f"steering_deg reads {size} further to the {other} than before, while the path follows the commands as "
-            f"before: the wheel sensor slipped; {left_out}"
-        )
+    if run is not None and run.wheel is not None and run.command is not None:
+        apart, is_after = run.wheel - run.usual, run.time_s >= step.time_s
+        before, after = (float(np.median(apart[run.known & part])) for part in (~is_after, is_after))
+        if _LEAST_SHARE < (before - after) / step.size_deg < _MOST_SHARE:
+            other = "left" if step.size_deg > 0.0 else "right"
+            return (
+                f"steering_deg reads {size} further to the {other} than before, while the path follows the commands as "
+                f"before: the wheel sensor slipped; {left_out}"
+            )
+    column, causes = "steering_deg", "a tie rod is bent, the wheel sensor slipped, or a tyre is flat"
     if log.steering_deg is None:
-        return (
-            f"the path bends as if the wheels stood {size} further to the {side} than steering_command_deg says: a tie "
-            f"rod is bent, a tyre is flat, or the steering lost its centre; {left_out}"
-        )
+        column, causes = "steering_command_deg", "a tie rod is bent, a tyre is flat, or the steering lost its centre"
     return (
-        f"the path bends as if the wheels stood {size} further to the {side} than steering_deg says: a tie rod is "
-        f"bent, the wheel sensor slipped, or a tyre is flat; {left_out}"
+        f"the path bends as if the wheels stood {size} further to the {side} than {column} says: {causes}; {left_out}"
     )
-
-
-def _is_of_sensor(run: RunEvidence | None, step: LevelStep) -> bool:
-    """Whether the sensor steps against the commands, and the path does not."""
-    if run is None or run.wheel is None or run.command is None:
-        return False
-    apart, is_after = run.wheel - run.usual, run.time_s >= step.time_s
-    before, after = (float(np.median(apart[run.known & side])) for side in (~is_after, is_after))
-    return _LEAST_SHARE < (before - after) / step.size_deg < _MOST_SHARE
 
 
 def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> LevelStep | None:
@@ -148,7 +138,13 @@ def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> 
     rows = _collect_rows(logs, runs)
     if rows is None:
         return None
-    nuisance = _build_nuisance(rows)
+    # What bends paths otherwise: gains by angle, side and pace, the implement, and slopes.
+    angle, turn = rows.angle, rows.angle * rows.pace**2
+    columns = [
+        angle, np.abs(angle), angle * np.abs(angle) / 20.0, angle**3 / 400.0, turn / 4.0, np.abs(turn) / 4.0,
+        rows.implement, rows.pace, np.cos(rows.course), np.sin(rows.course), rows.gear,
+    ]  # fmt: skip
+    nuisance = np.stack([column - np.mean(column) for column in columns], axis=1)
     best: dict[int, tuple[int, float]] = {}
     step: Array | None = None
     for _ in range(_ROUNDS):
@@ -160,18 +156,21 @@ def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> 
         step = ((rows.run == run) & (np.arange(len(rows.run)) >= best[run][0])).astype(np.float64)
     others = [abs(size) for other, (_, size) in best.items() if other != run]
     first, size = best[run]
-    if others and max(others) > _NEAR_SHARE * abs(size):
+    if others and max(others) > NEAR_SHARE * abs(size):
         return None
-    sides = _split_run(rows, run, first)
-    if len(others) < _FEWEST_OTHERS and min(np.count_nonzero(side) for side in sides) * _THIN_S < _ALONE_SIDE_S:
+    own, number = rows.run == run, np.arange(len(rows.run))
+    before, after = own & (number < first), own & (number >= first)
+    least_s = _ALONE_SIDE_S if len(others) < _FEWEST_OTHERS else _LEAST_SIDE_S
+    if min(np.count_nonzero(before), np.count_nonzero(after)) * _THIN_S < least_s:
         return None
-    if not _is_step(rows, residual, run, first):
-        return None
-    before, after = sides
     size = float(np.median(residual[after]) - np.median(residual[before]))
-    odd, _ = _choose_usual(rows, residual, before, after, size)
-    time_s = float(rows.time_s[first])
-    clear = rows.time_s[before][_find_clear(rows.needed[before])]
+    odd, usual = _choose_usual(rows, residual, before, after, size)
+    if not _is_step(rows, residual, (before, after), (usual, odd), size):
+        return None
+    time_s, width = float(rows.time_s[first]), round(MOMENT_S / _THIN_S)
+    # It began after the last moment in which the path needed small angles only.
+    small = np.pad((np.abs(rows.needed[before]) < _CLEAR_DEG).astype(np.float64), (width - 1, 0))
+    clear = rows.time_s[before][np.convolve(small, np.ones(width), mode="valid") > width - 0.5]
     last_clear_s = float(clear[-1]) if len(clear) else time_s
     earliest_s = last_clear_s if time_s - last_clear_s > LASTING_S else time_s
     # Small angles often bend a path less than large ones do; the scale is that of all angles.
@@ -179,50 +178,27 @@ def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> 
     return LevelStep(run, time_s, turned_deg, odd is after, earliest_s)
 
 
-def _find_clear(needed: Array) -> Mask:
-    """Return which rows of a side (k,) end a time in which the path needs small angles only."""
-    width = round(MOMENT_S / _THIN_S)
-    small = np.pad((np.abs(needed) < _CLEAR_DEG).astype(np.float64), (width - 1, 0))
-    mask: Mask = np.convolve(small, np.ones(width), mode="valid") > width - 0.5
-    return mask
-
-
 def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _LevelRows | None:
-    """Collect the rows of all runs whose path is known, every _THIN_S; None where they are too few."""
+    """Collect the rows of all runs whose path is known, by headings or a course, every _THIN_S; None where they are too
+    few."""
     scales = fit_path_scales([run for run in runs if run is not None])
-    tables = [
-        _collect_run(log, number, run, scales)
-        for number, (log, run) in enumerate(zip(logs, runs, strict=True))
-        if run is not None and run.hold_s <= READING_S
-    ]
-    table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
+    tables, second = [np.zeros((10, 0))], round(1.0 / STEP_S)
+    width = 2 * round(0.5 * TURN_S / STEP_S) + 1
+    for number, (log, run) in enumerate(zip(logs, runs, strict=True)):
+        if run is None or run.hold_s > READING_S:
+            continue
+        needed = next((angle for angle, _ in run.list_needed(scales)), run.unknown)
+        angle = np.convolve(np.pad(run.angle, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
+        chosen = np.arange(0, len(needed), round(_THIN_S / STEP_S))
+        chosen = chosen[np.isfinite(needed[chosen])]
+        course = np.arctan2(*(shift(run.place, second) - shift(run.place, -second)))
+        implement = np.round(np.interp(run.time_s, log.time_s[log.used], log.implement[log.used]))
+        columns = (run.time_s, angle, needed, run.pace, implement, course, np.round(run.gear), *run.place)
+        tables.append(np.stack([np.full(len(chosen), float(number)), *(column[chosen] for column in columns)]))
+    table = np.concatenate(tables, axis=1)
     if table.shape[1] < FEWEST_LINE_ROWS:
         return None
     return _LevelRows(table[0].astype(np.int64), *table[1:])
-
-
-def _collect_run(log: Log, number: int, run: RunEvidence, scales: Sequence[BendScale | None]) -> Array:
-    """Return the columns of _LevelRows (10, k) of one run: by its headings, or its course where it has none."""
-    needed = next((angle for angle, _ in run.list_needed(scales)), np.full(len(run.time_s), np.nan))
-    width = 2 * round(0.5 * TURN_S / STEP_S) + 1
-    angle = np.convolve(np.pad(run.angle, width // 2, mode="edge"), np.full(width, 1.0 / width), mode="valid")
-    rows = np.arange(0, len(needed), round(_THIN_S / STEP_S))
-    rows = rows[np.isfinite(needed[rows])]
-    second = round(1.0 / STEP_S)
-    course = np.arctan2(*(shift(run.place, second) - shift(run.place, -second)))
-    implement = np.interp(run.time_s, log.time_s[log.used], log.implement[log.used])
-    columns = (angle, needed, run.pace, np.round(implement), course, np.round(run.gear), *run.place)
-    return np.stack([np.full(len(rows), float(number)), run.time_s[rows], *(column[rows] for column in columns)])
-
-
-def _build_nuisance(rows: _LevelRows) -> Array:
-    """Build columns (k, n) of what bends paths otherwise: gains by angle, side and pace, the implement, and slopes."""
-    angle, turn = rows.angle, rows.angle * rows.pace**2
-    columns = [
-        angle, np.abs(angle), angle * np.abs(angle) / 20.0, angle**3 / 400.0, turn / 4.0, np.abs(turn) / 4.0,
-        rows.implement, rows.pace, np.cos(rows.course), np.sin(rows.course), rows.gear,
-    ]  # fmt: skip
-    return np.stack([column - np.mean(column) for column in columns], axis=1)
 
 
 def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> tuple[Array, Array]:
@@ -254,55 +230,51 @@ def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float]
     """Return the row of the best step of a run, and its size (deg); None in a run too short for any."""
     own = np.flatnonzero(rows.run == run)
     part_s = max(0.5 * PART_S, len(own) * _THIN_S / _MOST_PARTS)
-    parts = _split_parts(len(own), part_s)
+    levels, size = _measure_levels(residual[own], part_s), round(part_s / _THIN_S)
     least = math.ceil(_LEAST_SIDE_S / part_s)
-    if len(parts) < 2 * least:
+    if len(levels) < 2 * least:
         return None
-    levels = np.array([np.median(residual[own[part]]) for part in parts])
-    costs = [
-        float(np.sum(np.abs(levels[:split] - np.median(levels[:split]))))
-        + float(np.sum(np.abs(levels[split:] - np.median(levels[split:]))))
-        for split in range(least, len(levels) - least + 1)
-    ]
+
+    def measure_scatter(part: Array) -> float:
+        return float(np.sum(np.abs(part - np.median(part))))
+
+    costs = [measure_scatter(levels[:split]) + measure_scatter(levels[split:])
+             for split in range(least, len(levels) - least + 1)]  # fmt: skip
     split = least + int(np.argmin(costs))
     before, after = float(np.median(levels[:split])), float(np.median(levels[split:]))
-    first = parts[split].start
     reach = round(max(2.0 * WINDOW_S, 2.0 * part_s) / _THIN_S)
-    window = np.arange(max(first - reach, 0), min(first + reach, len(own)))
+    window = np.arange(max(split * size - reach, 0), min(split * size + reach, len(own)))
     gain = np.abs(residual[own[window]] - before) - np.abs(residual[own[window]] - after)
     # Where the sum of what the level before explains worse begins to grow for good.
     refined = int(window[0]) + int(np.argmin(np.concatenate([[0.0], np.cumsum(gain)])))
     return int(own[min(refined, len(own) - 1)]), after - before
 
 
-def _split_parts(count: int, part_s: float) -> list[slice]:
-    """Return slices of about `part_s` of so many rows."""
+def _measure_levels(values: Array, part_s: float) -> Array:
+    """Return the medians of parts of about `part_s` of values (k,)."""
     size = round(part_s / _THIN_S)
-    return [slice(start, start + size) for start in range(0, count - size + 1, size)]
+    return np.array([np.median(values[start : start + size]) for start in range(0, len(values) - size + 1, size)])
 
 
-def _is_step(rows: _LevelRows, residual: Array, run: int, first: int) -> bool:
-    """Whether a run has a step at row `first` that is clear, sharp, flat on both sides, and of no other cause."""
-    before, after = _split_run(rows, run, first)
-    if min(np.count_nonzero(before), np.count_nonzero(after)) * _THIN_S < _LEAST_SIDE_S:
+def _is_step(
+    rows: _LevelRows, residual: Array, sides: tuple[Mask, Mask], alike: tuple[Mask, Mask], size: float
+) -> bool:
+    """Whether a step of a size (deg) between two sides of a run is clear, sharp, flat on both, and of no other cause.
+
+    `alike` are the rows of the usual side, with those of other runs at its level, and of the odd one.
+    """
+    if abs(size) < WHEEL_NOISE_DEG or not all(_is_flat(residual[side], size) for side in sides):
         return False
-    size = float(np.median(residual[after]) - np.median(residual[before]))
-    if abs(size) < _LEAST_STEP_DEG:
-        return False
-    is_flat = _is_flat(residual[before], size) and _is_flat(residual[after], size)
-    if not is_flat or not _is_sharp(residual[before], residual[after], size):
-        return False
-    odd, usual = _choose_usual(rows, residual, before, after, size)
-    size = size if odd is after else -size
+    near = round(WINDOW_S / _THIN_S)
+    for side, rows_near in zip(sides, (slice(-near, None), slice(0, near)), strict=True):
+        own = residual[side]
+        if not abs(float(np.median(own[rows_near]) - np.median(own))) < NEAR_SHARE * abs(size):
+            return False
+    usual, odd = alike
+    size = size if odd is sides[1] else -size
     return _is_alike(rows, residual, usual, odd, size) and (
-        _is_seen_in_same_places(rows, residual, usual, odd, size) or _is_crossed(rows, residual, before, after)
+        _is_seen_in_same_places(rows, residual, usual, odd, size) or _is_crossed(rows, residual, *sides)
     )
-
-
-def _split_run(rows: _LevelRows, run: int, first: int) -> tuple[Mask, Mask]:
-    """Return the rows of a run before row `first`, and from it on."""
-    own, number = rows.run == run, np.arange(len(rows.run))
-    return own & (number < first), own & (number >= first)
 
 
 def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, size: float) -> tuple[Mask, Mask]:
@@ -315,34 +287,20 @@ def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, 
         likeness = int(np.count_nonzero(before) - np.count_nonzero(after))
     odd, usual = (after, before) if likeness >= 0 else (before, after)
     level = float(np.median(residual[usual]))
-    alike = [run for run in levels if abs(levels[run] - level) < _NEAR_SHARE * abs(size)]
+    alike = [run for run in levels if abs(levels[run] - level) < NEAR_SHARE * abs(size)]
     return odd, usual | np.isin(rows.run, alike)
 
 
 def _is_flat(side: Array, size: float) -> bool:
     """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
-    levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), PART_S)])
-    apart = np.abs(levels - np.median(side))
-    scatter = measure_spread(apart)
-    slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
+    levels, level = _measure_levels(side, PART_S), float(np.median(side))
+    apart = np.abs(levels - level)
+    clipped = np.clip(levels, level - abs(size), level + abs(size))
+    slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), clipped, 1)[0])
     return (
-        abs(size) > SURE_SIGMAS * scatter
-        and float(np.mean(apart < _NEAR_SHARE * abs(size))) >= STEADY_SHARE
-        and abs(slope) < _DRIFT_SHARE * abs(size)
-    )
-
-
-def _clip(side: Array, size: float) -> tuple[float, float]:
-    level = float(np.median(side))
-    return level - abs(size), level + abs(size)
-
-
-def _is_sharp(before: Array, after: Array, size: float) -> bool:
-    """Whether what is next to a step is at the level of its side."""
-    near = round(WINDOW_S / _THIN_S)
-    return all(
-        abs(float(np.median(part) - np.median(side))) < _NEAR_SHARE * abs(size)
-        for part, side in ((before[-near:], before), (after[:near], after))
+        abs(size) > SURE_SIGMAS * measure_spread(apart)
+        and float(np.mean(apart < NEAR_SHARE * abs(size))) >= STEADY_SHARE
+        and abs(slope) < ALIKE_SHARE * abs(size)
     )
 
 
@@ -355,16 +313,18 @@ def _is_alike(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: f
     shown = []
     for condition in (bend, pace, quarter, rows.implement, rows.gear):
         for value in np.unique(condition[odd]):
-            share = _measure_share(residual, usual & (condition == value), odd & (condition == value), size)
-            if share is not None and not _LEAST_SHARE < share < _MOST_SHARE:
+            sides = [side & (condition == value) for side in (usual, odd)]
+            if min(map(np.count_nonzero, sides)) * _THIN_S < PART_S:
+                continue
+            level, other = (float(np.median(residual[side])) for side in sides)
+            if not _LEAST_SHARE < (other - level) / size < _MOST_SHARE:
                 return False
-            if condition is bend and share is not None:
-                shown.append(value)
+            shown += [value] if condition is bend else []
     cells = np.stack([quarter, rows.implement, bend == 0.0, rows.gear]).T
     _, cell = np.unique(cells, axis=0, return_inverse=True)
     cell = cell.ravel()
     common = [value for value in np.unique(cell[odd]) if np.sum(usual & (cell == value)) * _THIN_S >= PART_S]
-    if float(np.mean(np.isin(cell[odd], common))) < _DRIFT_SHARE:
+    if float(np.mean(np.isin(cell[odd], common))) < ALIKE_SHARE:
         return False
     # A bend to one side alone may be bent by another gain.
     return len(shown) > 1 or (shown == [0.0] and _is_followed(rows.angle[odd], residual[odd]))
@@ -380,14 +340,7 @@ def _is_followed(angle: Array, residual: Array) -> bool:
     left = residual - np.mean(residual) - slope * about
     # Curvature is an average over TURN_S, so only so many rows are independent.
     error = float(np.sqrt(np.mean(left**2) * TURN_S / _THIN_S / squares))
-    return abs(slope) + DOUBT_SIGMAS * error < _NEAR_SHARE
-
-
-def _measure_share(residual: Array, usual: Mask, odd: Mask, size: float) -> float | None:
-    """Return the share of a step that rows alike on both sides show; None where they are too few."""
-    if min(np.count_nonzero(usual), np.count_nonzero(odd)) * _THIN_S < PART_S:
-        return None
-    return float(np.median(residual[odd]) - np.median(residual[usual])) / size
+    return abs(slope) + DOUBT_SIGMAS * error < NEAR_SHARE
 
 
 def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:
@@ -396,7 +349,7 @@ def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd:
     _, number = np.unique(square, axis=0, return_inverse=True)
     number = number.ravel()
     seen = [value for value in np.unique(number[odd]) if np.sum(usual & (number == value)) * _THIN_S >= LASTING_S]
-    least = max(_DRIFT_SHARE * np.count_nonzero(odd), PART_S / _THIN_S)
+    least = max(ALIKE_SHARE * np.count_nonzero(odd), PART_S / _THIN_S)
     if np.count_nonzero(odd & np.isin(number, seen)) < least:
         return False
     apart = np.concatenate(
@@ -413,15 +366,121 @@ def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) ->
         return False
     course = rows.course[first]
     ahead = (rows.east - rows.east[first]) * np.sin(course) + (rows.north - rows.north[first]) * np.cos(course)
-    first_level, last_level = float(np.median(residual[before])), float(np.median(residual[after]))
-    return all(
-        _is_seen_beyond(residual, side, side & (far * ahead > _BEYOND_M), level, other)
-        for side, far, level, other in ((before, 1.0, first_level, last_level), (after, -1.0, last_level, first_level))
+    first_level, last_level = (float(np.median(residual[side])) for side in (before, after))
+    for side, far, level, other in ((before, 1.0, first_level, last_level), (after, -1.0, last_level, first_level)):
+        beyond = side & (far * ahead > _BEYOND_M)
+        # Enough rows beyond the place of the step are at the level of their own side.
+        if np.count_nonzero(beyond) < FEW_SHARE * np.count_nonzero(side):
+            return False
+        if not _LEAST_SHARE < (float(np.median(residual[beyond])) - other) / (level - other) < _MOST_SHARE:
+            return False
+    return True
+
+
+HEADING_JUMP = "heading_jump"
+_MOST_DEG = 180.0 - TURNED_DEG  # more is a heading that points backwards, less than CLEARLY_APART_DEG is its noise
+_JUMP_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
+_HEADING_NEAR_DEG = 1.5  # chosen: from the level of its side, beside a share of the jump
+
+
+def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs with headings beside a jump turned back, the jump in `faults`, and no rows about it.
+
+    A heading that often leaps is noise, or of another fault.
+    """
+    corrected = []
+    for log in logs:
+        jumps = _list_candidates(log)
+        levels = _compare_levels(log, *jumps[0]) if len(jumps) == 1 else None
+        corrected.append(log if levels is None else _turn_headings_back(log, *jumps[0][:2], *levels))
+    return corrected
+
+
+def _list_candidates(log: Log) -> list[tuple[int, int, float]]:
+    """Return the rows on both sides of the steps of the heading that no tractor turns, and by how much (deg)."""
+    measured = log.place_rows.get("heading")
+    rows = np.flatnonzero(log.used if measured is None else log.used & measured)
+    if log.heading_deg is None or len(rows) < 4 * FEWEST_TIMES:
+        return []
+    time, turn = log.time_s[rows], np.diff(np.unwrap(np.radians(log.heading_deg[rows])))
+    step_s = np.diff(time)
+    rate = np.degrees(turn) / np.maximum(step_s, 1e-6)
+    changes = np.abs(np.diff(np.degrees(turn)))
+    least = max(CLEARLY_APART_DEG, _JUMP_NOISES * float(np.median(changes)))
+    jumps = []
+    for row in np.flatnonzero((np.abs(np.degrees(turn)) > 0.5 * least) & (step_s <= MOMENT_S)):
+        before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - MOMENT_S))
+        after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + MOMENT_S))
+        if min(len(before), len(after)) < FEWEST_TIMES:
+            continue
+        # What it turned about a step is between the rates of both sides.
+        near = np.median(rate[before]), np.median(rate[after])
+        most = [float(np.max(np.abs(rate[side] * step_s[row]))) for side in (before, after)]
+        size_deg = math.degrees(turn[row]) - 0.5 * float(near[0] + near[1]) * float(step_s[row])
+        if least + max(most) < abs(size_deg) < _MOST_DEG:
+            jumps.append((int(rows[row]), int(rows[row + 1]), size_deg))
+    return jumps
+
+
+def _compare_levels(log: Log, last_before: int, first_after: int, size_deg: float) -> tuple[float, float] | None:
+    """Return heading minus course (deg) before and after a jump; None where it does not step by as much, and stay."""
+    error, time = _collect_errors(log)
+    after = time >= log.time_s[first_after]
+    levels = []
+    for side in (~after & (time <= log.time_s[last_before]), after):
+        if np.count_nonzero(side) * STEP_S < WINDOW_S:
+            return None
+        level = float(np.median(error[side]))
+        # Headings of a side stay at its level, in each part of the time.
+        off, near_deg = error[side] - level, ALIKE_SHARE * abs(size_deg)
+        if float(np.mean(np.abs(off) < near_deg + _HEADING_NEAR_DEG)) < STEADY_SHARE:
+            return None
+        parts = ((time[side] - time[side][0]) // (2.0 * WINDOW_S)).astype(np.int64)
+        long_parts = [part for part in np.unique(parts) if np.sum(parts == part) > PART_S / STEP_S]
+        if any(abs(float(np.median(off[parts == part]))) >= 2.0 * near_deg for part in long_parts):
+            return None
+        levels.append(level)
+    apart = levels[1] - levels[0]
+    alike = max(_HEADING_NEAR_DEG, ALIKE_SHARE * abs(size_deg))
+    return (levels[0], levels[1]) if abs(apart - size_deg) < alike else None
+
+
+def _collect_errors(log: Log) -> tuple[Array, Array]:
+    """Return heading minus course (k, deg) of a log and its times, without what the antenna swings in bends."""
+    run, half = build_run_evidence(log, math.inf), round(0.5 * COURSE_TURN_S / STEP_S)
+    if run is None or run.heading is None:
+        return np.empty(0), np.empty(0)
+    known = np.isfinite(run.bends[1])
+    course = np.arctan2(*(np.sign(run.gear) * (shift(run.place, half) - shift(run.place, -half))))
+    error = wrap_degrees(np.degrees(run.heading - course)[known])
+    time, curvature = run.time_s[known], run.bends[1][known]
+    columns = np.stack([curvature, np.abs(curvature)], axis=1)
+    # The changes from bend to bend, not the level that jumps, say how far an antenna swings.
+    lag = round(3.0 / STEP_S)
+    if len(error) > 3 * lag:
+        turned, apart = columns[lag:] - columns[:-lag], error[lag:] - error[:-lag]
+        small = np.abs(apart) < max(4.0 * measure_spread(apart), 3.0)
+        if np.count_nonzero(small) > lag:
+            error = error - columns @ np.linalg.lstsq(turned[small], apart[small], rcond=None)[0]
+    return error, time
+
+
+def _turn_headings_back(log: Log, last_before: int, first_after: int, before_deg: float, after_deg: float) -> Log:
+    """Return a log whose headings on the side that is further from the course are turned back by the jump."""
+    assert log.heading_deg is not None
+    size_deg = after_deg - before_deg
+    is_before_wrong = abs(before_deg) - abs(after_deg) > MAJORITY * abs(size_deg)
+    heading = log.heading_deg.copy()
+    if is_before_wrong:
+        heading[: last_before + 1] += size_deg
+    else:
+        heading[first_after:] -= size_deg
+    words = (
+        f"heading_deg jumps by {abs(size_deg):.1f} deg to the {'right' if size_deg > 0.0 else 'left'} and stays there "
+        "while the course goes on: the instrument was reset, or moved on its mount"
     )
-
-
-def _is_seen_beyond(residual: Array, side: Mask, beyond: Mask, level: float, other: float) -> bool:
-    """Whether a side has enough rows `beyond` the place of a step, and its level (deg) there, not that of the other."""
-    if np.count_nonzero(beyond) < FEW_SHARE * np.count_nonzero(side):
-        return False
-    return _LEAST_SHARE < (float(np.median(residual[beyond])) - other) / (level - other) < _MOST_SHARE
+    fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[first_after]), None, words)
+    faults, rows = (*log.faults, fault), list_gap_rows(last_before, first_after, len(log.time_s))
+    return log.exclude_rows(
+        f"heading jump: {words}", np.isin(np.arange(len(log.time_s)), rows), heading_deg=heading % 360.0, faults=faults
+    )

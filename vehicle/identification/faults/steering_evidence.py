@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
@@ -23,19 +23,20 @@ from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
     FEWEST_LINE_ROWS,
     GAP_STEPS,
+    GRID_S,
     LOCK_QUANTILE,
     PATH_MPS,
     SURE_SIGMAS,
+    TURN_S,
 )
 from vehicle.jit import compile_function
 
-STEP_S = 0.1  # chosen: of the grid on which evidence is compared
+STEP_S = GRID_S  # on which evidence is compared
 # Late (s), rate (deg/s) and lag (s). As the simulation steers by default, later by what valves usually are; a middling
 # one, as where commands swing to and fro it is not always between an immediate and a slow one; and slower than any
 # steering of the catalogue (0.25 s late, 9 deg/s, and clocks of two columns).
 STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
 EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, with what stands still in them
-TURN_S = 1.0  # over which curvature is taken
 COURSE_TURN_S = 2.0 * TURN_S  # chosen: the course of the antenna is noisier
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
 SWING_S = 5.0  # in which the slowest steering does what was commanded
@@ -73,6 +74,11 @@ class RunEvidence:
     def angle(self) -> Array:
         """The wheel angle (k, deg); without a sensor that of a usual steering."""
         return self.usual if self.wheel is None else self.wheel
+
+    @property
+    def unknown(self) -> Array:
+        """Nothing known in any step (k,)."""
+        return np.full(len(self.time_s), np.nan)
 
     def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
         """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its
@@ -127,7 +133,13 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
         nearest = np.searchsorted(0.5 * (row_s[1:] + row_s[:-1]), time)
         source = command = np.clip(log.steering_command_deg[rows][nearest], -lock_deg, lock_deg)
     assert source is not None
-    hold_s = _measure_hold_s(log, rows)
+    hold_s = 0.0  # how rarely the slower of the steering columns changes, where that is less often than its rows
+    for values in (log.steering_deg, log.steering_command_deg):
+        changes = np.flatnonzero(np.diff(values[rows]) != 0.0) if values is not None else np.empty(0)
+        if len(changes) >= 20:
+            gaps = np.diff(row_s[changes])
+            is_slow = np.median(gaps) > GAP_STEPS * np.median(step_s)
+            hold_s = max(hold_s, float(np.quantile(gaps, ALMOST_ALL_SHARE)) if is_slow else 0.0)
     place = np.stack([np.interp(time, row_s, axis[rows]) for axis in (log.easting_m, log.northing_m)])
     heading, driven = None, None
     gear = np.interp(time, row_s, log.shuttle[rows])
@@ -135,35 +147,15 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
         heading = np.interp(time, row_s, np.unwrap(np.radians(log.heading_deg[rows])))
     if log.speed_mps is not None:
         driven = gear * np.interp(time, row_s, log.speed_mps[rows])
-    angles, bends = _bound_wheels(source, wheel, hold_s), _measure_bends(place, heading, gear, known)
+    follows = [follow_command(source, *steering, source[0] if wheel is None else wheel[0]) for steering in STEERINGS]
+    allowed, reach = np.stack([source, *follows]), round((EITHER_WAY_S + hold_s) / STEP_S)
+    low = slide_minimum(allowed.min(axis=0), reach) - OFFSET_DEG
+    high = -slide_minimum(-allowed.max(axis=0), reach) + OFFSET_DEG
+    steered = np.min([measure_swing(one) for one in follows], axis=0)
+    pace, bends = _measure_bends(place, heading, gear, known)
     aside = _measure_aside(place, heading, driven, known)
-    return RunEvidence(time, known, wheel, command, *angles, *bends, aside, place, heading, gear, hold_s)
-
-
-def _measure_hold_s(log: Log, rows: Rows) -> float:
-    """How rarely (s) the slower of the steering columns changes, where that is less often than its rows."""
-    holds = [0.0]
-    for values in (log.steering_deg, log.steering_command_deg):
-        changes = np.flatnonzero(np.diff(values[rows]) != 0.0) if values is not None else np.empty(0)
-        if len(changes) >= 20:
-            gaps = np.diff(log.time_s[rows][changes])
-            is_slow = np.median(gaps) > GAP_STEPS * np.median(np.diff(log.time_s[rows]))
-            holds.append(float(np.quantile(gaps, ALMOST_ALL_SHARE)) if is_slow else 0.0)
-    return max(holds)
-
-
-def _bound_wheels(source: Array, wheel: Array | None, hold_s: float) -> tuple[Array, Array, Array, Array]:
-    """The angle of a usual steering, the least and the largest that commands allow, and how far all move (k, deg)."""
-    start = source[0] if wheel is None else wheel[0]
-    follows = [follow_command(source, *steering, start) for steering in STEERINGS]
-    allowed = np.stack([source, *follows])
-    reach = round((EITHER_WAY_S + hold_s) / STEP_S)
-    return (
-        follows[0],
-        slide_minimum(allowed.min(axis=0), reach) - OFFSET_DEG,
-        -slide_minimum(-allowed.max(axis=0), reach) + OFFSET_DEG,
-        np.min([measure_swing(one) for one in follows], axis=0),
-    )
+    return RunEvidence(time, known, wheel, command, follows[0], low, high, steered, pace, bends, aside, place, heading,
+                       gear, hold_s)  # fmt: skip
 
 
 def measure_swing(angle: Array) -> Array:
@@ -221,21 +213,19 @@ def _measure_aside(place: Array, heading: Array | None, pace: Array | None, know
 def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
     """How the curvatures by heading and by course follow the wheels of all runs; None where no line is clear."""
     angle, *bends = np.concatenate([np.empty((3, 0)), *(np.stack([run.angle, *run.bends]) for run in runs)], axis=1)
-    return [_fit_scale(angle, curvature) for curvature in bends]
-
-
-def _fit_scale(angle: Array, curvature: Array) -> BendScale | None:
-    known = np.isfinite(angle) & np.isfinite(curvature)
-    angle, curvature = angle[known], curvature[known]
-    if len(angle) < FEWEST_LINE_ROWS or np.std(angle) < 0.5:
-        return None
-    (per_degree, at_zero), _, _ = fit_robustly(np.stack([angle, np.ones(len(angle))], axis=1), curvature)
-    if per_degree <= 0.0:
-        return None
-    apart = np.abs((curvature - at_zero) / per_degree - angle)
-    kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
-    is_clear = np.corrcoef(angle[kept], curvature[kept])[0, 1] > CLEAR_CORRELATION
-    return BendScale(float(per_degree), float(at_zero)) if is_clear else None
+    scales: list[BendScale | None] = []
+    for curvature in bends:
+        known = np.isfinite(angle) & np.isfinite(curvature)
+        x, y, scale = angle[known], curvature[known], None
+        if len(x) >= FEWEST_LINE_ROWS and np.std(x) >= 0.5:
+            (per_degree, at_zero), _, _ = fit_robustly(np.stack([x, np.ones(len(x))], axis=1), y)
+            if per_degree > 0.0:
+                apart = np.abs((y - at_zero) / per_degree - x)
+                kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
+                is_clear = np.corrcoef(x[kept], y[kept])[0, 1] > CLEAR_CORRELATION
+                scale = BendScale(float(per_degree), float(at_zero)) if is_clear else None
+        scales.append(scale)
+    return scales
 
 
 @compile_function

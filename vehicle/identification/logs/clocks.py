@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
-from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     ALMOST_ALL_SHARE,
     CLEAR_SIGMAS,
     FEW_SHARE,
@@ -29,14 +29,16 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_EVENTS,
     FEWEST_LINE_ROWS,
     GAP_STEPS,
+    GRID_S,
     MAJORITY,
     MOVING_MPS,
     NEARLY_SHARE,
+    POSITION_NOISE_M,
     READING_S,
     WINDOW_S,
 )
 
-_SEARCH_S, _GRID_S, _FINE_S = 2.5, 0.1, 0.02
+_SEARCH_S, _FINE_S = 2.5, 0.02
 _HALF_CHORD_S = 0.5 * READING_S  # one centimetre of antenna noise is 1.4 cm/s over one second
 _LEAST_DRIFT_S = 0.3
 # Shorter logs cannot show two clocks.
@@ -58,12 +60,8 @@ class LagTable:
         return LagTable(self.middle_s[windows], self.losses[windows])
 
 
-@dataclass(frozen=True)
-class ClockDrift:
-    """A lag (s) that grows evenly: at the start of the log, and per second."""
-
-    start_s: float
-    rate: float
+Drift = tuple[float, float]
+"""A lag (s) that grows evenly: at the start of the log, and per second."""
 
 
 def correct_position_clock(log: Log) -> Log:
@@ -73,22 +71,21 @@ def correct_position_clock(log: Log) -> Log:
     drift = speed_drift or heading_drift
     if drift is None:
         return log
-    is_heading_along = heading_drift is None and log.heading_deg is not None
-    if is_heading_along and not _is_constant_preferred(against_heading, drift):
-        return log  # speed and heading contradict each other about the positions
+    rate, is_heading_along = drift[1], heading_drift is None and log.heading_deg is not None
+    if is_heading_along and against_heading is not None:
+        lag, loss = _fit_constant(against_heading)
+        moving = (lag - rate * float(against_heading.middle_s.mean()), rate)
+        if not loss < _compute_line_loss(against_heading, moving):
+            return log  # speed and heading contradict each other about the positions
     rows = np.flatnonzero(log.used)
     since_start_s = log.time_s - log.time_s[rows[0]]
-    what, other = (
-        "positions and headings get" if is_heading_along else "positions get",
-        "the measured speed" if speed_drift is not None else "the heading",
-    )
+    what = "positions and headings" if is_heading_along else "positions"
+    other = "the measured speed" if speed_drift is not None else "the heading"
     message = (
-        f"the {what} {abs(60.0 * drift.rate):.2f} s a minute {'later' if drift.rate > 0.0 else 'earlier'} against "
-        f"{other}, {abs(drift.rate) * float(since_start_s[rows[-1]]):.1f} s over the log: two clocks; they are shifted "
-        "back"
+        f"the {what} get {abs(60.0 * rate):.2f} s a minute {'later' if rate > 0.0 else 'earlier'} against {other}, "
+        f"{abs(rate) * float(since_start_s[rows[-1]]):.1f} s over the log: two clocks; they are shifted back"
     )
-    shifted_log = _shift_positions(log, drift.rate * since_start_s, is_heading_along)
-    return shifted_log.correct_columns(message)
+    return _shift_positions(log, rate * since_start_s, is_heading_along).correct_columns(message)
 
 
 def _shift_positions(log: Log, shift_s: Array, with_heading: bool) -> Log:
@@ -145,7 +142,7 @@ def measure_heading_lags(log: Log) -> LagTable | None:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Motion on an even grid of `_GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
+    """Motion on an even grid of `GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
 
     `moving` marks where the tractor drives forward in used rows.
     """
@@ -164,7 +161,7 @@ def _resample_motion(log: Log) -> _Motion | None:
     if len(rows) < 2 or float(np.ptp(log.time_s[rows])) < CLOCKS_FROM_S:
         return None
     time = log.time_s[rows]
-    grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, _GRID_S)
+    grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, GRID_S)
 
     def compute_slope(values: Array) -> Array:
         ends = [np.interp(grid + shift, time, values) for shift in (-_HALF_CHORD_S, _HALF_CHORD_S)]
@@ -196,7 +193,7 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     """
     from scipy.interpolate import CubicSpline
 
-    width, reach = round(WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
+    width, reach = round(WINDOW_S / GRID_S), round(_SEARCH_S / GRID_S)
     lags = np.arange(-reach, reach + 1)
     pace = np.hypot(grid.east_mps, grid.north_mps)
     middles_s, losses = [], []
@@ -210,59 +207,39 @@ def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array
     if len(middles_s) < FEWEST_CHORDS:
         return None
     fine = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _FINE_S, _FINE_S)
-    table = CubicSpline(lags * _GRID_S, np.array(losses), axis=1)(fine)
+    table = CubicSpline(lags * GRID_S, np.array(losses), axis=1)(fine)
     return LagTable(np.array(middles_s), table)
 
 
-def find_drift(table: LagTable | None) -> ClockDrift | None:
+def find_drift(table: LagTable | None) -> Drift | None:
     """Find a lag that grows evenly over the log; None unless it passes every test of the module's head."""
     if table is None:
         return None
     drift, loss = _fit_line(table)
     span_s = float(np.ptp(table.middle_s))
     constant_loss = _fit_constant(table)[1]
-    if abs(drift.rate) * span_s < _LEAST_DRIFT_S or loss > NEARLY_SHARE * constant_loss:
+    if abs(drift[1]) * span_s < _LEAST_DRIFT_S or loss > NEARLY_SHARE * constant_loss:
         return None
     count = len(table.middle_s)
-    halves = [np.arange(count // 2), np.arange(count // 2, count)]
-    for half in halves:
-        share = _fit_line(table.select_windows(half))[0].rate / drift.rate
+    numbers = np.arange(count)
+    for half in (numbers[: count // 2], numbers[count // 2 :]):
+        share = _fit_line(table.select_windows(half))[0][1] / drift[1]
         if not _HALF_RATE_SHARES[0] <= share <= _HALF_RATE_SHARES[1]:
             return None
-    if not _is_better_held_out(table) or not _exceeds_other_orders(table, constant_loss - loss):
-        return None
-    return drift
-
-
-def _is_better_held_out(table: LagTable) -> bool:
-    """Whether the line of every other window leaves less mismatch in the others than their constant lag."""
-    numbers = np.arange(len(table.middle_s))
+    # The line of every other window leaves less mismatch in the others than their constant lag.
     by_line = by_constant = 0.0
     for parity in (0, 1):
-        fitted, kept = table.select_windows(numbers[numbers % 2 == parity]), numbers[numbers % 2 != parity]
-        other = table.select_windows(kept)
+        fitted, other = (table.select_windows(numbers[numbers % 2 == rest]) for rest in (parity, 1 - parity))
         by_line += _compute_line_loss(other, _fit_line(fitted)[0])
-        by_constant += _compute_line_loss(other, ClockDrift(_fit_constant(fitted)[0], 0.0))
-    return by_line < NEARLY_SHARE * by_constant
-
-
-def _exceeds_other_orders(table: LagTable, gain: float) -> bool:
-    """Whether a line gains more than with the windows in any of the orders tried."""
+        by_constant += _compute_line_loss(other, (_fit_constant(fitted)[0], 0.0))
+    if not by_line < NEARLY_SHARE * by_constant:
+        return None
     rng = np.random.default_rng(0)
     for _ in range(_NULL_ORDERS):
-        shuffled = LagTable(table.middle_s, table.losses[rng.permutation(len(table.middle_s))])
-        if gain <= _fit_constant(shuffled)[1] - _fit_line(shuffled)[1]:
-            return False
-    return True
-
-
-def _is_constant_preferred(table: LagTable | None, drift: ClockDrift) -> bool:
-    """Whether a constant lag leaves less mismatch than one that grows at the rate of a drift."""
-    if table is None:
-        return True
-    lag, loss = _fit_constant(table)
-    middle = float(table.middle_s.mean())
-    return loss < _compute_line_loss(table, ClockDrift(lag - drift.rate * middle, drift.rate))
+        shuffled = LagTable(table.middle_s, table.losses[rng.permutation(count)])
+        if constant_loss - loss <= _fit_constant(shuffled)[1] - _fit_line(shuffled)[1]:
+            return None
+    return drift
 
 
 def _fit_constant(table: LagTable) -> tuple[float, float]:
@@ -272,20 +249,20 @@ def _fit_constant(table: LagTable) -> tuple[float, float]:
     return best * _FINE_S - _SEARCH_S, float(total[best])
 
 
-def _fit_line(table: LagTable) -> tuple[ClockDrift, float]:
+def _fit_line(table: LagTable) -> tuple[Drift, float]:
     """Return the evenly growing lag of least mismatch, and the mismatch: a coarse search, then a fine one around it."""
-    first_s, span_s = float(table.middle_s[0]), max(float(np.ptp(table.middle_s)), _GRID_S)
-    coarse = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _GRID_S, _GRID_S)
+    first_s, span_s = float(table.middle_s[0]), max(float(np.ptp(table.middle_s)), GRID_S)
+    coarse = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * GRID_S, GRID_S)
     start, end, _ = _search_lines(table, coarse, coarse)
-    near = np.arange(-_GRID_S, _GRID_S + 0.5 * _FINE_S, _FINE_S)
+    near = np.arange(-GRID_S, GRID_S + 0.5 * _FINE_S, _FINE_S)
     start, end, loss = _search_lines(table, start + near, end + near)
     rate = (end - start) / span_s
-    return ClockDrift(start - rate * first_s, rate), loss
+    return (start - rate * first_s, rate), loss
 
 
 def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, float, float]:
     """Return the lags at the first and last window of least mismatch, and the mismatch."""
-    share = (table.middle_s - table.middle_s[0]) / max(float(np.ptp(table.middle_s)), _GRID_S)
+    share = (table.middle_s - table.middle_s[0]) / max(float(np.ptp(table.middle_s)), GRID_S)
     total = np.zeros((len(starts), len(ends)))
     for place, losses in zip(share, table.losses, strict=True):
         lag = (1.0 - place) * starts[:, None] + place * ends[None, :]
@@ -294,8 +271,8 @@ def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, f
     return float(starts[best[0]]), float(ends[best[1]]), float(total[best])
 
 
-def _compute_line_loss(table: LagTable, drift: ClockDrift) -> float:
-    columns = _find_columns(drift.start_s + drift.rate * table.middle_s, table.losses.shape[1])
+def _compute_line_loss(table: LagTable, drift: Drift) -> float:
+    columns = _find_columns(drift[0] + drift[1] * table.middle_s, table.losses.shape[1])
     return float(table.losses[np.arange(len(columns)), columns].sum())
 
 
@@ -306,11 +283,9 @@ def _find_columns(lag: Array, count: int) -> Rows:
 
 
 _WINDOW_ROWS = 21  # chosen: the clock of a logger keeps its rate over so many rows
-_LEAST_MOVED_M = 0.03  # chosen, between rows: beyond the noise of a receiver
 # Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
 # so many steps comes after lost rows; more of those are no rate.
 _AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
-_EVEN_SHARE = 0.3  # between 0 (evenly taken) and 1 (taken when stamped)
 
 
 def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
@@ -329,7 +304,7 @@ def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if not bundled and not jitter_s > FEW_SHARE * step_s:
         return columns, ()
     share, error = measure_followed_share(time, evened, np.hypot(np.diff(east), np.diff(north)))
-    if not share + CLEAR_SIGMAS * error < _EVEN_SHARE:
+    if not share + CLEAR_SIGMAS * error < ALIKE_SHARE:
         return columns, ()
     taken_s, bundles = float(np.median(np.diff(evened))), np.count_nonzero(_find_waits(time)) + 1
     sentence = (
@@ -378,23 +353,18 @@ def spread_bundles(time: Array) -> Array | None:
 
 
 def _smooth_stamps(time: Array, step_s: float) -> Array:
-    """Return stamps (k,) on the lines that they scatter about, part by part between gaps."""
-    evened = time.copy()
-    if not step_s > 0.0:
-        return evened
+    """Return stamps (k,) on the lines through the windows about each of them, part by part between gaps; at the ends
+    through the first or last window."""
+    evened, half, rows = time.copy(), _WINDOW_ROWS // 2, np.arange(_WINDOW_ROWS)
     for part in np.split(np.arange(len(time)), np.flatnonzero(np.diff(time) > GAP_STEPS * step_s) + 1):
-        if len(part) >= _WINDOW_ROWS:
+        if len(part) >= _WINDOW_ROWS and step_s > 0.0:
             even = step_s * np.arange(len(part))
-            evened[part] = even + _fit_lines(time[part] - even)
+            late = time[part] - even
+            middle = np.convolve(late, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
+            ends = late[:_WINDOW_ROWS], late[-_WINDOW_ROWS:]
+            first, last = (np.polyval(np.polyfit(rows, end, 1), rows) for end in ends)
+            evened[part] = even + np.concatenate([first[:half], middle, last[half + 1 :]])
     return evened
-
-
-def _fit_lines(values: Array) -> Array:
-    """Return values (k,) on the line through the window about each of them; at the ends through the first or last."""
-    half, rows = _WINDOW_ROWS // 2, np.arange(_WINDOW_ROWS)
-    middle = np.convolve(values, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
-    first, last = (np.polyval(np.polyfit(rows, end, 1), rows) for end in (values[: len(rows)], values[-len(rows) :]))
-    return np.concatenate([first[:half], middle, last[half + 1 :]])
 
 
 def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[float, float]:
@@ -404,7 +374,7 @@ def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[
     """
     usual = np.convolve(moved_m, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="same")
     steps = np.diff(evened)
-    moving = np.isfinite(usual) & (usual > _LEAST_MOVED_M)
+    moving = np.isfinite(usual) & (usual > POSITION_NOISE_M)
     moving &= np.abs(moved_m - usual) < usual  # a jump of the receiver is no step
     if np.count_nonzero(moving) < FEWEST_LINE_ROWS or np.mean(moved_m[moving] > 0.0) < ALMOST_ALL_SHARE:
         return 0.0, np.inf

@@ -19,22 +19,21 @@ from dataclasses import replace
 import numpy as np
 
 from vehicle.identification.logs.motion import RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
+from vehicle.identification.logs.schema import Array, ColumnFault, Columns, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
-    HOLDS,
     POSITION_FROZEN,
     SPEED_FROZEN,
     STILL_READINGS,
-    StandingSpan,
     find_standing_spans,
 )
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     FEWEST_EVENTS,
+    FEWEST_PARTS,
     FEWEST_ROWS,
     FEWEST_TIMES,
+    HOLDS,
     LASTING_S,
     MAJORITY,
     MOMENT_S,
@@ -47,7 +46,7 @@ LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lo
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
-_CALM_SHARE, _USUAL_WINDOWS = 0.15, 6
+_CALM_SHARE = 0.15
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -64,22 +63,22 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     faults += found
     for column in [column for column in STILL_READINGS if column != "position"]:
         faults += _find_still_faults(name, motion, rows, column, lost)
-    return [_limit_speed(each, motion, rows) if each.fault.id == SPEED_FROZEN else each for each in faults]
+    # A speed of 0 at a pace at which the sensor never shows any is its threshold, as radars have one.
+    words = "speed_mps is 0 while the tractor creeps, slower than its sensor shows"
+    for place, one in enumerate(faults):
+        if one.fault.id == SPEED_FROZEN and _is_too_slow(motion, np.searchsorted(rows, one.rows)):
+            faults[place] = replace(one, fault=replace(one.fault, id=SPEED_THRESHOLD, words=words), is_limit=True)
+    return faults
 
 
-def _limit_speed(column_fault: ColumnFault, motion: RawMotion, rows: Rows) -> ColumnFault:
-    """Return a speed of 0 at a pace at which the sensor never shows any as its threshold, as radars have one."""
+def _is_too_slow(motion: RawMotion, inside: Rows) -> bool:
+    """Whether a speed of 0 in some rows is at paces below those at which it shows any."""
     assert motion.speed is not None
-    inside = np.searchsorted(rows, column_fault.rows)
     shown = motion.pace[(motion.speed > 0.0) & np.isfinite(motion.pace)]
     hidden = motion.pace[inside][np.isfinite(motion.pace[inside])]
     if np.any(motion.speed[inside] > 0.0) or len(shown) < FEWEST_ROWS or not len(hidden):
-        return column_fault
-    if float(np.quantile(hidden, 0.95)) > float(np.quantile(shown, 0.05)):
-        return column_fault
-    words = "speed_mps is 0 while the tractor creeps, slower than its sensor shows"
-    fault = replace(column_fault.fault, id=SPEED_THRESHOLD, words=words)
-    return replace(column_fault, fault=fault, is_limit=True)
+        return False
+    return float(np.quantile(hidden, 0.95)) <= float(np.quantile(shown, 0.05))
 
 
 def _find_still_faults(
@@ -95,17 +94,13 @@ def _find_still_faults(
     for still in find_standing_spans(motion, column):
         if any(still.first <= last and first <= still.last for first, last in [*spans, *lost]):
             continue
-        fault = _build_fault(name, motion, rows, (still.first, still.last), reading.fault_id, reading.standing_words)
-        faults.append(replace(fault, fault=_tell_onset(fault.fault, still, motion)))
+        found = _build_fault(name, motion, rows, (still.first, still.last), reading.fault_id, reading.standing_words)
+        first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
+        if shown_s - first_s >= MOMENT_S:  # a column that stands does not show when it began
+            fault = replace(found.fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
+            found = replace(found, fault=fault)
+        faults.append(found)
     return faults
-
-
-def _tell_onset(fault: LogFault, still: StandingSpan, motion: RawMotion) -> LogFault:
-    """Return a fault with the times between which it began, where a column that stands does not show when."""
-    first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
-    if shown_s - first_s < MOMENT_S:
-        return fault
-    return replace(fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
 
 
 def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str, words: str) -> ColumnFault:
@@ -170,8 +165,8 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
         for first, last in find_spans(outside)
         for start in range(first, last - width + 2, width)
     ]
-    is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
-    if len(windows) < (FEWEST_TIMES if is_long else _USUAL_WINDOWS) or width < FEWEST_EVENTS:
+    is_long = max(last - first + 1 for first, last in spans) >= FEWEST_PARTS * width
+    if len(windows) < (FEWEST_TIMES if is_long else FEWEST_PARTS) or width < FEWEST_EVENTS:
         return False
     shares = (
         float(np.quantile([np.mean(what[window]) for window in windows], _CALM_SHARE)) for what in (changed, turned)
@@ -199,9 +194,12 @@ def _find_lost_positions(motion: RawMotion) -> list[Span]:
     near, wide = find_scattered_rows(motion, 1), find_scattered_rows(motion, motion.count_rows(_WANDER_S))
     spans = []
     for group in _group_rows(motion, np.union1d(near, wide)):
-        if any(_is_lost(motion, group[np.isin(group, rows)]) for rows in (near, wide)):
-            is_near_end = motion.time_s[-1] - motion.time_s[group[-1]] < _SAME_FAULT_S
-            spans.append((int(group[0]), len(motion.time_s) - 1 if is_near_end else int(group[-1])))
+        for rows in (near, wide):
+            own = group[np.isin(group, rows)]
+            if len(own) >= FEWEST_TIMES and motion.time_s[own[-1]] - motion.time_s[own[0]] >= MOMENT_S:
+                is_near_end = motion.time_s[-1] - motion.time_s[group[-1]] < _SAME_FAULT_S
+                spans.append((int(group[0]), len(motion.time_s) - 1 if is_near_end else int(group[-1])))
+                break
     return spans
 
 
@@ -209,12 +207,6 @@ def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
     """Return rows in groups of those that are near each other in time."""
     parts = np.split(rows, np.flatnonzero(np.diff(motion.time_s[rows]) > _SAME_FAULT_S) + 1)
     return [part for part in parts if len(part)]
-
-
-def _is_lost(motion: RawMotion, rows: Rows) -> bool:
-    if len(rows) < FEWEST_TIMES:
-        return False
-    return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= MOMENT_S
 
 
 def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
@@ -235,27 +227,20 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
     limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _LEAST_NOISES * usual)
     # Across a gap any bend is far from the middle of its neighbours.
     far = (apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))
-    if far.any():
-        far &= _measure_undriven(motion, fresh, lag, weight, aside) > limit
+    if far.any() and motion.speed is not None and motion.heading is not None:
+        heading = np.radians(motion.heading[fresh])
+        pace = motion.speed[fresh] * np.array([np.sin(heading), np.cos(heading)])
+        steps = 0.5 * (pace[:, 1:] + pace[:, :-1]) * np.diff(time)
+        driven = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
+        middle = driven[:, : -2 * lag] + weight * (driven[:, 2 * lag :] - driven[:, : -2 * lag])
+        shown = driven[:, lag:-lag] - middle
+        far &= np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))) > limit  # in either gear
     rows: Rows = fresh[lag:-lag][far]
     return rows
 
 
-def _measure_undriven(motion: RawMotion, fresh: Rows, lag: int, weight: Array, aside: Array) -> Array:
-    """Return how far (m) positions are `aside` (2, k) of the middle of their neighbours beyond what speed and heading
-    show, in either gear; all of it without these columns."""
-    if motion.speed is None or motion.heading is None:
-        return np.asarray(np.hypot(*aside))
-    heading, time = np.radians(motion.heading[fresh]), motion.time_s[fresh]
-    pace = motion.speed[fresh] * np.array([np.sin(heading), np.cos(heading)])
-    steps = 0.5 * (pace[:, 1:] + pace[:, :-1]) * np.diff(time)
-    driven = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
-    middle = driven[:, : -2 * lag] + weight * (driven[:, 2 * lag :] - driven[:, : -2 * lag])
-    shown = driven[:, lag:-lag] - middle
-    return np.asarray(np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))))
-
-
 POSITION_JUMP = "position_jump"
+_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 _LEAST_STEP_M = 2.0 * _LEAST_JUMP_M  # smaller steps are those of clods and of a poor receiver
 
 
@@ -265,16 +250,27 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     time, rows = columns["time_s"], select_timed_rows(columns)
     if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= READING_S:
         return columns, []
-    jumps = _find_jumps(columns, rows)
-    moved, faults = dict(columns) if jumps else columns, []
-    for last_before, first_after, size_m in jumps:
+    motion, moved, faults = build_raw_motion(columns, rows), dict(columns), list[ColumnFault]()
+    fresh = motion.find_fresh_positions()
+    for group in _group_rows(motion, find_scattered_rows(motion, 1)):
+        # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
+        first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))
+        size_m = _measure_jump(motion.time_s[fresh], motion.positions[:, fresh], first, last)
+        if size_m is None:
+            continue
+        last_before, first_after = int(rows[fresh[first]]), int(rows[fresh[last]])
         for axis, metres in zip(("easting_m", "northing_m"), size_m, strict=True):
             values = moved[axis].copy()
             values[first_after:] -= metres
             moved[axis] = values
-        fault = LogFault(POSITION_JUMP, name, float(time[first_after]), None, _describe_jump(size_m))
+        towards = _POINTS[round(math.atan2(size_m[0], size_m[1]) / (0.25 * math.pi)) % 8]
+        words = (
+            f"the positions jump by {math.hypot(*size_m):.1f} m to the {towards} and stay there: the receiver "
+            "converged anew, or its base station changed"
+        )
+        fault = LogFault(POSITION_JUMP, name, float(time[first_after]), None, words)
         faults.append(ColumnFault(fault, list_gap_rows(last_before, first_after, len(time))))
-    return moved, faults
+    return moved if faults else columns, faults
 
 
 def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> list[ColumnFault]:
@@ -288,28 +284,13 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
     return [*left, *joined]
 
 
-def _find_jumps(columns: Columns, rows: Rows) -> list[tuple[int, int, Array]]:
-    """Return the last row before each jump, the first after it, and its size (2,) to the east and the north (m)."""
-    motion = build_raw_motion(columns, rows)
-    fresh = motion.find_fresh_positions()
-    time, place = motion.time_s[fresh], motion.positions[:, fresh]
-    jumps = []
-    for group in _group_rows(motion, find_scattered_rows(motion, 1)):
-        first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))
-        if time[last] - time[first] > READING_S:
-            continue
-        # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
-        size_m = _measure_jump(time, place, first, last)
-        if size_m is not None:
-            jumps.append((int(rows[fresh[first]]), int(rows[fresh[last]]), size_m))
-    return jumps
-
-
 def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | None:
     """Return by how much (2, m) positions are displaced from row `last` on, against rows up to `first`.
 
     Straight lines through both sides meet in the middle of the step: what bends them is the same on both sides.
     """
+    if time[last] - time[first] > READING_S:
+        return None
     middle_s = 0.5 * (time[first] + time[last])
     ends, noises = [], []
     for side in (
@@ -325,12 +306,3 @@ def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | N
     size_m: Array = ends[1] - ends[0]
     least = max(_LEAST_STEP_M, _LEAST_NOISES * max(noises))
     return size_m if float(np.hypot(*size_m)) > least else None
-
-
-def _describe_jump(size_m: Array) -> str:
-    points = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-    towards = points[round(math.atan2(size_m[0], size_m[1]) / (0.25 * math.pi)) % 8]
-    return (
-        f"the positions jump by {math.hypot(*size_m):.1f} m to the {towards} and stay there: the receiver converged "
-        "anew, or its base station changed"
-    )

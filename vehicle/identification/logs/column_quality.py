@@ -20,9 +20,8 @@ import numpy as np
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows
-from vehicle.identification.logs.series import DIGITS, find_changes, select_timed_rows, wrap_degrees
-from vehicle.identification.logs.table import Columns
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, STEERING_COLUMNS, Array, Columns, Log, Mask, Rows
+from vehicle.identification.logs.series import DIGITS, draw_lines, find_changes, select_timed_rows, wrap_degrees
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     CLEARLY_APART_DEG,
@@ -35,9 +34,9 @@ from vehicle.identification.logs.thresholds import (
     STANDING_FACTOR,
     STANDSTILL_MPS,
     STEERING_NOISE_DEG,
+    TURNED_DEG,
 )
 
-_LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
 _LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
 _AT_COMMAND_S = 8.0  # chosen: wheels that stand straight by chance do not for so long
 
@@ -48,15 +47,23 @@ def drop_constant_columns(log: Log) -> Log:
     if chords is None or len(chords.row) < FEWEST_CHORDS:
         return log
     turned_deg = float(np.degrees(np.ptp(np.unwrap(chords.course))))
-    log = _drop_constant_column(log, "heading_deg", turned_deg > _LEAST_TURN_DEG, "the path turns")
+    log = _drop_constant_column(log, "heading_deg", turned_deg > TURNED_DEG, "the path turns")
     course_deg = math.degrees(cmath.phase(complex(np.exp(1j * chords.course).sum()))) % 360.0
-    log = _drop_constant_column(
-        log, "heading_deg", _is_heading_off_course(log, course_deg), f"the path runs towards {course_deg:.0f} degrees"
-    )
+    if log.heading_deg is not None:  # no direction of this drive, in any convention in degrees
+        heading = float(log.heading_deg[log.used][0])
+        apart = wrap_degrees(np.array([heading, -heading, 90.0 - heading, heading + 180.0]) - course_deg)
+        is_off = bool(np.all(np.abs(apart) > TURNED_DEG))
+        log = _drop_constant_column(log, "heading_deg", is_off, f"the path runs towards {course_deg:.0f} degrees")
     is_zero = log.speed_mps is not None and float(np.max(log.speed_mps[log.used])) == 0.0  # though positions move
     is_other = is_zero or has_pace_change(chords.speed)
     log = _drop_constant_column(log, "speed_mps", is_other, "the tractor's pace changes")
-    return _drop_constant_steering(log, chords)
+    has_bends = _measure_bend_course_range_rad(chords) > _LEAST_BEND_RAD
+    for name, other_name in (STEERING_COLUMNS, STEERING_COLUMNS[::-1]):
+        is_command, other = name == "steering_command_deg", getattr(log, other_name)
+        moves = other is not None and float(np.ptp(other[log.used])) > STEERING_NOISE_DEG
+        if moves and (has_bends or is_command) and not (is_command and _leaves_command_once(log)):
+            log = _drop_constant_column(log, name, True, f"{other_name} moves")
+    return log
 
 
 def _drop_constant_column(log: Log, name: str, contradicted: bool, why: str) -> Log:
@@ -67,20 +74,6 @@ def _drop_constant_column(log: Log, name: str, contradicted: bool, why: str) -> 
     return log.correct_columns(message, **{name: None})
 
 
-def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
-    has_bends = _measure_bend_course_range_rad(chords) > _LEAST_BEND_RAD
-    for name, other_name in (("steering_command_deg", "steering_deg"), ("steering_deg", "steering_command_deg")):
-        values, other_values = getattr(log, name), getattr(log, other_name)
-        if values is None or not _is_constant(values, log):
-            continue
-        moves = other_values is not None and float(np.ptp(other_values[log.used])) > STEERING_NOISE_DEG
-        if name == "steering_command_deg" and _leaves_command_once(log):
-            continue
-        if moves and (has_bends or name == "steering_command_deg"):
-            return _drop_constant_column(log, name, True, f"{other_name} moves")
-    return log
-
-
 def describe_silent_steering(log: Log) -> str:
     """Return why a log shows nothing about the steering: its only angle is constant while the path bends. Else ""."""
     chords = compute_path_chords(log)
@@ -88,7 +81,7 @@ def describe_silent_steering(log: Log) -> str:
         return ""
     if _measure_bend_course_range_rad(chords) <= _LEAST_BEND_RAD or _leaves_command_once(log):
         return ""
-    columns = {name: getattr(log, name) for name in ("steering_command_deg", "steering_deg")}
+    columns = {name: getattr(log, name) for name in STEERING_COLUMNS}
     given = {name: values for name, values in columns.items() if values is not None}
     if not given or any(float(np.ptp(values[log.used])) > STEERING_NOISE_DEG for values in given.values()):
         return ""
@@ -130,15 +123,6 @@ def _is_constant(values: Array, log: Log) -> bool:
     return float(np.ptp(values[log.used])) == 0.0
 
 
-def _is_heading_off_course(log: Log, course_deg: float) -> bool:
-    """Whether a constant heading is no direction of this drive, in any convention in degrees."""
-    if log.heading_deg is None:
-        return False
-    heading = float(log.heading_deg[log.used][0])
-    readings = (heading, -heading, 90.0 - heading, heading + 180.0)
-    return bool(np.all(np.abs(wrap_degrees(np.array(readings) - course_deg)) > _LEAST_TURN_DEG))
-
-
 def _measure_bend_course_range_rad(chords: PathChords) -> float:
     """Return the range (rad) of the course about one steady bend."""
     distance = np.cumsum(chords.speed) * chords.span_s * 0.5
@@ -175,7 +159,11 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
         fresh_sets["position"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
-    heading_rows, fresh_headings = _find_fresh_headings(columns, rows)
+    heading_rows, fresh_headings = rows, None
+    if "heading_deg" in columns:
+        heading_rows = rows[np.isfinite(columns["heading_deg"][rows])]
+        unwrapped_deg = np.unwrap(columns["heading_deg"][heading_rows], period=360.0)
+        fresh_headings = _find_fresh_rows(unwrapped_deg[None])
     if fresh_headings is not None:
         every_s = float(np.median(np.diff(time[heading_rows][fresh_headings])))
         if every_s > MOMENT_S:
@@ -184,31 +172,19 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
         else:
             fresh_sets["heading"] = heading_rows[fresh_headings]
             doubts.append(_describe_held_values("heading_deg changes", "the compass", every_s, time[heading_rows]))
-            unwrapped_deg = np.unwrap(columns["heading_deg"][heading_rows], period=360.0)
             converted["heading_deg"] = np.mod(
-                _interpolate_between(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
+                draw_lines(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
             )
     if not fresh_sets:
         return FreshColumns(converted, None, tuple(doubts))
     if position_rows is not None:
-        converted |= {
-            axis: _interpolate_between(columns[axis], time, rows, position_rows, columns[axis][rows])
-            for axis in _POSITION_COLUMNS
-        }
+        converted |= {axis: draw_lines(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
     place_rows = {what: np.isin(np.arange(len(time)), fresh_rows) for what, fresh_rows in fresh_sets.items()}
     fresh = place_rows[min(fresh_sets, key=lambda what: len(fresh_sets[what]))]
     return FreshColumns(converted, fresh, tuple(doubts), place_rows)
 
 
 _POSITION_COLUMNS = ("easting_m", "northing_m")
-
-
-def _find_fresh_headings(columns: Columns, rows: Rows) -> tuple[Rows, Rows | None]:
-    """Return the rows with a heading, and the indices among them at which it was measured (None: all, or none)."""
-    if "heading_deg" not in columns:
-        return rows, None
-    heading_rows = rows[np.isfinite(columns["heading_deg"][rows])]
-    return heading_rows, _find_fresh_rows(np.unwrap(columns["heading_deg"][heading_rows], period=360.0)[None])
 
 
 def _find_fresh_rows(values: Array) -> Rows | None:
@@ -223,21 +199,10 @@ def _find_fresh_rows(values: Array) -> Rows | None:
     if np.count_nonzero(is_held) < max(FEWEST_EVENTS, share * np.count_nonzero(is_clear)):
         return None
     is_standing = jumps <= STANDING_FACTOR * float(np.median(jumps[is_clear]))
-    standing_rows = max(math.ceil(STANDING_FACTOR * float(np.median(count[is_held]))), 1)
-    return _add_standing_rows(new_rows, values.shape[1], np.append(is_standing, False), standing_rows)
-
-
-def _add_standing_rows(new_rows: Rows, rows: int, is_standing: Mask, row_step: int) -> Rows:
-    """Add rows, every `row_step`, between measured rows where the tractor stands (`is_standing`, a value per measured
-    row)."""
-    ends = np.append(new_rows[1:], rows)
-    # The last one before a change may be only partly held.
-    between = [
-        np.arange(start + row_step, end, row_step)[:-1]
-        for start, end, is_still in zip(new_rows, ends, is_standing, strict=True)
-        if is_still
-    ]
-    return np.unique(np.concatenate([new_rows, *between]))
+    row_step = max(math.ceil(STANDING_FACTOR * float(np.median(count[is_held]))), 1)
+    # Rows between measured ones where the tractor stands; the last one before a change may be only partly held.
+    pairs = zip(new_rows[:-1][is_standing], new_rows[1:][is_standing], strict=True)
+    return np.unique(np.concatenate([new_rows, *(np.arange(one + row_step, end, row_step)[:-1] for one, end in pairs)]))
 
 
 def _describe_held_values(what_held: str, instrument: str, every_s: float, time: Array) -> str:
@@ -246,13 +211,6 @@ def _describe_held_values(what_held: str, instrument: str, every_s: float, time:
         f"{what_held} only every {every_s:.2g} s while rows are {row_step_s:.2g} s apart: {instrument} is slower "
         "than the log; repeated values are not used"
     )
-
-
-def _interpolate_between(column: Array, time: Array, rows: Rows, fresh_rows: Rows, values: Array) -> Array:
-    """Return a column interpolated between its measured rows."""
-    out = column.copy()
-    out[rows] = np.interp(time[rows], time[rows][fresh_rows], values[fresh_rows])
-    return out
 
 
 COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared

@@ -55,9 +55,17 @@ def find_convention_errors(
     `other_logs` of the same logger help where a straight drive is ambiguous. Raises LogError when the two steering
     columns contradict each other.
     """
+
     suspicions: list[Suspicion] = []
-    for check in (_check_time, _check_positions, _check_speed, _check_heading_unit, _check_steering_unit):
-        for fix, why in check(log, wheelbase_m, other_logs):
+    checks = (
+        lambda: _check_time(log),
+        lambda: _check_positions(log),
+        lambda: _check_speed(log),
+        lambda: _check_heading_unit(log, other_logs),
+        lambda: _check_steering_unit(log, wheelbase_m),
+    )
+    for check in checks:
+        for fix, why in check():
             suspicions.append(Suspicion(fix, why))
             log, other_logs = convert_log(log, fix), [convert_log(other_log, fix) for other_log in other_logs]
     swapped = find_swapped_steering(log)
@@ -65,15 +73,13 @@ def find_convention_errors(
     return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log), *names]
 
 
-def _check_time(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
+def _check_time(log: Log) -> list[tuple[LogConvention, str]]:
     why = f"its rows are {log.step_s:g} apart, and a log has at least one row per second"
     units = (LogConvention.TIME_MS, LogConvention.TIME_US, LogConvention.TIME_NS)
     return [(unit, why) for unit in units if unit.explains(log.step_s)]
 
 
-def _check_positions(
-    log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]
-) -> list[tuple[LogConvention, str]]:
+def _check_positions(log: Log) -> list[tuple[LogConvention, str]]:
     """Check for kilometres (the path is 1000 times too short), degrees (100,000 times), and feet (3.3 too long)."""
     rows = log.used
     stated = log.speed_command_mps if log.speed_mps is None else log.speed_mps
@@ -106,30 +112,26 @@ def _integrate_distance(log: Log, speed: Array) -> float:
     return float(np.sum(np.where(is_same_segment, speed[rows][:-1] * np.diff(log.time_s[rows]), 0.0)))
 
 
-def _check_speed(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
+def _check_speed(log: Log) -> list[tuple[LogConvention, str]]:
     """Check for other units: 2 to 4 times is far more than slip can explain. Each column is compared with the path."""
     chords = compute_path_chords(log)
     if chords is None or float(np.mean(chords.speed)) < 0.1:
         return []
-    suspicions = []
+    suspicions, is_alike = [], True
+    if log.speed_command_mps is not None and log.speed_mps is not None:
+        # The command is in the unit of the measured speed; it may not be reached.
+        command_mps, mean_mps = (float(np.mean(one[chords.row])) for one in (log.speed_command_mps, log.speed_mps))
+        is_alike = _ALIKE_SHARES[0] <= command_mps / max(mean_mps, 1e-9) < _ALIKE_SHARES[1]
     for both, only_measured, only_command in SPEED_UNITS:
         measured = _explain_speed("speed_mps", log, chords, only_measured)
         command = _explain_speed("speed_command_mps", log, chords, only_command)
-        if measured and _is_commanded_alike(log, chords):
+        if measured and is_alike:
             suspicions.append((both, measured))
         elif command:
             suspicions.append((both if log.speed_mps is None else only_command, command))
         elif measured:
             suspicions.append((only_measured, measured))
     return suspicions
-
-
-def _is_commanded_alike(log: Log, chords: PathChords) -> bool:
-    """Whether the commanded speed is in the unit of the measured one, if there is one; it may not be reached."""
-    if log.speed_command_mps is None or log.speed_mps is None:
-        return True
-    command, measured = (float(np.mean(one[chords.row])) for one in (log.speed_command_mps, log.speed_mps))
-    return _ALIKE_SHARES[0] <= command / max(measured, 1e-9) < _ALIKE_SHARES[1]
 
 
 def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention) -> str:
@@ -148,9 +150,7 @@ def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention)
     return f"{name} is {stated:.2f} while the positions move at {path:.2f} m/s"
 
 
-def _check_heading_unit(
-    log: Log, _wheelbase_m: float | None, other_logs: Sequence[Log]
-) -> list[tuple[LogConvention, str]]:
+def _check_heading_unit(log: Log, other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
     """Check for radians: they turn a 57th as far as the path, or they end at 6.3 in every log and agree with the path.
 
     Driving due east, radians look like degrees from east as well.
@@ -205,9 +205,7 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
     return ratio if abs(ratio) > SURE_SIGMAS * error else None
 
 
-def _check_steering_unit(
-    log: Log, wheelbase_m: float | None, _other_logs: Sequence[Log]
-) -> list[tuple[LogConvention, str]]:
+def _check_steering_unit(log: Log, wheelbase_m: float | None) -> list[tuple[LogConvention, str]]:
     """Check for radians: as degrees they would need a wheelbase of centimetres to bend the path this much.
 
     Only changes of the angle count (the slope of curvature over angle), so no offset, slope or draft matters.
@@ -218,7 +216,14 @@ def _check_steering_unit(
         return []
     if float(np.std(bends[0])) < _LEAST_STEERING_SPREAD:
         return []
-    slope, error = _fit_slope(bends[0], bends[1])
+    angle, curvature = bends[:2]
+    inliers, slope, error = np.ones(len(angle), dtype=np.bool_), 0.0, math.inf
+    for _ in range(2):  # far outliers are excluded once
+        if np.count_nonzero(inliers) < FEWEST_CHORDS or float(np.ptp(angle[inliers])) == 0.0:
+            break
+        slope, error = fit_chords(angle[inliers], curvature[inliers])
+        left = (curvature - curvature[inliers].mean()) - slope * (angle - angle[inliers].mean())
+        inliers = np.abs(left) <= 4.0 * measure_spread(left) + 1e-12
     least_slope = abs(slope) - SURE_SIGMAS * error
     limit = SMALLEST_WHEELBASE_M if wheelbase_m is None else wheelbase_m / 8.0
     if least_slope <= 0.0 or math.radians(1.0) / least_slope > limit:
@@ -245,19 +250,6 @@ def _check_implement(log: Log) -> list[Suspicion]:
     return [Suspicion(LogConvention.IMPLEMENT_REVERSED, why)]
 
 
-def _fit_slope(x: Array, y: Array) -> tuple[float, float]:
-    """Return the slope of y over x about their means and its standard error; far outliers are excluded once."""
-    inliers = np.ones(len(x), dtype=np.bool_)
-    slope, error = 0.0, math.inf
-    for _ in range(2):
-        if np.count_nonzero(inliers) < FEWEST_CHORDS or float(np.ptp(x[inliers])) == 0.0:
-            break
-        slope, error = fit_chords(x[inliers], y[inliers])
-        all_residuals = (y - y[inliers].mean()) - slope * (x - x[inliers].mean())
-        inliers = np.abs(all_residuals) <= 4.0 * measure_spread(all_residuals) + 1e-12
-    return slope, error
-
-
 _AHEAD_S = 0.3  # chosen: within which wheels move towards a command
 _GAP_DEG = 0.7  # chosen: rows with larger gaps show who follows whom
 # Chosen, correlations of movement with the gap before it: from which a column follows, and up to which it does not.
@@ -278,7 +270,11 @@ def find_swapped_steering(log: Log) -> str | None:
     command_follows = _measure_following(log, log.steering_command_deg, log.steering_deg)
     if wheel_follows is None or command_follows is None:
         return None
-    steepness = [_measure_steepest_deg_per_s(log, values) for values in (log.steering_deg, log.steering_command_deg)]
+    rows = np.flatnonzero(log.used)
+    step_s = np.maximum(np.diff(log.time_s[rows]), 0.5 * log.step_s)
+    # The mean rates (deg/s) of the steepest rows.
+    steepness = [float(np.mean(np.sort(np.abs(np.diff(values[rows])) / step_s)[-_STEEPEST_ROWS:]))
+                 for values in (log.steering_deg, log.steering_command_deg)]  # fmt: skip
     follows = command_follows > max(_FOLLOWS, wheel_follows + _FOLLOWS_MORE)
     if not follows or steepness[0] < _STEEPER * steepness[1]:
         return None
@@ -305,10 +301,3 @@ def _measure_following(log: Log, follower: Array, leader: Array) -> float | None
         return None
     squares = float(gap[clear] @ gap[clear]) * float(movement[clear] @ movement[clear])
     return float(gap[clear] @ movement[clear]) / math.sqrt(squares) if squares > 0.0 else 0.0
-
-
-def _measure_steepest_deg_per_s(log: Log, values: Array) -> float:
-    """Return the mean rate (deg/s) of the steepest rows."""
-    rows = np.flatnonzero(log.used)
-    rates = np.sort(np.abs(np.diff(values[rows])) / np.maximum(np.diff(log.time_s[rows]), 0.5 * log.step_s))
-    return float(np.mean(rates[-_STEEPEST_ROWS:]))

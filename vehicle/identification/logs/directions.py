@@ -12,7 +12,8 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +26,8 @@ from vehicle.identification.logs.motion import (
     select_clear_bends,
 )
 from vehicle.identification.logs.readings import LogConvention, Suspicion, format_fix_option
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows, find_file_line
+from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import select_timed_rows, wrap_degrees
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     BEND_PER_M,
@@ -41,6 +41,7 @@ from vehicle.identification.logs.thresholds import (
     NEARLY_SHARE,
     PART_S,
     READING_S,
+    TURNED_DEG,
 )
 from vehicle.model.effects import get_effect
 
@@ -57,8 +58,14 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
     chords = compute_path_chords(log)
     if chords is None:
         return None
+    forward = replace(log, shuttle=np.abs(log.shuttle))
     if log.heading_deg is None:
-        return _check_shuttle_by_steering(log)
+        # The path turns away from the steering in reverse only.
+        is_wrong, is_mirrored = (is_steering_mirrored(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0))
+        if not is_wrong or is_mirrored:
+            return None
+        rows = np.flatnonzero(log.used & (log.shuttle < 0.0))
+        return _build_reverse_rows_suspicion(rows, "in those rows the path turns as it does forward"), forward
     gear = np.sign(log.shuttle[chords.row])
     heading = np.radians(log.heading_deg[chords.row])
     agrees = np.cos(heading - chords.course) * gear
@@ -78,7 +85,7 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
             rows,
             f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows",
             _describe_flipped_heading(log) or _OR_COURSE,
-        ), _set_forward(log)
+        ), forward
     return _build_forward_rows_suspicion(rows, _describe_flipped_heading(log)), None
 
 
@@ -93,21 +100,14 @@ def drop_course_heading(log: Log) -> Log:
         return log
     backwards = log.shuttle[chords.row] < 0.0
     agreement = np.cos(np.radians(log.heading_deg[chords.row]) - chords.course)
-    if min(_count_agreeing(agreement[backwards]), _count_agreeing(agreement[~backwards])) < MOST_SHARE:
-        return log
-    if not all(_follows_steering(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0)):
-        return log
+    for own, gear in ((agreement[backwards], -1.0), (agreement[~backwards], 1.0)):
+        if len(own) < FEWEST_BEND_CHORDS or float(np.mean(own > CLEAR_CORRELATION)) < MOST_SHARE:
+            return log
+        # The path bends to the side of the steering in most clear bends; in a wrong gear hardly any do.
+        angle, curvature = select_clear_bends([log], gear)
+        if len(angle) < FEWEST_BEND_CHORDS or float(np.mean(angle * curvature > 0.0)) < _FOLLOWING_SHARE:
+            return log
     return log.correct_columns(COURSE_HEADING, heading_deg=None)
-
-
-def _follows_steering(angle: Array, curvature: Array) -> bool:
-    """Whether the path bends to the side of the steering in most clear bends; in a wrong gear hardly any do."""
-    return len(angle) >= FEWEST_BEND_CHORDS and float(np.mean(angle * curvature > 0.0)) >= _FOLLOWING_SHARE
-
-
-def _count_agreeing(agreement: Array) -> float:
-    """Return the share of chords along which heading and course agree, 0 with too few chords."""
-    return float(np.mean(agreement > CLEAR_CORRELATION)) if len(agreement) >= FEWEST_BEND_CHORDS else 0.0
 
 
 def _compute_wrong_share(wrong: Mask) -> float | None:
@@ -123,7 +123,9 @@ def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Su
     mirrored = is_steering_mirrored(*select_clear_bends([log]))
     rows = np.flatnonzero(log.used)
     if (log.shuttle[rows] < 0.0).all() and mirrored is not False:
-        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), _set_forward(log)
+        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), replace(
+            log, shuttle=np.abs(log.shuttle)
+        )
     if not mirrored:
         return None
     corrected = replace(log, shuttle=-log.shuttle)
@@ -131,22 +133,6 @@ def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Su
         return _build_forward_rows_suspicion(rows), corrected
     why = "heading and course agree in its reverse rows and are opposite in its forward rows"
     return Suspicion(None, why, "shuttle has the wrong sign", "write 1 for forward and -1 for reverse"), corrected
-
-
-def _check_shuttle_by_steering(log: Log) -> tuple[Suspicion, Log] | None:
-    """Check the gear without a heading: the path turns away from the steering in reverse only."""
-    reverse_mirrored, forward_mirrored = (
-        is_steering_mirrored(*select_clear_bends([log], -1.0)),
-        is_steering_mirrored(*select_clear_bends([log], 1.0)),
-    )
-    if not reverse_mirrored or forward_mirrored:
-        return None
-    rows = np.flatnonzero(log.used & (log.shuttle < 0.0))
-    return _build_reverse_rows_suspicion(rows, "in those rows the path turns as it does forward"), _set_forward(log)
-
-
-def _set_forward(log: Log) -> Log:
-    return replace(log, shuttle=np.abs(log.shuttle))
 
 
 def _build_reverse_rows_suspicion(rows: Rows, why: str, other_reading: str = "") -> Suspicion:
@@ -197,7 +183,16 @@ def find_direction_errors(log: Log, other_logs: Sequence[Log] = ()) -> list[Susp
     if gear is not None and gear[1] is None:
         return [gear[0]]
     log = log if gear is None or gear[1] is None else gear[1]
-    suspicions = _combine_suspicions(log, other_logs, _check_heading(log, other_logs), _check_steering_sense(log))
+    angle, curvature = select_clear_bends([log])
+    steering = None
+    if is_steering_mirrored(angle, curvature):
+        opposite = 100.0 * float(np.mean(angle * curvature < 0.0))
+        steering = Suspicion(
+            LogConvention.STEERING_LEFT,
+            f"in {opposite:.0f} % of the clear bends the path turns away from the steering",
+            advice="rear wheels that steer are turned to the other side too",
+        )
+    suspicions = _combine_suspicions(log, other_logs, _check_heading(log, other_logs), steering)
     return suspicions if gear is None else [gear[0], *suspicions]
 
 
@@ -255,57 +250,47 @@ def _compute_travel_direction(log: Log, chords: PathChords) -> Array:
 
 def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array) -> dict[LogConvention | None, float]:
     """Return the mean cosine between the course and each reading of the heading; key None is the contract's reading."""
-    sums = _build_heading_sums(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
+    sums = _sum_heading(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
     return {
-        None: (sums.turned / sums.count).real,
-        LogConvention.HEADING_CCW_EAST: (sums.mirrored / sums.count).imag,
-        LogConvention.HEADING_CCW_NORTH: (sums.mirrored / sums.count).real,
+        None: (sums.turned / sums.chords).real,
+        LogConvention.HEADING_CCW_EAST: (sums.mirrored / sums.chords).imag,
+        LogConvention.HEADING_CCW_NORTH: (sums.mirrored / sums.chords).real,
     }
 
 
-@dataclass(frozen=True)
-class _HeadingSums:
-    """Sums over chords of unit complex numbers with the angle heading minus, or plus, direction of travel."""
+class _HeadingSums(NamedTuple):
+    """Of so many chords, sums of unit complex numbers with the angle heading minus, or plus, direction of travel; and
+    the angle (deg, clockwise) of the heading to the travel on straights."""
 
-    count: int
+    chords: int
     turned: complex
     mirrored: complex
-
-    def __add__(self, other: _HeadingSums) -> _HeadingSums:
-        return _HeadingSums(self.count + other.count, self.turned + other.turned, self.mirrored + other.mirrored)
+    offset_deg: float
 
     def is_constantly_offset(self) -> bool:
         """Whether the heading keeps one angle to the travel."""
-        return abs(self.turned) >= HEADING_MATCHES * self.count
+        return abs(self.turned) >= HEADING_MATCHES * self.chords
 
     def is_mirrored(self) -> bool:
         """Whether the heading turns against the travel, degree by degree."""
-        return abs(self.mirrored) >= HEADING_MATCHES * self.count
+        return abs(self.mirrored) >= HEADING_MATCHES * self.chords
 
 
-def _build_heading_sums(travel: Array, heading: Array) -> _HeadingSums:
+def _sum_heading(travel: Array, heading: Array, offset_deg: float = 0.0) -> _HeadingSums:
     turned, mirrored = np.exp(1j * (heading - travel)).sum(), np.exp(1j * (heading + travel)).sum()
-    return _HeadingSums(len(travel), complex(turned), complex(mirrored))
+    return _HeadingSums(len(travel), complex(turned), complex(mirrored), offset_deg)
 
 
-@dataclass(frozen=True)
-class _HeadingMisfit:
-    """A heading that does not fit: its sums, and its angle (deg, clockwise) to the travel on straights."""
-
-    sums: _HeadingSums
-    offset_deg: float
-
-
-def _find_heading_misfit(log: Log) -> _HeadingMisfit | None:
-    """Return the misfit of the heading; None where it follows the contract, up to the largest heading_bias."""
+def _find_heading_misfit(log: Log) -> _HeadingSums | None:
+    """Return the sums of a heading; None where it follows the contract, up to the largest heading_bias."""
     chords = compute_path_chords(log)
     if log.heading_deg is None or chords is None:
         return None
     travel, heading = _compute_travel_direction(log, chords), np.radians(log.heading_deg[chords.row])
-    sums = _build_heading_sums(travel, heading)
     offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
-    fits = sums.turned.real >= HEADING_FITS * sums.count or sums.is_constantly_offset()
-    return None if fits and abs(offset) <= _NEAR_DEG + slack else _HeadingMisfit(sums, offset)
+    sums = _sum_heading(travel, heading, offset)
+    fits = sums.turned.real >= HEADING_FITS * sums.chords or sums.is_constantly_offset()
+    return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
 
 
 def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
@@ -321,47 +306,43 @@ def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, flo
 
 def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:
     """Return the convention that the heading seems to follow instead. Other logs that are wrong too help to decide."""
-    own_misfit = _find_heading_misfit(log)
-    if own_misfit is None:
+    own = _find_heading_misfit(log)
+    if own is None:
         return None
-    wrong = [misfit.sums for misfit in map(_find_heading_misfit, other_logs) if misfit is not None]
-    total = sum(wrong, own_misfit.sums)
-    sums = total if total.is_constantly_offset() or total.is_mirrored() else own_misfit.sums
-    if not sums.is_constantly_offset() and not sums.is_mirrored():
-        return None
-    turned = _build_turned_heading_suspicion(own_misfit) if sums.is_constantly_offset() else None
-    mirrored = _build_mirrored_heading_suspicion(own_misfit, sums) if sums.is_mirrored() else None
-    if turned is None or mirrored is None:
-        return turned or mirrored
+    wrong = [own, *(misfit for misfit in map(_find_heading_misfit, other_logs) if misfit is not None)]
+    count, turned, mirrored_sum = (sum(column) for column in zip(*(one[:3] for one in wrong), strict=True))
+    total = own._replace(chords=count, turned=turned, mirrored=mirrored_sum)
+    sums = total if total.is_constantly_offset() or total.is_mirrored() else own
+    turned_back = mirrored = None
+    if sums.is_constantly_offset():
+        side, sign = ("clockwise", "subtract") if own.offset_deg > 0.0 else ("counter-clockwise", "add")
+        size = abs(own.offset_deg)
+        turned_back = Suspicion(
+            None,
+            f"turned back its agreement with the course is {abs(own.turned) / own.chords:.2f}",
+            f"heading_deg points {size:.0f} degrees {side} of the course",
+            f"correct the column: {sign} {size:.0f}",
+        )
+        if size >= 180.0 - _NEAR_DEG:
+            turned_back = Suspicion(LogConvention.HEADING_REVERSED, f"it differs from the course by {size:.0f} degrees")
+    if sums.is_mirrored():
+        mirrored = _build_mirrored_heading_suspicion(own, sums)
+    if turned_back is None or mirrored is None:
+        return turned_back or mirrored
     if mirrored.fix is None:
-        return turned
-    other_reading = f"{format_fix_option(turned.fix)}, or reverse without -1 in shuttle" if turned.fix else turned.what
-    return replace(mirrored, advice=f"the log is driven along one line only, so it may also be: {other_reading}")
+        return turned_back
+    fix = turned_back.fix
+    reading = f"{format_fix_option(fix)}, or reverse without -1 in shuttle" if fix else turned_back.what
+    return replace(mirrored, advice=f"the log is driven along one line only, so it may also be: {reading}")
 
 
-def _build_turned_heading_suspicion(misfit: _HeadingMisfit) -> Suspicion:
-    offset = misfit.offset_deg
-    if abs(offset) >= 180.0 - _NEAR_DEG:
-        return Suspicion(LogConvention.HEADING_REVERSED, f"it differs from the course by {abs(offset):.0f} degrees")
-    side, sign = ("clockwise", "subtract") if offset > 0.0 else ("counter-clockwise", "add")
-    agreement = abs(misfit.sums.turned) / misfit.sums.count
-    return Suspicion(
-        None,
-        f"turned back its agreement with the course is {agreement:.2f}",
-        f"heading_deg points {abs(offset):.0f} degrees {side} of the course",
-        f"correct the column: {sign} {abs(offset):.0f}",
-    )
-
-
-def _build_mirrored_heading_suspicion(misfit: _HeadingMisfit, sums: _HeadingSums) -> Suspicion:
+def _build_mirrored_heading_suspicion(own: _HeadingSums, sums: _HeadingSums) -> Suspicion:
     """Return counter-clockwise from east or north; `own` judges this log, `sums` shows where the angle counts from."""
     measured_zero_deg = math.degrees(cmath.phase(sums.mirrored))
-    agreement = misfit.sums.turned.real / misfit.sums.count
+    agreement = own.turned.real / own.chords
     for fix, zero_deg in ((LogConvention.HEADING_CCW_EAST, 90.0), (LogConvention.HEADING_CCW_NORTH, 0.0)):
         if abs(measured_zero_deg - zero_deg) <= _NEAR_DEG:
-            corrected_agreement = (
-                misfit.sums.mirrored * cmath.exp(-1j * math.radians(zero_deg))
-            ).real / misfit.sums.count
+            corrected_agreement = (own.mirrored * cmath.exp(-1j * math.radians(zero_deg))).real / own.chords
             return Suspicion(
                 fix,
                 f"agreement with the course over ground is {agreement:.2f} as it is and {corrected_agreement:.2f} "
@@ -375,23 +356,7 @@ def _build_mirrored_heading_suspicion(misfit: _HeadingMisfit, sums: _HeadingSums
     )
 
 
-# --- steering ----------------------------------------------------------------------------------------------------
-
-
-def _check_steering_sense(log: Log) -> Suspicion | None:
-    angle, curvature = select_clear_bends([log])
-    if not is_steering_mirrored(angle, curvature):
-        return None
-    opposite = 100.0 * float(np.mean(angle * curvature < 0.0))
-    return Suspicion(
-        LogConvention.STEERING_LEFT,
-        f"in {opposite:.0f} % of the clear bends the path turns away from the steering",
-        advice="rear wheels that steer are turned to the other side too",
-    )
-
-
 HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
-FLIP_DEG = 30.0  # chosen: noise of both rows and what a tractor turns between them
 
 
 def find_flipped_headings(columns: Columns) -> Rows:
@@ -411,7 +376,12 @@ def find_flipped_headings(columns: Columns) -> Rows:
     if flipped is None:
         return rows[:0]
     flipped[between] = True
-    return rows[flipped | _find_held_before(time, heading, changes)]
+    for change in changes:  # rows that hold the value before a flip: what lies between it and the next is interpolated
+        row = change - 1
+        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= READING_S:
+            flipped[row] = True
+            row -= 1
+    return rows[flipped]
 
 
 def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
@@ -419,11 +389,11 @@ def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
     changes: list[int] = []
     between: list[int] = []
     is_flip = [
-        (np.abs(wrap_degrees(heading[lag:] - heading[:-lag])) > 180.0 - FLIP_DEG)
+        (np.abs(wrap_degrees(heading[lag:] - heading[:-lag])) > 180.0 - TURNED_DEG)
         & (time[lag:] - time[:-lag] <= MOMENT_S)
         for lag in (1, 2)
     ]
-    near = np.abs(wrap_degrees(np.diff(heading))) <= FLIP_DEG
+    near = np.abs(wrap_degrees(np.diff(heading))) <= TURNED_DEG
     for row in range(len(heading) - 1):
         if is_flip[0][row]:
             changes.append(row + 1)
@@ -453,14 +423,3 @@ def _is_clear(agreement: Array) -> bool:
 
 def _is_all(mask: Mask) -> bool:
     return len(mask) > 0 and float(np.mean(mask)) >= NEARLY_SHARE
-
-
-def _find_held_before(time: Array, heading: Array, changes: Rows) -> Mask:
-    """Mark rows (k,) that hold the value before a flip: what lies between it and the next one is interpolated."""
-    held = np.zeros(len(time), dtype=np.bool_)
-    for change in changes:
-        row = change - 1
-        while row > 0 and heading[row - 1] == heading[row] and time[change] - time[row - 1] <= READING_S:
-            held[row] = True
-            row -= 1
-    return held

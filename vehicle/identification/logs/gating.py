@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows, find_file_line
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, GatedRows, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
 from vehicle.identification.logs.thresholds import STANDSTILL_MPS
 
@@ -46,56 +46,34 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
     rules.exclude_rows("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]
     rules.exclude_rows("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
-    _gate_times(rules, columns["time_s"])
+    # The fewest rows without which time increases; where those are many before a jump back, its line is told.
+    timed = np.flatnonzero(rules.used)
+    bad = find_decreasing_entries(columns["time_s"][timed])
+    _gate_used_rows(rules, "time not increasing", bad)
+    if bad.any():
+        back = int(np.flatnonzero(np.diff(columns["time_s"][timed]) <= 0.0)[0]) + 1
+        if back > int(np.argmax(bad)) + 1:
+            rules.gated[-1] = replace(rules.gated[-1], first_line=find_file_line(timed[back:]))
     rows = rules.used
     jumping = find_jumps(columns["time_s"][rows], east[rows], north[rows])
     _gate_used_rows(rules, f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
-    for name in ("heading_deg", "steering_command_deg", "steering_deg"):
+    for name in ("heading_deg", *STEERING_COLUMNS):
         if name in columns:
             rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
-    _gate_headings(rules, columns)
+    if "heading_deg" in columns:
+        heading = columns["heading_deg"]
+        rules.exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
+        step = wrap_degrees(np.diff(heading[rules.used]))
+        if len(step) >= 2:
+            alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
+            rule = f"heading_deg differs by more than {SPIKE_DEG:g} deg from the rows before and after"
+            _gate_used_rows(rules, rule, np.pad(alone, 1))
     for name in ("speed_mps", "speed_command_mps"):
         if name in columns:
             rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
             rules.exclude_rows(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
             rules.exclude_rows(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
-    _gate_ranges(rules, columns)
-    return rules
-
-
-def _gate_times(rules: RowRules, time: Array) -> None:
-    """Exclude the fewest rows without which time increases.
-
-    Where those are many rows before a jump back, its line is told and not theirs.
-    """
-    rows = np.flatnonzero(rules.used)
-    bad = find_decreasing_entries(time[rows])
-    _gate_used_rows(rules, "time not increasing", bad)
-    if bad.any():
-        back = int(np.flatnonzero(np.diff(time[rows]) <= 0.0)[0]) + 1
-        if back > int(np.argmax(bad)) + 1:
-            rules.gated[-1] = replace(rules.gated[-1], first_line=find_file_line(rows[back:]))
-
-
-def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
-    """Exclude headings out of range, and single headings far from their neighbours."""
-    if "heading_deg" not in columns:
-        return
-    heading = columns["heading_deg"]
-    rules.exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
-    rows = np.flatnonzero(rules.used)
-    if len(rows) >= 3:
-        step = wrap_degrees(np.diff(heading[rows]))
-        alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
-        _gate_used_rows(
-            rules,
-            f"heading_deg differs by more than {SPIKE_DEG:g} deg from the rows before and after",
-            np.pad(alone, 1),
-        )
-
-
-def _gate_ranges(rules: RowRules, columns: dict[str, Array]) -> None:
-    for name in ("steering_command_deg", "steering_deg"):
+    for name in STEERING_COLUMNS:
         if name in columns:
             rules.exclude_rows(f"{name} beyond {MOST_STEERING_DEG:g} deg", np.abs(columns[name]) > MOST_STEERING_DEG)
     if "implement" in columns:
@@ -103,6 +81,7 @@ def _gate_ranges(rules: RowRules, columns: dict[str, Array]) -> None:
     if "shuttle" in columns:
         rules.exclude_rows("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
         rules.exclude_rows("shuttle in neutral", columns["shuttle"] == 0.0)
+    return rules
 
 
 def _gate_used_rows(rules: RowRules, rule: str, bad_of_used: Mask) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
 from vehicle.identification.logs.series import compute_change, find_spans, measure_noise
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     CLEAR_CORRELATION,
     FEWEST_BEND_CHORDS,
     FEWEST_READINGS,
@@ -95,10 +95,7 @@ def _compute_segment_chords(log: Log, number: int, span: float) -> tuple[npt.NDA
 
 
 CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
-
-
 _SAME_MPS = 0.02  # chosen: commands that differ by less are one
-_ALIKE_SHARE = 0.3  # chosen: of an angle, by which two columns that show the same one may differ
 _PARTS = 5  # chosen: of a run to look at
 
 
@@ -122,10 +119,14 @@ def select_chord_steering(log: Log) -> Array:
     if len(commanded) < FEWEST_READINGS:
         return sensor
     correlation = _correlate(commanded, measured)
-    if correlation < -CLEAR_CORRELATION and float(np.std(commanded)) > 0.03 and not _stand_alike(log):
-        # Wheels that stop following during a run follow before or after.
+    if correlation < -CLEAR_CORRELATION and float(np.std(commanded)) > 0.03:
+        # Wheels that stand at their command for seconds, to a side, are no mirror, which only passes by them; and those
+        # that stop following during a run follow before or after.
+        away = np.minimum(commanded * np.sign(measured), np.abs(measured))
+        spans, time = find_spans(np.abs(commanded - measured) < ALIKE_SHARE * away), log.time_s[log.used]
+        stands_alike = any(time[last] - time[first] > LASTING_S for first, last in spans)
         parts = zip(np.array_split(commanded, _PARTS), np.array_split(measured, _PARTS), strict=True)
-        if not any(_correlate(*part) > CLEAR_CORRELATION for part in parts):
+        if not stands_alike and not any(_correlate(*part) > CLEAR_CORRELATION for part in parts):
             raise LogError(
                 f"{log.name}: steering_command_deg and steering_deg have opposite signs (correlation "
                 f"{correlation:.2f}); make both positive to the right."
@@ -140,20 +141,10 @@ def select_chord_steering(log: Log) -> Array:
     return sensor
 
 
-def _stand_alike(log: Log) -> bool:
-    """Whether the wheels stand at their command for seconds, to a side: those of opposite signs only pass by."""
-    assert log.steering_command_deg is not None and log.steering_deg is not None
-    command, wheel = log.steering_command_deg[log.used], log.steering_deg[log.used]
-    apart, away = np.abs(command - wheel), np.minimum(command * np.sign(wheel), np.abs(wheel))
-    alike = apart < _ALIKE_SHARE * away
-    time = log.time_s[log.used]
-    return any(time[last] - time[first] > LASTING_S for first, last in find_spans(alike))
-
-
 def has_pace_change(pace: Array) -> bool:
     """Whether paces (k,) differ by more than slip from the slower to the faster tenth."""
     slow, middle, fast = np.quantile(pace, (0.1, 0.5, 0.9))
-    return bool(fast - slow > PACE_CHANGE_SHARE * middle)
+    return bool(fast - slow > ALIKE_SHARE * middle)
 
 
 def measure_steady_time_s(log: Log) -> Array:
@@ -229,7 +220,7 @@ _CHORDS_S, _NOISE_LENGTHS = (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees 
 _LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
 LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
 # Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
-PACE_CHANGE_MPS, PACE_CHANGE_SHARE = 0.35, 0.3
+PACE_CHANGE_MPS = 0.35
 # Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
 _OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
 
@@ -250,8 +241,13 @@ class RawMotion:
     stated_speed: Array | None
     pace: Array
     course: Array
-    moving: Mask
     chord_s: float
+
+    @cached_property
+    def moving(self) -> Mask:
+        """Whether the tractor moves, by row."""
+        moving: Mask = np.nan_to_num(self.pace) > MOVING_MPS
+        return moving if self.stated_speed is None else moving | (self.stated_speed > MOVING_MPS)
 
     @property
     def total_s(self) -> float:
@@ -292,8 +288,7 @@ class RawMotion:
         for first, last in spans:
             pace[max(first - margin, 0) : last + margin + 1] = np.nan
             course[max(first - margin, 0) : last + margin + 1] = np.nan
-        moving = _find_moving_rows(pace, self.stated_speed)
-        return replace(self, pace=pace, course=course, moving=moving, chord_s=chord_s)
+        return replace(self, pace=pace, course=course, chord_s=chord_s)
 
     def find_fresh_positions(self) -> Rows:
         """Return the rows in which the position is a new one."""
@@ -302,31 +297,25 @@ class RawMotion:
     def is_contradicted(self, column: str, span: tuple[int, int]) -> bool:
         """Whether other columns show that a column that repeats its value in a span should have changed."""
         rows = slice(span[0], span[1] + 1)
+        pace, course = (values[rows][np.isfinite(values[rows])] for values in (self.pace, self.course))
         if column == "position":
-            return self._measure_driven_m(rows) > _LEAST_DRIVEN_M
+            if self.stated_speed is None:
+                return False
+            speed = self.stated_speed[rows][:-1]
+            driven_m = float(np.sum(np.where(speed > MOVING_MPS, speed, 0.0) * np.diff(self.time_s[rows])))
+            return driven_m > _LEAST_DRIVEN_M
         if column == "heading":
             # A gear change turns the course by half a circle and the heading by nothing.
-            course = self.course[rows][np.isfinite(self.course[rows])]
             return len(course) > 1 and float(np.ptp(0.5 * np.unwrap(2.0 * course))) > math.radians(LEAST_TURN_DEG)
-        if column == "speed":
-            return self._has_other_pace(rows)
-        return self._needs_other_angle(rows)
-
-    def _measure_driven_m(self, rows: slice) -> float:
-        if self.stated_speed is None:
-            return 0.0
-        speed = self.stated_speed[rows]
-        return float(np.sum(np.where(speed[:-1] > MOVING_MPS, speed[:-1], 0.0) * np.diff(self.time_s[rows])))
-
-    def _has_other_pace(self, rows: slice) -> bool:
-        pace = self.pace[rows][np.isfinite(self.pace[rows])]
+        if column == "wheel":
+            return self._needs_other_angle(rows)
         if self.speed is None or len(pace) < self.count_rows(_OTHER_ANGLE_S):
             return False
         slow, middle, fast = np.quantile(pace, (0.05, 0.5, 0.95))
         if self.speed[rows.start] == 0.0:
             elsewhere = np.delete(self.speed, np.arange(rows.start, rows.stop))
             return bool(middle > PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
-        return bool(fast - slow > max(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * middle))
+        return bool(fast - slow > max(PACE_CHANGE_MPS, ALIKE_SHARE * middle))
 
     def _needs_other_angle(self, rows: slice) -> bool:
         """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""
@@ -367,27 +356,17 @@ def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
     """Build the motion of the rows in use; missing cells of optional columns are filled with the value before."""
     time = columns["time_s"][rows]
     positions = np.stack([columns["easting_m"][rows], columns["northing_m"][rows]])
-    heading, speed, wheel, target = (
-        _fill_column(columns, name, rows) for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps")
-    )
-    pace, course, chord_s = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
+    filled: dict[str, Array] = {}
+    for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps"):
+        values = columns[name][rows] if name in columns else np.empty(0)
+        finite = np.flatnonzero(np.isfinite(values))
+        if len(finite):
+            place = np.searchsorted(finite, np.arange(len(values)), side="right") - 1
+            filled[name] = values[finite[np.maximum(place, 0)]]
+    heading, speed, wheel, target = map(filled.get, ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps"))
+    motion = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
     stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
-    moving = _find_moving_rows(pace, stated)
-    return RawMotion(time, positions, heading, speed, wheel, target, stated, pace, course, moving, chord_s)
-
-
-def _find_moving_rows(pace: Array, stated_speed: Array | None) -> Mask:
-    moving: Mask = np.nan_to_num(pace) > MOVING_MPS
-    return moving if stated_speed is None else moving | (stated_speed > MOVING_MPS)
-
-
-def _fill_column(columns: Columns, name: str, rows: Rows) -> Array | None:
-    if name not in columns:
-        return None
-    values = columns[name][rows]
-    finite = np.flatnonzero(np.isfinite(values))
-    place = np.maximum(np.searchsorted(finite, np.arange(len(values)), side="right") - 1, 0)
-    return values[finite[place]] if len(finite) else None
+    return RawMotion(time, positions, heading, speed, wheel, target, stated, *motion)
 
 
 def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:

@@ -36,13 +36,13 @@ from vehicle.identification.logs.gating import RowRules, gate_rows
 from vehicle.identification.logs.readings import (
     SPEED_UNITS,
     LogConvention,
-    Suspicion,
     convert_columns,
     find_first_place,
 )
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
+    Columns,
     Log,
     find_file_line,
     number_segments,
@@ -51,7 +51,6 @@ from vehicle.identification.logs.schema import (
 from vehicle.identification.logs.sensor_checks import correct_sensors
 from vehicle.identification.logs.standing_columns import find_sparse_steering_faults
 from vehicle.identification.logs.table import (
-    Columns,
     MappingSource,
     NamedColumn,
     extract_columns,
@@ -60,8 +59,7 @@ from vehicle.identification.logs.table import (
     parse_mapping,
     read_table,
 )
-from vehicle.identification.logs.terrain import STEEPEST_DEG
-from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S
+from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S, STEEPEST_DEG
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -77,28 +75,51 @@ def list_remarks(log: Log) -> list[str]:
     """Return every remark on a log, one sentence each, starting with its name.
 
     Rows counted as "left out" or "not used" are all rows of the file that no replay uses, apart from repeated values of
-    a slower instrument.
+    a slower instrument. Impossible roll and pitch exclude no row, as the ground hardly changes from row to row.
     """
     messages = []
     if log.other_names:
         names = ", ".join(log.other_names)
         messages.append(f"the file was given {len(log.other_names) + 1} times (also as {names}) and counts once")
-    messages += [*_describe_ignored_columns(log), *log.corrections, *_describe_bad_tilt(log)]
+    unset = (("shuttle", log.shuttle == 1.0), ("implement", log.implement == 0.0))
+    absent = [name for name in COLUMNS if getattr(log, name) is None] + [name for name, is_set in unset if is_set.all()]
+    for name in log.ignored_columns:
+        target = guess_column(name)
+        hint = f"; map it to {target.key} if that is what it holds" if target and target.column in absent else ""
+        messages.append(f"column {name!r} is unknown and was ignored{hint}")
+    messages += log.corrections
+    for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
+        bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG)) if values is not None else np.empty(0, dtype=np.int64)
+        if len(bad):
+            messages.append(
+                f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_format_row_count(len(bad))} (first in line "
+                f"{find_file_line(bad)}); values are interpolated there"
+            )
     messages += [
         f"{_format_row_count(message.rows)} left out: {message.rule} (first in line {message.first_line})"
         for message in log.gated
     ]
-    return [f"{log.name}: {message}." for message in [*messages, *_describe_short_segments(log)]]
+    long_segments, short_segments = split_drive_segments(log)
+    if short_segments:
+        rows = np.concatenate(short_segments)
+        reason = _SHORT_SEGMENTS if long_segments else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
+        line = find_file_line(rows)
+        messages.append(f"{_format_row_count(len(rows))} not used: {reason} (first in line {line})")
+    return [f"{log.name}: {message}." for message in messages]
 
 
 def list_shared_remarks(logs: Sequence[Log]) -> list[str]:
-    """Return the remarks on many logs; a remark that several logs share appears once with their names."""
+    """Return the remarks on many logs; a remark that several logs share appears once with their names, the first of
+    many."""
     names: dict[str, list[str]] = {}
     for log in logs:
         for message in list_remarks(log):
             names.setdefault(message.removeprefix(f"{log.name}: "), []).append(log.name)
-    set_remarks = dict.fromkeys(remark for log in logs for remark in log.set_remarks)
-    return [*set_remarks, *[f"{_join_names(log_names)}: {message}" for message, log_names in names.items()]]
+    remarks = list(dict.fromkeys(remark for log in logs for remark in log.set_remarks))
+    for message, own in names.items():
+        more = f" and {len(own) - MAX_NAMED} more" if len(own) > MAX_NAMED + 1 else ""
+        remarks.append(f"{', '.join(own[:MAX_NAMED] if more else own)}{more}: {message}")
+    return remarks
 
 
 def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
@@ -114,49 +135,8 @@ def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
     return dict(sorted(((rule, rows) for rule, rows in counts.items() if rows > 0), key=lambda pair: -pair[1]))
 
 
-def _join_names(names: Sequence[str]) -> str:
-    """Join names, only the first of many."""
-    if len(names) <= MAX_NAMED + 1:
-        return ", ".join(names)
-    return f"{', '.join(names[:MAX_NAMED])} and {len(names) - MAX_NAMED} more"
-
-
 def _format_row_count(count: int) -> str:
     return "1 row" if count == 1 else f"{count} rows"
-
-
-def _describe_ignored_columns(log: Log) -> list[str]:
-    unset = (("shuttle", log.shuttle == 1.0), ("implement", log.implement == 0.0))
-    absent = [name for name in COLUMNS if getattr(log, name) is None] + [name for name, is_set in unset if is_set.all()]
-    messages = []
-    for name in log.ignored_columns:
-        target = guess_column(name)
-        hint = f"; map it to {target.key} if that is what it holds" if target and target.column in absent else ""
-        messages.append(f"column {name!r} is unknown and was ignored{hint}")
-    return messages
-
-
-def _describe_bad_tilt(log: Log) -> list[str]:
-    """Describe impossible roll and pitch. They exclude no row, as the ground hardly changes from row to row."""
-    messages = []
-    for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
-        if values is not None:
-            bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG))
-            if len(bad):
-                messages.append(
-                    f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_format_row_count(len(bad))} (first in line "
-                    f"{find_file_line(bad)}); values are interpolated there"
-                )
-    return messages
-
-
-def _describe_short_segments(log: Log) -> list[str]:
-    long_segments, short_segments = split_drive_segments(log)
-    if not short_segments:
-        return []
-    rows = np.concatenate(short_segments)
-    reason = _SHORT_SEGMENTS if long_segments else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
-    return [f"{_format_row_count(len(rows))} not used: {reason} (first in line {find_file_line(rows)})"]
 
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
@@ -238,7 +218,7 @@ def build_log(
     converted, jumps = correct_position_jumps(converted, name)
     column_faults = join_thaws(jumps, find_column_faults(converted, name))
     column_faults += find_sparse_steering_faults(converted, name)
-    converted, gaps = _drop_command_with_gaps(_hold_commands(converted))
+    converted, gaps = _hold_commands(converted)
     columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
     rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})
     # Of negative speeds only the noise of sensors at rest was not excluded.
@@ -268,33 +248,31 @@ def build_log(
     return correct_sensors(log)
 
 
-def _hold_commands(columns: Columns) -> Columns:
-    """Commands hold from one message to the next where these come more rarely than rows; longer gaps stay empty."""
+def _hold_commands(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """Commands hold from one message to the next where these come more rarely than rows; longer gaps stay empty.
+
+    A commanded speed that is still empty in many rows, as of a tractor that pauses or is driven by hand, is dropped:
+    all else in these rows is known.
+    """
     held = dict(columns)
     for name in ("speed_command_mps", "steering_command_deg"):
         values = columns.get(name)
         if values is None or np.isfinite(values).all() or not np.isfinite(values).any():
             continue
-        known = np.flatnonzero(np.isfinite(values))
-        last = known[np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)]
-        following = known[np.minimum(np.searchsorted(known, np.arange(len(values))), len(known) - 1)]
+        known, rows = np.flatnonzero(np.isfinite(values)), np.arange(len(values))
+        last = known[np.maximum(np.searchsorted(known, rows, side="right") - 1, 0)]
+        following = known[np.minimum(np.searchsorted(known, rows), len(known) - 1)]
         is_short = columns["time_s"][following] - columns["time_s"][last] <= _MOST_HELD_S
-        held[name] = np.where(is_short & (last <= np.arange(len(values))), values[last], values)
-    return held
-
-
-def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
-    """Drop a commanded speed that is empty in many rows, as of a tractor that pauses or is driven by hand; all else in
-    these rows is known."""
-    command = columns.get("speed_command_mps")
-    if command is None or np.count_nonzero(~np.isfinite(command)) <= FEW_SHARE * len(command):
-        return columns, ()
+        held[name] = np.where(is_short & (last <= rows), values[last], values)
+    command = held.get("speed_command_mps", np.empty(0))
     empty = np.flatnonzero(~np.isfinite(command))
+    if len(empty) <= FEW_SHARE * len(command):
+        return held, ()
     message = (
         f"speed_command_mps is empty in {len(empty)} of {len(command)} rows (first in line "
         f"{find_file_line(empty)}); the column is ignored and the rows are used"
     )
-    return {name: values for name, values in columns.items() if name != "speed_command_mps"}, (message,)
+    return {name: values for name, values in held.items() if name != "speed_command_mps"}, (message,)
 
 
 def parse_conventions(
@@ -377,43 +355,28 @@ def _check_log(
 ) -> None:
     """Refuse wrong conventions, a tractor that never moves, and an impossible rate."""
     suspicions = find_convention_errors(log, wheelbase_m, other_logs)
-    _refuse_standing_tractor(log, suspicions)
+    rows, name = log.used, log.name
+    if is_parked(log) and not any(suspicion.fix in _POSITION_FIXES for suspicion in suspicions):
+        moved = float(np.hypot(np.ptp(log.easting_m[rows]), np.ptp(log.northing_m[rows])))
+        raise LogError(
+            f"{name}: its positions stay within {moved:.2g} m for {float(np.ptp(log.time_s[rows])):.0f} s, so the "
+            "tractor never moves; leave this log out, or correct the columns easting_m and northing_m."
+        )
     contradicted = [suspicion for suspicion in suspicions if suspicion.fix in fix_set]
     if contradicted:
-        raise LogError(f"{log.name}: after the fix {contradicted[0].fix} {contradicted[0].why}; remove that fix.")
+        raise LogError(f"{name}: after the fix {contradicted[0].fix} {contradicted[0].why}; remove that fix.")
     if suspicions:
+        raise LogError(f"{name}: it seems that {'; and that '.join(one.format_sentence() for one in suspicions)}.")
+    if log.step_s < 1.0 / _FASTEST_HZ and is_bundled(log.time_s[rows]):
+        mean_s = float(np.mean(np.diff(log.time_s[rows])))
         raise LogError(
-            f"{log.name}: it seems that {'; and that '.join(suspicion.format_sentence() for suspicion in suspicions)}."
-        )
-    _refuse_impossible_rate(log)
-    silent = describe_silent_steering(log)
-    if silent:
-        raise LogError(f"{silent}; log the wheel angle or the command.")
-
-
-def _refuse_standing_tractor(log: Log, suspicions: Sequence[Suspicion]) -> None:
-    """Refuse a tractor that never moves, unless the unit of the positions is wrong."""
-    if any(suspicion.fix in _POSITION_FIXES for suspicion in suspicions):
-        return
-    if is_parked(log):
-        moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
-        seconds = float(np.ptp(log.time_s[log.used]))
-        raise LogError(
-            f"{log.name}: its positions stay within {moved:.2g} m for {seconds:.0f} s, so the tractor never moves; "
-            "leave "
-            "this log out, or correct the columns easting_m and northing_m."
-        )
-
-
-def _refuse_impossible_rate(log: Log) -> None:
-    if log.step_s < 1.0 / _FASTEST_HZ and is_bundled(log.time_s[log.used]):
-        mean_s = float(np.mean(np.diff(log.time_s[log.used])))
-        raise LogError(
-            f"{log.name}: its rows come in bundles, {log.step_s:g} s apart within one and {mean_s:.2g} s on average, "
-            "as where rows are stamped on arrival; write in time_s when each row was measured."
+            f"{name}: its rows come in bundles, {log.step_s:g} s apart within one and {mean_s:.2g} s on average, as "
+            "where rows are stamped on arrival; write in time_s when each row was measured."
         )
     if not 1.0 / _FASTEST_HZ <= log.step_s <= MOMENT_S:
         raise LogError(
-            f"{log.name}: its rows are {log.step_s:g} s apart; logs must have 1 to 100 Hz; check the unit of "
-            "time_s or log at another rate."
+            f"{name}: its rows are {log.step_s:g} s apart; logs must have 1 to 100 Hz; check the unit of time_s or log "
+            "at another rate."
         )
+    if silent := describe_silent_steering(log):
+        raise LogError(f"{silent}; log the wheel angle or the command.")

@@ -17,10 +17,9 @@ import numpy as np
 from fields.errors import mark_parameter
 from fields.units import HOUR_S, KMH_PER_MPS
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, Log
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, Columns, Log
 from vehicle.model.gnss import project_to_metres
 
-Columns = dict[str, Array]
 Place = tuple[float, float]
 Conversion = Callable[[Columns, Place | None], Columns]
 Band = tuple[float, float]

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.identification.logs.thresholds import PART_S
+from vehicle.identification.logs.thresholds import GAP_STEPS, PART_S
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]
+Columns = dict[str, Array]
 
 NEEDED_COLUMNS = ("time_s", "easting_m", "northing_m")
 STEERING_COLUMNS = ("steering_command_deg", "steering_deg")
@@ -161,7 +162,7 @@ class Log:
         return replace(self, used=used, segment=number_segments(self.time_s, used), **changed)
 
 
-GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
+GAP_SAMPLES = 2.0 * GAP_STEPS  # half a second at the usual 10 Hz, bridged by a straight line
 SHORTEST_SEGMENT_S = PART_S  # one piece of the 5 s horizon, over which errors are compared
 
 

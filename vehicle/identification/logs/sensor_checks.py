@@ -29,7 +29,9 @@ from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.series import compute_change, measure_spread
 from vehicle.identification.logs.thresholds import (
     FEWEST_LINE_CHORDS,
+    LASTING_S,
     MEASURED_SIGMAS,
+    NEAR_SHARE,
     NEARLY_SHARE,
     STEERING_NOISE_DEG,
     STRAIGHT_PER_M,
@@ -40,12 +42,8 @@ from vehicle.model.effects import DRIVE_LINE_SLIP
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
 _LEAST_SENSOR_FACTOR = 1.25
-_ALIKE_SHARE = 0.03  # by which factors of parts may differ
-# Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
-_NEARER_SHARE = 0.4
+_SAME_SHARE = 0.03  # by which factors of parts may differ
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
-# Correlations with the bends of the path: a working sensor reaches the second.
-_FOLLOWING_CORRELATION = 0.9
 
 
 def correct_sensors(log: Log) -> Log:
@@ -93,7 +91,7 @@ def _find_common_factor(ratios: Array) -> float | None:
     slow = stated <= np.median(stated)
     parts = [*conditions, slow, ~slow, working > 0.5, working <= 0.5]
     levels = [float(np.median(ratio[part])) for part in parts if np.count_nonzero(part) >= FEWEST_LINE_CHORDS // 2]
-    alike = max(_ALIKE_SHARE * factor, 3.0 * error)
+    alike = max(_SAME_SHARE * factor, 3.0 * error)
     is_clear = abs(factor - 1.0) >= MEASURED_SIGMAS * error
     return factor if is_clear and all(abs(level - factor) < alike for level in levels) else None
 
@@ -103,24 +101,21 @@ def correct_sensors_like_others(logs: Sequence[Log]) -> list[Log]:
 
     Bends show a speed factor only roughly; where it is near one that straight driving showed in another log, that one
     is used. Straight driving cannot show that a wheel angle is unrelated to the path; where bends of another log did,
-    it is dropped.
+    one that varies without bending the path is dropped.
     """
-    stray_log = next((candidate_log for candidate_log in logs if candidate_log.stray_steering_deg > 0.0), None)
-    if stray_log is not None:
-        logs = [_drop_wheel_angle_like_other(log, stray_log) for log in logs]
-    logs_with_factor = [log for log in logs if log.speed_factor != 1.0]
-    return [_correct_speed_as_others(log, logs_with_factor) for log in logs] if logs_with_factor else list(logs)
-
-
-def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
-    """Drop a wheel angle that varies without bending the path, as in `stray_log`."""
-    if log.steering_deg is None or log.steering_command_deg is None:
-        return log
-    is_moving = float(np.std(log.steering_deg[log.used])) >= min(STEERING_NOISE_DEG, 0.5 * stray_log.stray_steering_deg)
-    if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * STRAY_CORRELATION:
-        return log
-    message = f"{_STRAY_MESSAGE}, as in {stray_log.name}; the column is ignored"
-    return log.correct_columns(message, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg)
+    stray = next((log for log in logs if log.stray_steering_deg > 0.0), None)
+    kept = []
+    for log in logs:
+        if stray is not None and log.steering_deg is not None and log.steering_command_deg is not None:
+            least_deg = min(STEERING_NOISE_DEG, 0.5 * stray.stray_steering_deg)
+            is_moving = float(np.std(log.steering_deg[log.used])) >= least_deg
+            by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None)) if is_moving else 1.0
+            if not abs(by_sensor) > 2.0 * STRAY_CORRELATION:
+                message = f"{_STRAY_MESSAGE}, as in {stray.name}; the column is ignored"
+                log = log.correct_columns(message, steering_deg=None, stray_steering_deg=stray.stray_steering_deg)
+        kept.append(log)
+    logs_with_factor = [log for log in kept if log.speed_factor != 1.0]
+    return [_correct_speed_as_others(log, logs_with_factor) for log in kept] if logs_with_factor else kept
 
 
 def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
@@ -134,7 +129,7 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
     ratio = float(np.median(stated_mps / np.maximum(chords.speed, 0.05)))
     nearest_log = min(logs_with_factor, key=lambda other: abs(math.log(max(ratio, 1e-3) / other.speed_factor)))
     factor = nearest_log.speed_factor
-    if abs(math.log(max(ratio, 1e-3) / factor)) > _NEARER_SHARE * abs(math.log(factor)):
+    if abs(math.log(max(ratio, 1e-3) / factor)) > NEAR_SHARE * abs(math.log(factor)):
         return log
     message = (
         f"speed_mps reads about {100.0 * abs(ratio - 1.0):.0f} % {'more' if ratio > 1.0 else 'less'} than the "
@@ -155,7 +150,7 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
         return log
     by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None))
     by_command = _correlate_with_bends(replace(log, steering_deg=None))
-    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= _FOLLOWING_CORRELATION
+    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= NEARLY_SHARE
     if abs(by_sensor) > STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"
@@ -166,36 +161,30 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
 def _is_wheel_angle_bypassed(log: Log) -> bool:
     """Whether the command clearly bends the path while the wheel angle hardly moves with it or is all noise.
 
-    All noise: it varies as much from row to row as over the log, which wheels do not, and more than the command.
+    All noise: it varies as much from row to row as over the log, which wheels do not, and more than the command. The
+    heading, if there is one, shows the curvature with less noise than positions.
     """
     by_sensor, by_command = (
         compute_bends(replace(log, steering_command_deg=None)),
         compute_bends(replace(log, steering_deg=None)),
     )
+    chords = compute_path_chords(log)
     if by_sensor is None or by_command is None or len(by_command[0]) < 2 * FEWEST_LINE_CHORDS:
         return False
-    command, path, wheel = by_command[0], _compute_heading_curvature(log, by_command[2]), by_sensor[0]
-    command_share, command_error = fit_chords(command, by_command[1] if path is None else path)
+    command, path, wheel = by_command[0], by_command[1], by_sensor[0]
+    if log.heading_deg is not None and chords is not None:
+        rows, middles = np.flatnonzero(log.used), log.time_s[chords.row]
+        heading = np.unwrap(np.radians(log.heading_deg[rows]))
+        ends = middles - 0.5 * chords.span_s, middles + 0.5 * chords.span_s
+        path = by_command[2] * compute_change(log.time_s[rows], heading, *ends) / (chords.speed * chords.span_s)
+    command_share, command_error = fit_chords(command, path)
     sensor_share, sensor_error = fit_chords(command, wheel)
-    rows = log.steering_deg[log.used], log.steering_command_deg[log.used]  # type: ignore[index]
-    from_row_to_row = float(np.std(np.diff(rows[0]))) / math.sqrt(2.0)
-    noise = from_row_to_row > max(NEARLY_SHARE * float(np.std(rows[0])), float(np.std(rows[1])))
+    measured, commanded = log.steering_deg[log.used], log.steering_command_deg[log.used]  # type: ignore[index]
+    from_row_to_row = float(np.std(np.diff(measured))) / math.sqrt(2.0)
+    noise = from_row_to_row > max(NEARLY_SHARE * float(np.std(measured)), float(np.std(commanded)))
     return command_share > MEASURED_SIGMAS * command_error and (
         noise or sensor_share + MEASURED_SIGMAS * sensor_error < STRAY_CORRELATION
     )
-
-
-def _compute_heading_curvature(log: Log, gear: Array) -> Array | None:
-    """Return the curvature (1/m) per chord from the heading, with less noise than from positions; None without a
-    heading."""
-    chords = compute_path_chords(log)
-    if log.heading_deg is None or chords is None:
-        return None
-    rows = np.flatnonzero(log.used)
-    time, heading = log.time_s[rows], np.unwrap(np.radians(log.heading_deg[rows]))
-    start, end = (log.time_s[chords.row] + shift * chords.span_s for shift in (-0.5, 0.5))
-    curvature: Array = gear * compute_change(time, heading, start, end) / (chords.speed * chords.span_s)
-    return curvature
 
 
 def _correlate_with_bends(log: Log) -> float:
@@ -210,62 +199,40 @@ def _correlate_with_bends(log: Log) -> float:
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
 
 
-_STEADY_S = 6.0  # of constant command: longer than any drive line takes to follow
+_STEADY_S = 2.0 * LASTING_S  # of constant command: longer than any drive line takes to follow
 
 
 def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
-    """Drop or scale commanded speeds that were not driven, over a set of logs; `corrections` say which and why."""
-    alone = [_drop_constant_command(log) for log in logs]
-    return _scale_commanded_speeds([_drop_command_constant_elsewhere(log, alone) for log in alone])
+    """Drop or scale commanded speeds that were not driven, over a set of logs; `corrections` say which and why.
 
+    A constant one is also dropped where it has the value that was dropped in another log. All are multiplied by the
+    factor by which all logs are driven faster, if there is one.
+    """
+    descriptions = [_describe_constant_command(log) for log in logs]
 
-def _describe_constant_command(log: Log) -> str | None:
-    """Describe a command that is constant over the log; None if it is not."""
-    values = log.speed_command_mps
-    if values is None or not log.used.any() or float(np.ptp(values[log.used])) > 0.0:
-        return None
-    return f"speed_command_mps is {values[log.used][0]:g} in every row"
+    def drop_command(log: Log, why: str) -> Log:
+        said = f"{why}: the tractor was not driven by it; the column is ignored"
+        return log.correct_columns(said, speed_command_mps=None)
 
-
-def _drop_constant_command(log: Log) -> Log:
-    description, chords = _describe_constant_command(log), compute_path_chords(log)
-    if description is None or chords is None:
-        return log
-    segment_start_s = np.array([log.time_s[log.segment == number][0] for number in range(log.segment_count)])
-    under_way = log.time_s[chords.row] - segment_start_s[log.segment[chords.row]] > _STEADY_S
-    for working in (0.0, 1.0):
-        pace = chords.speed[under_way & (log.implement[chords.row] == working)]
-        if len(pace) >= FEWEST_LINE_CHORDS and has_pace_change(pace):
-            return _drop_command(log, f"{description} although the tractor's pace changes")
-    return log
-
-
-def _drop_command_constant_elsewhere(log: Log, other_logs: Sequence[Log]) -> Log:
-    """Drop the command where it has the constant value that was dropped in another log."""
-    description = _describe_constant_command(log)
-    same_log = next(
-        (
-            candidate_log
-            for candidate_log in other_logs
-            if description and any(doubt.startswith(description) for doubt in candidate_log.corrections)
-        ),
-        None,
-    )
-    return log if same_log is None else _drop_command(log, f"{description}, as in {same_log.name}")
-
-
-def _drop_command(log: Log, why: str) -> Log:
-    return log.correct_columns(
-        f"{why}: the tractor was not driven by it; the column is ignored", speed_command_mps=None
-    )
-
-
-def _scale_commanded_speeds(logs: list[Log]) -> list[Log]:
-    """Multiply the commands by the factor by which all logs are driven faster, if there is one."""
-    parts = [ratios for log in logs if (ratios := _collect_command_ratios(log)) is not None]
+    alone = [
+        drop_command(log, f"{said} although the tractor's pace changes") if said and _changes_pace(log) else log
+        for log, said in zip(logs, descriptions, strict=True)
+    ]
+    kept = []
+    for log, said in zip(alone, descriptions, strict=True):
+        others = alone if said and log.speed_command_mps is not None else ()
+        same = next((one for one in others if any(doubt.startswith(said) for doubt in one.corrections)), None)
+        kept.append(log if same is None else drop_command(log, f"{said}, as in {same.name}"))
+    parts = []
+    for log in kept:
+        chords = compute_path_chords(log)
+        if log.speed_command_mps is not None and chords is not None:  # driven straight under a constant command
+            steady = measure_steady_time_s(log)[chords.row] >= _STEADY_S
+            straight = _select_straight_chords(chords, log.speed_command_mps[chords.row])
+            parts.append(_collect_ratios(log, chords, log.speed_command_mps, steady & straight))
     stated_share = _find_common_factor(np.concatenate(parts, axis=1)) if parts else None
     if stated_share is None or stated_share * (1.0 + DRIVE_LINE_SLIP) >= 1.0:
-        return logs
+        return kept
     factor = 1.0 / stated_share
     message = (
         f"the tractor drives {100.0 * (factor - 1.0):.0f} % faster than speed_command_mps in every direction, "
@@ -275,15 +242,24 @@ def _scale_commanded_speeds(logs: list[Log]) -> list[Log]:
         log
         if log.speed_command_mps is None
         else log.correct_columns(message, speed_command_mps=factor * log.speed_command_mps)
-        for log in logs
+        for log in kept
     ]
 
 
-def _collect_command_ratios(log: Log) -> Array | None:
-    """Return the ratios of chords driven straight under a constant command."""
+def _describe_constant_command(log: Log) -> str:
+    """Describe a commanded speed that is constant over the log; empty if it is not."""
+    values = log.speed_command_mps
+    if values is None or not log.used.any() or float(np.ptp(values[log.used])) > 0.0:
+        return ""
+    return f"speed_command_mps is {values[log.used][0]:g} in every row"
+
+
+def _changes_pace(log: Log) -> bool:
+    """Whether the pace under way changes, with the implement lifted or working, as under one command it does not."""
     chords = compute_path_chords(log)
-    if log.speed_command_mps is None or chords is None:
-        return None
-    steady = measure_steady_time_s(log)[chords.row] >= _STEADY_S
-    straight = _select_straight_chords(chords, log.speed_command_mps[chords.row])
-    return _collect_ratios(log, chords, log.speed_command_mps, steady & straight)
+    if chords is None:
+        return False
+    segment_start_s = np.array([log.time_s[log.segment == number][0] for number in range(log.segment_count)])
+    under_way = log.time_s[chords.row] - segment_start_s[log.segment[chords.row]] > _STEADY_S
+    paces = [chords.speed[under_way & (log.implement[chords.row] == working)] for working in (0.0, 1.0)]
+    return any(len(pace) >= FEWEST_LINE_CHORDS and has_pace_change(pace) for pace in paces)

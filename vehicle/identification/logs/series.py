@@ -80,6 +80,17 @@ def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Ar
     return change
 
 
+def draw_lines(column: Array, time: Array, rows: Rows, knots: Rows, values: Array | None = None) -> Array:
+    """Return a column (n,) that runs straight, in these rows (k,) of it, between the knots (indices of `rows`).
+
+    `values` (k,) stand for those of the column, such as angles without steps of a circle.
+    """
+    out = column.copy()
+    shown = column[rows] if values is None else values
+    out[rows] = np.interp(time[rows], time[rows][knots], shown[knots])
+    return out
+
+
 def turn_path(path: Array, turned: Array) -> Array:
     """Return a path (k, 2) whose steps are turned by angles (k,), rad to the left."""
     steps = np.diff(path, axis=0)
@@ -111,16 +122,13 @@ def find_changes(values: Array) -> Changes:
     steps = np.diff(values, axis=1)
     new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
     changes = steps[:, new_rows[1:] - 1]
-    least = np.array([[_find_least_step(column_steps)] for column_steps in steps])
+    least = np.zeros((len(steps), 1))  # nearly the least change, or difference of two changes: the last digit
+    for place, own in enumerate(steps):
+        sizes = np.unique(np.round(np.abs(own[own != 0.0]), DIGITS))
+        if len(sizes):
+            least[place] = np.quantile(np.concatenate([sizes, np.diff(sizes)]), _LEAST_STEP_QUANTILE)
     is_clear = np.asarray((np.abs(changes) > _CLEAR_CHANGE_FACTOR * least).any(axis=0))
     return Changes(new_rows, np.diff(new_rows), np.sqrt((changes**2).sum(axis=0)), is_clear)
-
-
-def _find_least_step(steps: Array) -> float:
-    """Return nearly the least change of values (k - 1,), or difference of two changes: their last digit."""
-    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
-    candidates = np.concatenate([sizes, np.diff(sizes)])
-    return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
 
 
 def denoise_angles(time: Array, values: Array) -> Array:

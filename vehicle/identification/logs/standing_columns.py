@@ -17,17 +17,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
-from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows
+from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, RawMotion
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, Columns, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_noise
-from vehicle.identification.logs.table import Columns
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     ALMOST_ALL_SHARE,
     CLEAR_CORRELATION,
     CLEARLY_APART_DEG,
     FEWEST_EVENTS,
     FEWEST_READINGS,
     FEWEST_TIMES,
+    HOLDS,
     LASTING_S,
     MAJORITY,
     MOMENT_S,
@@ -43,7 +44,6 @@ POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 _LEAST_STANDING_S = 2.0 * LASTING_S  # of a standstill
-HOLDS = 4.0  # chosen: times the usual hold of a column, as for values that repeat
 _NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
 _LEAST_DRIVEN_M = 5.0  # chosen: a speed sensor drives so far while positions stay
 _LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest
@@ -52,8 +52,7 @@ _COURSE_APART_DEG = 20.0
 _STOPPED_MPS = 0.5 * MOVING_MPS  # a pace that is a halt
 
 
-@dataclass(frozen=True)
-class StandingSpan:
+class StandingSpan(NamedTuple):
     """First and last row of a column that stands, and the first row in which others show it."""
 
     first: int
@@ -104,15 +103,14 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
 def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int], limit: float) -> StandingSpan:
     """Return the rows of a span of blocks, with those of the seconds at its ends in which the column stands already."""
     edges = np.append(starts, values.shape[1])
-    first, end, first_shown = int(edges[shown[0]]), int(edges[shown[1] + 1]), int(edges[shown[2]])
+    begin, limit_row = int(edges[max(shown[0] - 1, 0)]), int(edges[min(shown[1] + 2, len(edges) - 1)])
+    first, end = int(edges[shown[0]]), int(edges[shown[1] + 1])
     level = np.median(values[:, first:end], axis=1)[:, None]
-    still: Mask = np.max(np.abs(values - level), axis=0) <= limit
-    before = np.flatnonzero(~still[edges[max(shown[0] - 1, 0)] : first])
-    after = np.flatnonzero(~still[end : edges[min(shown[1] + 2, len(edges) - 1)]])
-    begin = int(edges[max(shown[0] - 1, 0)])
+    moves: Mask = np.max(np.abs(values - level), axis=0) > limit
+    before, after = np.flatnonzero(moves[begin:first]), np.flatnonzero(moves[end:limit_row])
     start = begin + (int(before[-1]) + 1 if len(before) else 0)
-    stop = end + int(after[0]) if len(after) else int(edges[min(shown[1] + 2, len(edges) - 1)])
-    return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else first_shown)
+    stop = end + int(after[0]) if len(after) else limit_row
+    return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else int(edges[shown[2]]))
 
 
 def _average(values: Array, starts: Rows) -> Array:
@@ -176,20 +174,15 @@ def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
     seconds = np.diff(blocks.time_s[first : last + 1])
     if float(np.sum(np.minimum(seconds, 2.0 * READING_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
         return None
-    return (first, last, first) if _is_driven(blocks, part) else None
-
-
-def _is_driven(blocks: _Blocks, part: slice) -> bool:
-    """Whether more than the measured speed shows that the tractor drives in a span."""
     speed, target = blocks.speed[part], blocks.target[part]
-    driven = speed > MOVING_MPS
+    moving = speed > MOVING_MPS
     if np.isfinite(target).all():
-        return float(np.mean(target[driven] > MOVING_MPS)) >= MOST_SHARE
-    if float(np.mean(driven)) < MOST_SHARE:
-        return False
-    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG:
-        return True
-    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > PACE_CHANGE_MPS
+        is_driven = float(np.mean(target[moving] > MOVING_MPS)) >= MOST_SHARE
+    else:
+        turns = np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG
+        is_fast = float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > PACE_CHANGE_MPS
+        is_driven = float(np.mean(moving)) >= MOST_SHARE and (turns or is_fast)
+    return (first, last, first) if is_driven else None
 
 
 def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
@@ -209,7 +202,7 @@ def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
 
 
 def _is_other_pace(pace: Array, speed: Array) -> Mask:
-    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * speed)
+    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, ALIKE_SHARE * speed)
     return apart
 
 
@@ -244,16 +237,13 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
     targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
     faster = other & (pace > speed)
-    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S
-    return (first, last, shown) if is_other or _halts_and_goes_on(pace, target, moving) else None
-
-
-def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
-    """Whether a tractor that moves stops as it is told to, and moves again; positions that freeze look like it."""
+    is_other = bool(max(np.count_nonzero(faster), np.count_nonzero(targeted)) * READING_S >= LASTING_S)
+    # A tractor that moves stops as it is told to, and moves again; positions that freeze look like it.
     halts = np.flatnonzero(pace < _STOPPED_MPS)
-    if len(halts) * READING_S < MOMENT_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
-        return False
-    return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
+    if not is_other and len(halts) * READING_S >= MOMENT_S:
+        goes_on = moving[: halts[0]].any() and moving[halts[0] :].any()
+        is_other = bool(goes_on) and float(np.mean(target[halts] < MOVING_MPS)) > 0.5
+    return (first, last, shown) if is_other else None
 
 
 class StillReading(NamedTuple):
@@ -308,10 +298,18 @@ Span = tuple[int, int]  # first and last reading
 def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault]:
     """Return when the wheels of the log `name` stay far from the commands, from sparse columns in units of the
     contract, with the rows; empty for columns that change in most rows."""
-    readings = _find_readings(columns)
+    names = ("time_s", *STEERING_COLUMNS)
+    if not all(name in columns for name in names):
+        return []
+    values = np.stack([columns[key] for key in names])
+    rows = np.flatnonzero(np.isfinite(values).all(axis=0))
+    rows = rows[np.append(True, np.diff(values[0, rows]) > 0.0)] if len(rows) else rows
+    # The rows in which a steering column has a new value.
+    changes = (np.diff(values[1:, rows], axis=1) != 0.0).any(axis=0)
+    readings = rows[np.append(True, changes)] if len(rows) else rows
     if len(readings) < FEWEST_READINGS:
         return []
-    time, command, wheel = (columns[key][readings] for key in ("time_s", "steering_command_deg", "steering_deg"))
+    time, command, wheel = values[:, readings]
     if float(np.median(np.diff(time))) < READING_S:
         return []
     spans = _find_still_spans(time, command, wheel)
@@ -327,17 +325,6 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     faults = [_build_fault(name, time, wheel, inside, span, float(np.nanmax(every_s))) for span in spans]
     is_bad = [(every_s > one.earliest_s) & (every_s <= (np.inf if one.to_s is None else one.to_s)) for one in faults]
     return [ColumnFault(fault, np.flatnonzero(bad)) for fault, bad in zip(faults, is_bad, strict=True)]
-
-
-def _find_readings(columns: Columns) -> Rows:
-    """Return the rows in which a steering column has a new value, where both are known."""
-    if "steering_command_deg" not in columns or "steering_deg" not in columns:
-        return np.empty(0, dtype=np.int64)
-    values = np.stack([columns[key] for key in ("time_s", "steering_command_deg", "steering_deg")])
-    rows = np.flatnonzero(np.isfinite(values).all(axis=0))
-    rows = rows[np.append(True, np.diff(values[0, rows]) > 0.0)] if len(rows) else rows
-    changes = (np.diff(values[1:, rows], axis=1) != 0.0).any(axis=0)
-    return rows[np.append(True, changes)] if len(rows) else rows
 
 
 def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:

@@ -25,13 +25,12 @@ from fields.errors import mark_parameter, shorten_middle, suggest_name
 from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error, quote_path, read_table_text, read_text
 from vehicle.identification.errors import ColumnError, LogError
-from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Array
+from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Array, Columns
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
-Columns = dict[str, Array]
 MappingSource = Mapping[str, str] | Sequence[str] | str | Path | None
 """A mapping, texts such as "time_s=Zeit", the path of a mapping file (TOML), or nothing."""
 _LIKENESS = 0.85  # chosen, of difflib's: one letter wrong in a short name, and not another word in it
@@ -50,10 +49,8 @@ def read_table(path: Path) -> pd.DataFrame:
         raise LogError(f"{path} does not exist; give the path of a CSV or Parquet log.")
     if path.stat().st_size == 0:
         raise LogError(f"{path} is empty (0 bytes); a log needs a header and at least two rows.")
-    return _read_parquet(path) if path.suffix.lower() in (".parquet", ".pq") else _read_csv(path)
-
-
-def _read_parquet(path: Path) -> pd.DataFrame:
+    if path.suffix.lower() not in (".parquet", ".pq"):
+        return _read_csv(path)
     import pandas as pd
 
     try:
@@ -73,19 +70,13 @@ def _read_csv(path: Path) -> pd.DataFrame:
         with warnings.catch_warnings():
             # pandas only warns when every row is longer than the header.
             warnings.simplefilter("error", pd.errors.ParserWarning)
-            return pd.read_csv(
+            cells = pd.read_csv(
                 text, dtype=str, keep_default_na=False, skip_blank_lines=False, index_col=False, header=None
-            ).pipe(_name_columns_by_header, path)
+            )
     except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
         why = " ".join(str(error).rpartition("error: ")[2].split())
         raise LogError(f"{path} is not a CSV ({why}); every row needs as many cells as the header.") from error
-
-
-def _name_columns_by_header(cells: pd.DataFrame, path: Path) -> pd.DataFrame:
-    """Take the first row as column names.
-
-    pandas would rename duplicate columns without a message, so they are refused here.
-    """
+    # The first row has the names; pandas would rename duplicate columns without a message.
     names = [str(name).strip() for name in cells.iloc[0]]
     twice = [name for name in dict.fromkeys(names) if names.count(name) > 1 and name in COLUMNS]
     if twice:
@@ -102,7 +93,15 @@ def extract_columns(frame: pd.DataFrame, name: str) -> tuple[Columns, tuple[str,
     fewer than two rows.
     """
     header = [str(column) for column in frame.columns]
-    _refuse_short_table(frame, header, name)
+    if not any(map(guess_column, header)):
+        line = ",".join(header)[:80]
+        raise LogError(
+            f"{name} is not a log: its first line {line!r} has no known column; start the file with a "
+            f"header such as {','.join((*NEEDED_COLUMNS, STEERING_COLUMNS[0]))}."
+        )
+    if len(frame) < 2:
+        rows = "no row" if len(frame) == 0 else "one row"
+        raise LogError(f"{name} has a header and {rows}; a log needs at least two rows.")
     present = {column: _parse_numbers(frame[column], column, name) for column in COLUMNS if column in header}
     filled = {column: values for column, values in present.items() if np.isfinite(values).any()}
     steering = [column for column in STEERING_COLUMNS if column in header]
@@ -113,18 +112,6 @@ def extract_columns(frame: pd.DataFrame, name: str) -> tuple[Columns, tuple[str,
         raise LogError(f"{name} has no number in column {empty}; fill it in, it is required.")
     refuse_missing_columns(header, filled, name)
     return filled, tuple(column for column in header if column not in COLUMNS)
-
-
-def _refuse_short_table(frame: pd.DataFrame, header: list[str], name: str) -> None:
-    if not any(map(guess_column, header)):
-        line = ",".join(header)[:80]
-        raise LogError(
-            f"{name} is not a log: its first line {line!r} has no known column; start the file with a "
-            f"header such as {','.join((*NEEDED_COLUMNS, STEERING_COLUMNS[0]))}."
-        )
-    if len(frame) < 2:
-        rows = "no row" if len(frame) == 0 else "one row"
-        raise LogError(f"{name} has a header and {rows}; a log needs at least two rows.")
 
 
 def _parse_numbers(cells: pd.Series, column: str, name: str) -> Array:

@@ -21,18 +21,19 @@ from vehicle.identification.logs.motion import compute_path_chords, measure_stea
 from vehicle.identification.logs.readings import LogConvention, format_fix_option
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
     CLEAR_SIGMAS,
+    FEWEST_PARTS,
     MEASURED_SIGMAS,
     MOVING_MPS,
     NEARLY_SHARE,
     PART_S,
+    STEEPEST_DEG,
     STRAIGHT_PER_M,
 )
 
-STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
-_SURE_MOUNTING_SHARE = 0.3  # of the slope: largest uncertainty of the mounting
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
 _EXPECTED_SENSOR, _EXPECTED_GROUND = 0.1, 0.15
 
@@ -56,20 +57,6 @@ class GroundFall:
     source: str = ""
 
 
-@dataclass(frozen=True, eq=False)
-class _TiltRows:
-    """Used rows of all logs: the fall shown, acceleration in that direction (m/s2), position (m), its direction, block,
-    log."""
-
-    shown_fall: Array
-    push: Array
-    east: Array
-    north: Array
-    direction: Array
-    block: Array
-    log: Array
-
-
 def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     """Return the fall of the ground from `roll_deg` or `pitch_deg`, or a clause why it cannot be measured.
 
@@ -86,20 +73,62 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     if all(np.ptp(shown) == 0.0 for shown in shown_falls):
         return "it is constant, so the sensor is off or the ground is flat"
     width, noise = _select_width(logs, shown_falls)
-    rows = _collect_tilt_rows(
-        logs, [smooth_values(log, shown, width) for log, shown in zip(logs, shown_falls, strict=True)], column
-    )
-    mounting_lean = _estimate_mounting(rows)
+    shown = np.concatenate([smooth_values(log, own, width) for log, own in zip(logs, shown_falls, strict=True)])
+    heading, block, log_of = _list_directions(logs)
+    push = np.concatenate([_measure_push(log, column) for log in logs])
+    east = np.concatenate([log.easting_m[log.used] for log in logs])
+    north = np.concatenate([log.northing_m[log.used] for log in logs])
+    aside = 0.5 * math.pi if column == "roll_deg" else 0.0
+    direction = heading + aside
+    mounting_lean = _estimate_mounting(shown, push, _build_ground_columns(east, north, direction), block)
     if mounting_lean is None:
         return "the drives cannot separate the ground from the mounting of the sensor; driving there and back would"
     mounting, lean = mounting_lean
-    fall = rows.shown_fall - mounting - lean * rows.push
+    fall = shown - mounting - lean * push
     rms_fall = float(np.sqrt(np.mean(fall**2)))
     if rms_fall < _LEAST_SLOPE or noise > (1.0 - NEARLY_SHARE) * rms_fall**2:
         return "it shows no slope above its noise, so the ground is flat or the sensor is off"
-    heading = rows.direction - (0.5 * math.pi if column == "roll_deg" else 0.0)
     degrees = math.degrees(math.atan(mounting)) * (1.0 if column == "roll_deg" else -1.0)
-    return GroundFall(fall, heading, rows.block, rows.log, rms_fall, degrees)
+    return GroundFall(fall, direction - aside, block, log_of, rms_fall, degrees)
+
+
+def _list_directions(logs: Sequence[Log]) -> tuple[Array, Array, Array]:
+    """Return heading (rad, clockwise from north), piece of PART_S and log of the used rows of all logs."""
+    parts = []
+    for number, log in enumerate(logs):
+        assert log.heading_deg is not None
+        time = log.time_s[log.used]
+        block = np.floor((time - time[0]) / PART_S) + 1e6 * number
+        parts.append((np.unwrap(np.radians(log.heading_deg[log.used])), block, np.full(len(time), number)))
+    heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return heading, block, log_of
+
+
+def _measure_push(log: Log, column: str) -> Array:
+    """Return the acceleration (m/s2) of the used rows to the right (`roll_deg`) or ahead, which leans the tractor."""
+    assert log.heading_deg is not None
+    time, used = log.time_s[log.used], log.used
+    speed = np.hypot(*(np.gradient(axis[used], time) for axis in (log.easting_m, log.northing_m)))
+    pace = smooth_values(log, speed, 1.0) * np.where(log.shuttle[used] < 0.0, -1.0, 1.0)
+    if column == "pitch_deg":
+        return np.asarray(np.gradient(pace, time))
+    heading = smooth_values(log, np.unwrap(np.radians(log.heading_deg[used])), 1.0)
+    return np.asarray(pace * np.gradient(heading, time))
+
+
+def _build_ground_columns(east: Array, north: Array, direction: Array) -> Array:
+    """Return the fall in the direction of travel for a ground whose height is a polynomial of position, per coefficient
+    (n, 9)."""
+    size = max(float(np.std(east)), float(np.std(north)), 1.0)
+    east, north = ((axis - float(np.mean(axis))) / size for axis in (east, north))
+    to_east, to_north = np.sin(direction), np.cos(direction)
+    columns = []
+    for degree in (1, 2, 3):
+        for p in range(degree + 1):
+            q = degree - p
+            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
+            columns.append(along / degree)
+    return np.stack(columns, axis=1)
 
 
 def get_ground_source(logs: Sequence[Log], column: str) -> str:
@@ -112,17 +141,12 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     """Return the known fall of the ground to the right (`roll_deg`) or ahead (`pitch_deg`) in the used rows."""
     if any(log.heading_deg is None for log in logs):
         return "heading_deg is not in all logs"
-    parts = []
-    for number, log in enumerate(logs):
-        assert log.heading_deg is not None and log.ground_fall is not None
-        time, heading = log.time_s[log.used], np.unwrap(np.radians(log.heading_deg[log.used]))
-        to_east, to_north = np.sin(heading), np.cos(heading)
-        if column == "roll_deg":
-            to_east, to_north = to_north, -to_east
-        east, north = log.ground_fall[log.used].T
-        block = np.floor((time - time[0]) / PART_S) + 1e6 * number
-        parts.append((east * to_east + north * to_north, heading, block, np.full(len(time), number)))
-    fall, heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
+    heading, block, log_of = _list_directions(logs)
+    to_east, to_north = np.sin(heading), np.cos(heading)
+    if column == "roll_deg":
+        to_east, to_north = to_north, -to_east
+    east, north = np.concatenate([log.ground_fall[log.used] for log in logs if log.ground_fall is not None]).T
+    fall = east * to_east + north * to_north
     rms_fall = float(np.sqrt(np.mean(fall**2)))
     if rms_fall < _LEAST_SLOPE:
         return "the ground is flat there"
@@ -191,69 +215,28 @@ def _select_width(logs: Sequence[Log], shown_falls: Sequence[Array]) -> tuple[fl
     return best[1], best[2]
 
 
-def _collect_tilt_rows(logs: Sequence[Log], shown_of: Sequence[Array], column: str) -> _TiltRows:
-    parts = []
-    for number, (log, shown) in enumerate(zip(logs, shown_of, strict=True)):
-        time, used = log.time_s[log.used], log.used
-        assert log.heading_deg is not None
-        heading = np.unwrap(np.radians(log.heading_deg[used]))
-        speed = np.hypot(*(np.gradient(axis[used], time) for axis in (log.easting_m, log.northing_m)))
-        pace = smooth_values(log, speed, 1.0) * np.where(log.shuttle[used] < 0.0, -1.0, 1.0)
-        if column == "roll_deg":
-            push, direction = pace * np.gradient(smooth_values(log, heading, 1.0), time), heading + 0.5 * math.pi
-        else:
-            push, direction = np.gradient(pace, time), heading
-        block = np.floor((time - time[0]) / PART_S)
-        parts.append(
-            (shown, push, log.easting_m[used], log.northing_m[used], direction, block, np.full(len(time), number))
-        )
-    shown, push, east, north, direction, block, log_of = (
-        np.concatenate(parts_of_column) for parts_of_column in zip(*parts, strict=True)
-    )
-    return _TiltRows(shown, push, east, north, direction, block + 1e6 * log_of, log_of)
-
-
-def _estimate_mounting(rows: _TiltRows) -> tuple[float, float] | None:
-    """Estimate mounting (slope) and lean (slope per m/s2) of the sensor; None where the drives do not show the mounting
-    well.
+def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -> tuple[float, float] | None:
+    """Estimate mounting (slope) and lean (slope per m/s2) of a sensor that shows a fall (n,) pushed by an acceleration
+    (n,), on a ground of columns (n, 9); None where the drives do not show the mounting well.
 
     Least squares with prior sizes: an amount that the drives do not show stays as uncertain as before.
     """
-    columns = np.concatenate(
-        [np.ones((len(rows.shown_fall), 1)), rows.push[:, None], _build_ground_columns(rows)], axis=1
-    )
+    columns = np.concatenate([np.ones((len(shown), 1)), push[:, None], ground], axis=1)
     spread = np.concatenate([[_EXPECTED_SENSOR, _EXPECTED_SENSOR], np.full(columns.shape[1] - 2, _EXPECTED_GROUND)])
-    blocks = len(np.unique(rows.block))
-    noise = float(np.var(rows.shown_fall))
+    blocks, noise = len(np.unique(block)), float(np.var(shown))
     for _ in range(3):
-        weight = blocks / (len(rows.shown_fall) * max(noise, 1e-8))
+        weight = blocks / (len(shown) * max(noise, 1e-8))
         square = weight * columns.T @ columns + np.diag(1.0 / spread**2)
-        coefficients = np.linalg.solve(square, weight * columns.T @ rows.shown_fall)
-        noise = float(np.mean((rows.shown_fall - columns @ coefficients) ** 2))
+        coefficients = np.linalg.solve(square, weight * columns.T @ shown)
+        noise = float(np.mean((shown - columns @ coefficients) ** 2))
     error = np.sqrt(np.diag(np.linalg.inv(square)))
-    slope = float(np.sqrt(np.mean((rows.shown_fall - coefficients[0] - coefficients[1] * rows.push) ** 2)))
-    if error[0] > max(_SURE_MOUNTING_SHARE * slope, _LEAST_SLOPE):
+    slope = float(np.sqrt(np.mean((shown - coefficients[0] - coefficients[1] * push) ** 2)))
+    if error[0] > max(ALIKE_SHARE * slope, _LEAST_SLOPE):
         return None
     return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > MEASURED_SIGMAS * error[1] else 0.0
 
 
-def _build_ground_columns(rows: _TiltRows) -> Array:
-    """Return the fall in the direction of travel for a ground whose height is a polynomial of position, per coefficient
-    (n, 9)."""
-    size = max(float(np.std(rows.east)), float(np.std(rows.north)), 1.0)
-    east, north = ((axis - float(np.mean(axis))) / size for axis in (rows.east, rows.north))
-    to_east, to_north = np.sin(rows.direction), np.cos(rows.direction)
-    columns = []
-    for degree in (1, 2, 3):
-        for p in range(degree + 1):
-            q = degree - p
-            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
-            columns.append(along / degree)
-    return np.stack(columns, axis=1)
-
-
 STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
-_FEWEST_BLOCKS = 6
 _LEAST_GAIN = 0.1  # of the speed per slope: less is a centimetre per second on a slope of 10 %
 _SPEED_FACTORS = (0.5, 1.5)  # of the speed: limits, so that no outlier stops a tractor
 
@@ -272,25 +255,31 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
     source = get_ground_source(logs, "pitch_deg")
     if all(log.pitch_deg is None for log in logs) and not source:
         return GradeSpeed()
+
+    def leave_unused(why: str) -> GradeSpeed:
+        return GradeSpeed(
+            remarks=(f"{f'{source} do not explain speed' if source else 'pitch_deg is not used'}: {why}.",)
+        )
+
     if any(log.speed_mps is None or log.speed_command_mps is None for log in logs):
         needed = "it also needs speed_mps and speed_command_mps"
-        return _build_unused_grade("speed_mps or speed_command_mps is missing" if source else needed, source)
+        return leave_unused("speed_mps or speed_command_mps is missing" if source else needed)
     ground_fall = measure_ground_fall(logs, "pitch_deg")
     if isinstance(ground_fall, str):
-        return _build_unused_grade(ground_fall, source)
+        return leave_unused(ground_fall)
     # In reverse the tractor drives downhill where the ground rises ahead.
     forward_fall = ground_fall.fall * np.concatenate([np.where(log.shuttle[log.used] < 0.0, -1.0, 1.0) for log in logs])
     gain, error, spread, left = _estimate_grade_gain(logs, ground_fall, forward_fall)
-    if gain < -max(_LEAST_GAIN, MEASURED_SIGMAS * error):
+    least = max(_LEAST_GAIN, MEASURED_SIGMAS * error)
+    if gain < -least:
         sensor_clause = "the tractor is faster where it says uphill, so it seems to be positive with the nose down"
-        ground_clause = f"the tractor is faster where they say uphill, {_OTHER_PLACE}"
-        return _build_unused_grade(ground_clause if source else sensor_clause, source)
-    if gain < max(_LEAST_GAIN, MEASURED_SIGMAS * error):
-        return _build_unused_grade(f"the speed does not depend on {'them' if source else 'it'}", source)
+        return leave_unused(f"the tractor is faster where they say uphill, {_OTHER_PLACE}" if source else sensor_clause)
+    if gain < least:
+        return leave_unused(f"the speed does not depend on {'them' if source else 'it'}")
     remark = (
-        f"{ground_fall.source or 'pitch_deg'} {'explain' if source else 'explains'} speed: on a slope of 10 % the "
-        f"tractor drives {10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were "
-        "corrected for it; "
+        f"{f'{source} explain' if source else 'pitch_deg explains'} speed: on a slope of 10 % the tractor drives "
+        f"{10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were corrected for "
+        "it; "
     )
     remark += (
         f"over {PART_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
@@ -299,11 +288,6 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
         else f"the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
     )
     return GradeSpeed(split_per_log(logs, ground_fall, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
-
-
-def _build_unused_grade(why: str, source: str) -> GradeSpeed:
-    unused = f"{source} do not explain speed" if source else "pitch_deg is not used"
-    return GradeSpeed(remarks=(f"{unused}: {why}.",))
 
 
 def _estimate_grade_gain(
@@ -330,7 +314,7 @@ def _estimate_grade_gain(
     columns = np.stack([fall, np.ones(len(fall)), implement], axis=1)
     if implement.size and np.ptp(implement) == 0.0:
         columns = columns[:, :2]
-    if len(np.unique(block)) < _FEWEST_BLOCKS or np.ptp(fall) == 0.0:
+    if len(np.unique(block)) < FEWEST_PARTS or np.ptp(fall) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
     coefficients, error = _fit_by_blocks(columns, ratio, block)
     level = columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], ratio, rcond=None)[0]
@@ -394,54 +378,40 @@ def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
     source = get_ground_source(logs, "roll_deg")
     if all(log.roll_deg is None for log in logs) and not source:
         return CrossSlope()
+
+    def leave_unused(why: str) -> CrossSlope:
+        unused = f"{source} do not explain drift" if source else "roll_deg is not used"
+        return CrossSlope(remarks=(f"{unused}: {why}. The ground is taken as a plane.",))
+
     ground_fall = measure_ground_fall(logs, "roll_deg")
     if isinstance(ground_fall, str):
-        return _build_unused_cross_slope(ground_fall, source)
+        return leave_unused(ground_fall)
     drift, error, spread, left = _estimate_drift(logs, ground_fall)
     if drift < -max(_LEAST_DRIFT, CLEAR_SIGMAS * error):
         sensor_clause = (
             "it grows where the tractor drifts to the left, and no tractor drifts uphill; if it is positive with the "
-            "left "
-            f"side lower, give {format_fix_option(LogConvention.ROLL_LEFT)}"
+            f"left side lower, give {format_fix_option(LogConvention.ROLL_LEFT)}"
         )
         ground_clause = f"the tractor drifts uphill on them, and no tractor does, {_OTHER_PLACE}"
-        return _build_unused_cross_slope(ground_clause if source else sensor_clause, source)
+        return leave_unused(ground_clause if source else sensor_clause)
     remark = (
-        _describe_known_slope(ground_fall, drift if drift > CLEAR_SIGMAS * error else 0.0, spread, left)
-        if source
-        else f"roll_deg gives the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
-        "(root mean square); "
-        f"its mounting ({ground_fall.mounting_deg:+.1f} degrees) and the lean in bends were subtracted."
+        f"{source or 'roll_deg'} {'give' if source else 'gives'} the slope across the direction of travel, "
+        f"{100.0 * ground_fall.rms_fall:.1f} % (root mean square)"
     )
+    if not source:
+        remark += f"; its mounting ({ground_fall.mounting_deg:+.1f} degrees) and the lean in bends were subtracted."
+    elif not drift > CLEAR_SIGMAS * error:
+        remark += "; how far the tractor drifts on straight drives does not depend on it."
+    else:
+        remark += (
+            f". On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of 10 %; "
+            f"this leaves {math.degrees(left):.2f} of the {math.degrees(spread):.2f} degrees by which course and "
+            f"heading differ over {PART_S:g} s (root mean square)."
+        )
     sides = np.stack([np.cos(ground_fall.heading), -np.sin(ground_fall.heading)], axis=1)
     east, north = np.linalg.lstsq(sides, ground_fall.fall, rcond=None)[0]
-    return CrossSlope(
-        split_per_log(logs, ground_fall, ground_fall.fall), float(east), float(north), ground_fall.rms_fall, (remark,)
-    )
-
-
-def _describe_known_slope(ground_fall: GroundFall, drift: float, spread: float, left: float) -> str:
-    """Return a sentence on the slope of known ground, and what it leaves of the angle (rad) between course and heading.
-
-    `drift` is in m/m per slope, 0 where it is not sure.
-    """
-    said = (
-        f"{ground_fall.source} give the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
-        "(root mean square)"
-    )
-    if drift == 0.0:
-        return f"{said}; how far the tractor drifts on straight drives does not depend on it."
-    before_deg, after_deg = math.degrees(spread), math.degrees(left)
-    return (
-        f"{said}. On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of "
-        f"10 %; this leaves {after_deg:.2f} of the {before_deg:.2f} degrees by which course and heading differ over "
-        f"{PART_S:g} s (root mean square)."
-    )
-
-
-def _build_unused_cross_slope(why: str, source: str) -> CrossSlope:
-    unused = f"{source} do not explain drift" if source else "roll_deg is not used"
-    return CrossSlope(remarks=(f"{unused}: {why}. The ground is taken as a plane.",))
+    across = split_per_log(logs, ground_fall, ground_fall.fall)
+    return CrossSlope(across, float(east), float(north), ground_fall.rms_fall, (remark,))
 
 
 def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float, float, float, float]:
@@ -468,16 +438,14 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
         bends.append(chords.curvature[use])
     x, y, block = (np.concatenate(column) if column else np.zeros(0) for column in (slopes, crabs, blocks))
     x, y = x - (x.mean() if len(x) else 0.0), y - (np.median(y) if len(y) else 0.0)
-    if len(np.unique(block)) < _FEWEST_BLOCKS or float(x @ x) == 0.0:
+    if len(np.unique(block)) < FEWEST_PARTS or float(x @ x) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
     (drift, _), error = _fit_by_blocks(np.stack([x, np.ones(len(x))], axis=1), y, block)
     compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))
-    before, left = (_compute_crab_rms(values, np.concatenate(bends), block) for values in (y, y - drift * x))
+    # What follows from slight bends, where the antenna is off the rear axle, does not count.
+    bent = np.stack([np.ones(len(y)), np.concatenate(bends)], axis=1)
+    before, left = (
+        _compute_block_rms(values - bent @ np.linalg.lstsq(bent, values, rcond=None)[0], block)
+        for values in (y, y - drift * x)
+    )
     return float(drift), math.hypot(error, compass), before, left
-
-
-def _compute_crab_rms(crab: Array, bend: Array, block: Array) -> float:
-    """Return the root mean square over blocks of what does not follow from slight bends, where the antenna is off the
-    rear axle."""
-    columns = np.stack([np.ones(len(bend)), bend], axis=1)
-    return _compute_block_rms(crab - columns @ np.linalg.lstsq(columns, crab, rcond=None)[0], block)

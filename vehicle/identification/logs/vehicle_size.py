@@ -15,7 +15,12 @@ import numpy as np
 from fields.errors import mark_parameter
 from vehicle.datasheet.sheet import QUANTITIES
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.motion import compute_bends, compute_path_chords, find_largest_steering
+from vehicle.identification.logs.motion import (
+    CLEAR_STEERING_DEG,
+    compute_bends,
+    compute_path_chords,
+    find_largest_steering,
+)
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import FEWEST_LINE_CHORDS, NEARLY_SHARE, STEERING_SPREAD_DEG, SURE_SIGMAS
 from vehicle.model.effects import get_effect
@@ -24,9 +29,9 @@ from vehicle.model.tractor import Tractor
 _CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
 _ROUGH_ERROR_SHARE = 1.0 - NEARLY_SHARE  # relative standard error of a ratio from such chords: surely within 40 %
 _FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
-_LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than errors of sensors
+_LOCK_SHARE = 1.3  # of the file's lock, and clear steering beyond that: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
-_LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
+_LARGESTCLEAR_STEERING_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
 _MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
 _COMMAND_LAG_SHARE = 0.5  # least apparent gain where the wheels hardly reach the command
 
@@ -46,7 +51,11 @@ class MeasuredSize:
 
 
 def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> MeasuredSize:
-    """Measure the size of a vehicle from logs, relative to a tractor file on a ground."""
+    """Measure the size of a vehicle from logs, relative to a tractor file on a ground.
+
+    Measured over expected curvature is the slope of a line; where the steering hardly varies or the line fits badly, a
+    line through zero gives a rough ratio.
+    """
     angles, curvatures, paces = [np.empty(0)], [np.empty(0)], [np.empty(0)]
     for log in logs:
         bends, chords = compute_bends(log), compute_path_chords(log)
@@ -54,28 +63,20 @@ def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> Measured
             angles.append(bends[0])
             curvatures.append(bends[1])
             paces.append(chords.speed)
-    angle, pace = np.concatenate(angles), np.concatenate(paces)
-    ratio, error = _compute_bend_ratio(angle, np.concatenate(curvatures), tractor, ground)
-    speeds = (float(np.quantile(pace, 0.05)), float(np.quantile(pace, 0.95))) if len(pace) else (0.0, 0.0)
-    return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)
-
-
-def _compute_bend_ratio(angle: Array, curvature: Array, tractor: Tractor, ground: str) -> tuple[float | None, float]:
-    """Fit measured over expected curvature by a line; returns the ratio and its standard error, or None and infinity.
-
-    Where the steering hardly varies or the line fits badly, a line through zero gives a rough ratio.
-    """
-    expected = compute_file_curvature(angle, tractor, ground)
+    angle, curvature, pace = np.concatenate(angles), np.concatenate(curvatures), np.concatenate(paces)
+    expected, is_clear = compute_file_curvature(angle, tractor, ground), np.abs(angle) >= _CLEAR_ANGLE_DEG
+    ratio, error = None, math.inf
     if len(angle) >= FEWEST_LINE_CHORDS and float(np.std(angle)) >= STEERING_SPREAD_DEG:
         x, y = expected - expected.mean(), curvature - curvature.mean()
         slope, correlation = _fit_line_through_zero(x, y)
         if correlation > _FOLLOWING_CORRELATION:
-            return slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
-    is_clear = np.abs(angle) >= _CLEAR_ANGLE_DEG
-    if np.count_nonzero(is_clear) < FEWEST_LINE_CHORDS:
-        return None, math.inf
-    slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
-    return (slope, _ROUGH_ERROR_SHARE * slope) if correlation > _FOLLOWING_CORRELATION else (None, math.inf)
+            ratio, error = slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
+    if ratio is None and np.count_nonzero(is_clear) >= FEWEST_LINE_CHORDS:
+        slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
+        if correlation > _FOLLOWING_CORRELATION:
+            ratio, error = slope, _ROUGH_ERROR_SHARE * slope
+    speeds = (float(np.quantile(pace, 0.05)), float(np.quantile(pace, 0.95))) if len(pace) else (0.0, 0.0)
+    return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)
 
 
 def _fit_line_through_zero(x: Array, y: Array) -> tuple[float, float]:
@@ -111,7 +112,7 @@ def explain_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) ->
             f"says, and faults of a tractor only explain {gain_param.low:g} to {gain_param.high:g}"
         )
     share = _LOCK_SHARE if sensed else _COMMAND_SHARE
-    if size.angle_deg > share * tractor.max_steering_deg + _LOCK_DEG:
+    if size.angle_deg > share * tractor.max_steering_deg + CLEAR_STEERING_DEG:
         return (
             f"their wheels turn to {size.angle_deg:.0f} degrees, and the steering lock of {tractor.name} is at "
             f"{tractor.max_steering_deg:g}"
@@ -159,18 +160,18 @@ def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor
     changed: dict[str, object] = {name: getattr(tractor, name) * scale for name in lengths}
     mass = min(max(tractor.mass_kg * scale**3, _MASSES_KG[0]), _MASSES_KG[1])
     changed["mass_kg"] = mass
-    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGEST_LOCK_DEG)
+    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGESTCLEAR_STEERING_DEG)
     sides = {name: {"right": law.right, "left": law.left} for name, law in tractor.radius.items()}
     changed["radius"] = {
         name: {side: (factor / scale, power) for side, (factor, power) in laws.items()} for name, laws in sides.items()
     }
     forces = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m", "max_drive_n")
-    changed["speed"] = tractor.speed.model_dump() | {
-        name: getattr(tractor.speed, name) * mass / tractor.mass_kg for name in forces
-    }
     lengths_ahead = ("lookahead_m", "turn_lookahead_m", "lateral_limit_m")
-    changed["guidance"] = tractor.guidance.model_dump() | {
-        name: getattr(tractor.guidance, name) * scale for name in lengths_ahead
-    }
+    for part, names, (times, over) in (
+        ("speed", forces, (mass, tractor.mass_kg)),
+        ("guidance", lengths_ahead, (scale, 1.0)),
+    ):
+        own = getattr(tractor, part).model_dump()
+        changed[part] = own | {name: own[name] * times / over for name in names}
     values = tractor.model_dump() | {"name": f"{tractor.name} as driven", "effects": {}, "discrepancy_model": None}
     return Tractor.model_validate(values | changed)

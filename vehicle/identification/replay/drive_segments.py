@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -30,16 +31,16 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, TURN_S, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
 
 # Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
 _STANDING_SIGMAS = 3.6
-# Chosen, m/s and share of the fastest pace: held positions and tight bends look like noise, which is not so fast.
-_DRIVING_MPS, _MOST_NOISE_SHARE = 0.5, 0.3
+# Chosen: held positions and tight bends look like noise, which is not so fast.
+_DRIVING_MPS = 0.5
 COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
-_INITIAL_PATH_S = 1.0  # of the path, from which the initial angle of the rod is estimated
 _MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
 
 
@@ -157,7 +158,7 @@ class DriveDataset:
         return all(segment.speed_measured for segment in self.segments)
 
 
-_STANDING_S, _STANDING_DEG = 0.2, 1.0  # chosen: wheels that follow a command move faster, and noise is less
+_STANDING_S = 0.2  # chosen: wheels that follow a command move by more than noise meanwhile
 WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
 _WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
@@ -245,37 +246,27 @@ def _build_segment(
         speed = gear * pace * np.cos(course - heading) - antenna[1] * np.gradient(heading, time)
     else:
         speed = gear * log.speed_mps[rows]
-    columns = {
-        "wheel": _select_angle_rad(log.steering_deg, rows),
-        "command": _select_angle_rad(log.steering_command_deg, rows),
+    columns: dict[str, Array | None] = {"east": east, "north": north, "heading": heading, "speed": speed}
+    columns |= {
+        "wheel": None if log.steering_deg is None else np.radians(log.steering_deg[rows]),
+        "command": None if log.steering_command_deg is None else np.radians(log.steering_command_deg[rows]),
         "target": None if log.speed_command_mps is None else gear * log.speed_command_mps[rows],
-        "across": across,
+        "working": log.implement[rows],
     }
-    working = log.implement[rows]
-    grids = resample_on_grid(
-        time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
-    )
     wheel, fresh = columns["wheel"], slice(None) if log.fresh is None else log.fresh[rows]
-    measured = {name: None if values is None else values[fresh] for name, values in columns.items()}
+    measured: dict[str, Any] = {name: None if values is None else values[fresh] for name, values in columns.items()}
     return DriveSegment(
-        run,
-        float(log.time_s[rows[0]] - log.time_s[log.used][0]),
-        time[fresh],
-        east[fresh],
-        north[fresh],
-        heading[fresh],
-        log.heading_deg is not None,
-        speed[fresh],
-        log.speed_mps is not None,
-        measured["wheel"],
-        measured["command"],
-        measured["target"],
-        working[fresh],
-        grids,
-        gear,
-        None if log.fresh is None or wheel is None else (time, wheel),
-        _select_measured_rows(log, rows, fresh),
-        _select_earlier_commands(log, rows),
+        run=run,
+        start_s=float(log.time_s[rows[0]] - log.time_s[log.used][0]),
+        time=time[fresh],
+        heading_measured=log.heading_deg is not None,
+        speed_measured=log.speed_mps is not None,
+        grids=resample_on_grid(time, columns | {"across": across}),
+        gear=gear,
+        logged_wheel=None if log.fresh is None or wheel is None else (time, wheel),
+        measured_rows=_select_measured_rows(log, rows, fresh),
+        earlier_commands=_select_earlier_commands(log, rows),
+        **measured,
     )
 
 
@@ -297,7 +288,7 @@ def _select_earlier_commands(log: Log, rows: Rows) -> Array:
         if log.steering_deg is None:
             return np.empty(0)
         begun = rows[log.time_s[rows] <= log.time_s[rows[0]] + max(_STANDING_S, 1.5 * log.step_s)]
-        if float(np.ptp(log.steering_deg[begun])) > _STANDING_DEG:
+        if float(np.ptp(log.steering_deg[begun])) > WHEEL_NOISE_DEG:
             return np.empty(0)
         return np.full(HISTORY_STEPS, math.radians(float(log.steering_deg[rows[0]])))
     time, command = time[first:], command[first : row + 1]
@@ -344,10 +335,6 @@ def find_compared_rows(angle: Mask, commanded: Mask, command: Array) -> Mask:
     return out
 
 
-def _select_angle_rad(column: Array | None, rows: Rows) -> Array | None:
-    return None if column is None else np.radians(column[rows])
-
-
 def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
     """Resample columns on the grid: measured values linearly, commands held from halfway between two rows.
 
@@ -374,12 +361,6 @@ def compute_half_numbers(seconds: Array) -> npt.NDArray[np.int64]:
     return (seconds / WINDOW_S).astype(np.int64) % 2
 
 
-def _estimate_position_noise(east: Array, north: Array) -> float:
-    """Return the standard deviation (m) of positions from row to row, from their third differences."""
-    thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
-    return measure_spread(thirds) / math.sqrt(20.0) if len(thirds) else 0.0
-
-
 def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
     """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
     before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
@@ -388,10 +369,13 @@ def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array
     dy = np.interp(after, time, north) - np.interp(before, time, north)
     pace = np.hypot(dx, dy) / (after - before)
     angle = np.arctan2(dy, dx)
-    noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * _estimate_position_noise(east, north) / COURSE_CHORD_S
+    # The noise of positions (m) from row to row shows in their third differences.
+    thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
+    noise = measure_spread(thirds) / math.sqrt(20.0) if len(thirds) else 0.0
+    noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * noise / COURSE_CHORD_S
     fastest = float(pace.max())
     if fastest > _DRIVING_MPS:
-        noise_pace = min(noise_pace, _MOST_NOISE_SHARE * fastest)
+        noise_pace = min(noise_pace, ALIKE_SHARE * fastest)
     moving = np.flatnonzero(pace > max(0.3 * float(np.median(pace)), noise_pace))
     if len(moving) == 0:
         return np.zeros(len(time)), pace
@@ -408,26 +392,18 @@ def compute_course_offset(time: Array, course: Array, pace: Array, length: float
     if length == 0.0 or len(time) < 2:
         return out
     distances = 0.5 * (pace[1:] + pace[:-1]) * np.diff(time)
-    if length > 0.0:
-        _compute_pulled_rod_angles(
-            course, distances, length, _compute_initial_angle(time, course, distances, length), out
-        )
-        return out
     # Behind the axle the rod is pushed, which is unstable; backwards in time it is pulled.
-    reversed_course, reversed_distances = course[::-1].copy(), distances[::-1].copy()
-    _compute_pulled_rod_angles(
-        reversed_course,
-        reversed_distances,
-        -length,
-        _compute_initial_angle(time[-1] - time[::-1], reversed_course, reversed_distances, -length),
-        out,
-    )
-    return out[::-1].copy()
+    step = 1 if length > 0.0 else -1
+    since = time if step > 0 else time[-1] - time[::-1]
+    course, distances = course[::step].copy(), distances[::step].copy()
+    first = _compute_initial_angle(since, course, distances, abs(length))
+    _compute_pulled_rod_angles(course, distances, abs(length), first, out)
+    return out[::step].copy()
 
 
 def _compute_initial_angle(time: Array, course: Array, distances: Array, length: float) -> float:
     """Return the angle at the first row, as on a circle with the curvature of the path there."""
-    rows = min(int(np.searchsorted(time, _INITIAL_PATH_S)), len(distances))
+    rows = min(int(np.searchsorted(time, TURN_S)), len(distances))
     path_length = float(distances[:rows].sum())
     bend = float(course[rows] - course[0]) / path_length if path_length > 0.1 * length else 0.0
     most_sine = math.sin(_MOST_ANGLE_RAD)

@@ -290,7 +290,12 @@ class Simulator:
     simulations: int = 0
 
     def __post_init__(self) -> None:
-        settings, per_slope = _split_measured_slope(self.data.segments, self.settings)
+        # A slope that was measured takes the place of the plane that a drift is on.
+        settings, per_slope = self.settings, self.settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE_KEY)
+        if per_slope is not None and all("across" in segment.grids for segment in self.data.segments):
+            settings = {name: values for name, values in settings.items() if name != SLOPE_DRIFT}
+        else:
+            per_slope = 0.0
         model = self.rig.build_effective_model(settings)
         self.model, self.ground, self.values = model[0], self.rig.ground[0], model.view(np.float64)
         known = dict.fromkeys(FACTORS, 1.0) | compute_effect_fields(settings) | {"per_slope": per_slope}
@@ -434,15 +439,6 @@ class Simulator:
         shown = values * (factor if scale in fields else self.base[scale])
         sample_values(samples.places, samples.segments, self.data.step_starts, shown, late, DT_S, out)
         return samples.average(out)
-
-
-def _split_measured_slope(segments: Sequence[DriveSegment], settings: Settings) -> tuple[Settings, float]:
-    """The settings without the drift on a plane, and the drift per slope (m/m) of a slope that was measured; all
-    settings and 0 where none was."""
-    share = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE_KEY)
-    if share is None or not all("across" in segment.grids for segment in segments):
-        return settings, 0.0
-    return {name: values for name, values in settings.items() if name != SLOPE_DRIFT}, share
 
 
 def make_settled_state(command: Array, earlier: Array) -> Any:
