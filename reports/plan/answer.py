@@ -8,12 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.plan_results import (
-    MODEL_ERROR_SHARE,
-    PlanRanking,
-    PlanResult,
-    is_share_different,
-)
+from reports.common.plan_results import MODEL_ERROR_SHARE, PlanRanking, PlanResult, is_share_different
 from reports.common.wording import (
     LEAST_COST,
     SURE_SHARE,

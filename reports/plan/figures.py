@@ -12,10 +12,7 @@ from functools import partial
 from typing import Any
 
 from reports.common.language import mark_text, translate
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-)
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import SlopePlace
 from reports.common.text_tables import FittedTable, TableColumn, build_table
 from reports.common.wording import (

@@ -8,12 +8,7 @@ from dataclasses import dataclass
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import (
-    FieldPartPlan,
-    PlanRanking,
-    PlanResult,
-    is_dearer,
-)
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, is_dearer
 from reports.common.shortfalls import SlopePlace, UnworkedPiece
 from reports.common.wording import (
     LEAST_COST,

@@ -9,10 +9,7 @@ from typing import Any
 from reports.common import palette
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-)
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.rendering import render_template
 from reports.common.shortfalls import SlopePlace
 from reports.common.wording import (

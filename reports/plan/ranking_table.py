@@ -15,18 +15,9 @@ from rich.text import Text
 
 from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-    find_deciding_reason,
-)
+from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_reason
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
-from reports.common.wording import (
-    FIELD_AREA,
-    format_width,
-    join_list,
-    parse_start_time,
-)
+from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
 from reports.plan.answer import write_answer
 from reports.plan.count_charts import choose_plan_per_count
 from reports.plan.energy_wording import describe_physics
