@@ -221,8 +221,8 @@ def _run_diagnosis(
 
 
 def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
-    from reports.common.effect_names import format_effect_with_id
     from reports.common.text_tables import format_sentence
+    from reports.common.wording import format_effect_with_id
     from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
 
     screen = build_diagnosis_table if explain else build_diagnosis_screen

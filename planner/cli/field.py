@@ -58,7 +58,7 @@ def field(
     from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.outputs.pictures import describe_field
     from reports.plan.field_report import build_field_report
-    from reports.plan.ranking_export import format_facts_json
+    from reports.plan.figures import format_facts_json
 
     given = read_given_options(context, options)
     check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))

@@ -131,7 +131,7 @@ def sweep(
 
     Example: headland sweep denmark --width 3,6 --speed-kmh 6:12:2 --tractors 1-4 --headland-order first,last
     """
-    from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
+    from reports.sweep.report import build_sweep_screen, format_sweep_csv, format_sweep_json
 
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
     if cache is not None and cache.exists() and not cache.is_dir():
@@ -309,7 +309,7 @@ def _create_report(swept: Sweep, bar: StageBar) -> Callable[[int, int], None]:
 @contextmanager
 def _show_what_is_done(swept: Sweep, form: AnswerForm) -> Iterator[None]:
     """After Ctrl-C print the combinations that are done; the interrupt goes on with a note that they are kept."""
-    from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
+    from reports.sweep.report import build_sweep_screen, format_sweep_csv, format_sweep_json
 
     try:
         yield
@@ -329,8 +329,7 @@ def _show_what_is_done(swept: Sweep, form: AnswerForm) -> Iterator[None]:
 def _render_outputs(
     result: SweepResult, html: Path | None, png: Path | None, parquet: Path | None
 ) -> list[tuple[Path, OutputContent]]:
-    from reports.sweep.page import render_sweep_page, render_sweep_png
-    from reports.sweep.tables import render_sweep_parquet
+    from reports.sweep.report import render_sweep_page, render_sweep_parquet, render_sweep_png
 
     return render_requested(
         (html, lambda: render_sweep_page(result)),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from reports.common.notebook import ShownResult
-from reports.common.plan_drives import Points
+from reports.common.plan_records import Points
 
 
 @dataclass(frozen=True)

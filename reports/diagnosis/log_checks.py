@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import chain
 
-from reports.common.effect_names import replace_effect_ids
-from reports.common.wording import NO_VALUE, capitalize_first, format_number
+from reports.common.wording import NO_VALUE, capitalize_first, format_number, replace_effect_ids
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,

@@ -5,8 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from reports.common.effect_names import format_effect_with_id, get_effect_label, replace_effect_ids
-from reports.common.wording import capitalize_first, format_number, join_list
+from reports.common.wording import (
+    capitalize_first,
+    format_effect_with_id,
+    format_number,
+    get_effect_label,
+    join_list,
+    replace_effect_ids,
+)
 from reports.diagnosis.log_checks import (
     ALONG,
     ERROR_KINDS,

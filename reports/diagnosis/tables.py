@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
-from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import format_json, make_json_safe, pick_values
 from reports.common.text_tables import (
     MOST_NAMED,
@@ -18,7 +17,7 @@ from reports.common.text_tables import (
     build_table,
     format_sentence,
 )
-from reports.common.wording import format_number
+from reports.common.wording import format_number, get_effect_label, replace_effect_ids
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.log_checks import (
     ERROR_KINDS,

@@ -10,15 +10,15 @@ from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
+from reports.plan.figures import build_plan_entry, flatten_entry, format_ranking_csv, format_ranking_json
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.map_labels import count_tracks
 from reports.plan.plan_wording import describe_machines, list_feasible
-from reports.plan.ranking_export import build_plan_entry, flatten_entry, format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, choose_first_plans, count_other_plans, write_legend
 

@@ -6,15 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.plan_records import SlopePlace, UnworkedPiece
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, is_dearer
-from reports.common.shortfalls import SlopePlace, UnworkedPiece
 from reports.common.wording import (
     LEAST_COST,
     format_area,
     format_deadline,
     format_duration,
+    format_effect_values,
+    format_effect_with_id,
     format_end_clock,
     format_money,
     format_number,

@@ -19,7 +19,6 @@ from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_r
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
 from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
 from reports.plan.answer import write_answer
-from reports.plan.count_charts import choose_plan_per_count
 from reports.plan.energy_wording import describe_physics
 from reports.plan.figures import (
     COUNT_DROPS,
@@ -94,6 +93,11 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
     others = [plan for plan in plans if all(plan is not each for each in first)]
     shown = [*first[:1], *sorted(first[1:], key=lambda plan: plan.tractors)]
     return [*shown, *(others if math.isinf(most) else others[: max(LEAST_ROWS - len(first), 0)])]
+
+
+def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
+    """The plan to take with every number of tractors that has a cost from samples, fewest first."""
+    return [plan for plan in ranking.by_count.values() if plan.expected_cost is not None]
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from reports.common.language import translate, translate_sentence
+from reports.common.plan_records import PullFigures, Shortfall
 from reports.common.plan_results import PlanRanking
-from reports.common.shortfalls import PullFigures, Shortfall
 from reports.common.wording import SPEED, format_deadline, format_number, format_width, join_list
 
 

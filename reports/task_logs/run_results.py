@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from reports.common.plan_drives import Points as Points
+from reports.common.plan_records import Points as Points
 
 WORKING, TURNING, TRANSIT, STANDING, UNLOGGED = "working", "turning", "ways", "standing", "not logged"
 ACTIVITY_KINDS = (WORKING, TURNING, TRANSIT, STANDING, UNLOGGED)

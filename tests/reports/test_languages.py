@@ -31,8 +31,8 @@ from reports.common.language import (
 )
 from reports.common.text_tables import FittedTable, TableColumn, wrap_text
 from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
+from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.plan.many_fields import build_many_fields_screen
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from tests.printing import print_text
 from tests.reports.brackets import Brackets, brackets

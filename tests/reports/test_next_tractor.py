@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from reports.common.language import use_language
+from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import Shortfall
 from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.effect_names import replace_effect_ids
+from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import Shortfall, UnworkedPiece
 from reports.common.wording import (
     NO_BREAK,
     format_clock_after_start,
@@ -18,6 +17,7 @@ from reports.common.wording import (
     format_price,
     insert_non_breaking_spaces,
     join_list,
+    replace_effect_ids,
 )
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, TABLE_DROPS

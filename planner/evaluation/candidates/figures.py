@@ -25,8 +25,8 @@ from planner.risk.costs import (
     get_price_per_hour,
     measure_driven_times,
 )
+from reports.common.plan_records import PlanFault, Remark, Stake, UnworkedPiece, sort_remarks
 from reports.common.plan_results import PlanResult
-from reports.common.shortfalls import PlanFault, Remark, Stake, UnworkedPiece, sort_remarks
 from reports.plan.figures import MEASURES
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun

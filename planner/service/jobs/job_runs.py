@@ -25,9 +25,9 @@ from reports.day.schedule_results import DayResult
 from reports.day.tables import format_day_csv, format_day_json
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json
+from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.plan.map_data import format_maps_json
 from reports.plan.map_figure import draw_plan_map, render_png
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.shortfall_wording import list_shortfall_sentences
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect

@@ -13,7 +13,7 @@ from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import LONGEST_NAME_CHARS
 from planner.service.store.tables import JobRow
-from reports.common.effect_names import get_effect_label
+from reports.common.wording import get_effect_label
 
 SHOWN_LOGS = 3  # in the name of a job
 
