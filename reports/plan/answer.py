@@ -25,16 +25,15 @@ from reports.common.wording import (
     format_tractor_count,
     parse_start_time,
 )
-from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     count_service_stops,
     describe_left_out,
-    explain_no_plan,
+    format_energy,
     format_unworked,
     format_wide_interval,
     name_fleet,
 )
-from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
+from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences, question_pull
 
 LEAST_SPAN_S = 1.0  # less time is none
 NEXT_TRACTORS = (

@@ -12,7 +12,7 @@ from reports.common.rendering import EXPORT_DECIMALS, format_json
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, VOLUME, format_duration, format_number
 from reports.plan.comparison import Comparison, ComparisonRow
-from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
+from reports.plan.plan_wording import format_energy, format_energy_cell, name_energy_column
 
 CONTOUR = "contour"
 

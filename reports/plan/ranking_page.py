@@ -30,7 +30,6 @@ from reports.common.wording import (
 )
 from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
 from reports.plan.drive_geometry import SERVICE_STATE, MapExtent, check_drive, list_states
-from reports.plan.energy_wording import describe_physics, format_energy, format_rate
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
 from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
@@ -38,21 +37,23 @@ from reports.plan.plan_wording import (
     UNWORKED_HELP,
     describe_machines,
     describe_order_optimality,
+    describe_physics,
     describe_ranking,
     describe_simulated_effects,
+    format_energy,
     format_in_time_probability,
     format_order_optimality,
+    format_rate,
     format_unworked,
     get_charged_traffic_m2,
-    group_refusals,
     has_late_ground_loss,
     list_feasible,
     list_plan_remarks,
     list_refused,
     name_fleet,
-    name_refused_plans,
 )
 from reports.plan.ranking_table import choose_first_plans, choose_plan_per_count
+from reports.plan.shortfall_wording import group_refusals, name_refused_plans
 
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
 _BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends

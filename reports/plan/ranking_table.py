@@ -19,7 +19,6 @@ from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_r
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
 from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
 from reports.plan.answer import write_answer
-from reports.plan.energy_wording import describe_physics
 from reports.plan.figures import (
     COUNT_DROPS,
     FIGURES,
@@ -35,14 +34,14 @@ from reports.plan.plan_wording import (
     UNWORKED_HELP,
     describe_machines,
     describe_order_optimality,
+    describe_physics,
     describe_ranking,
     describe_simulated_effects,
-    group_refusals,
     list_feasible,
     list_plan_remarks,
     list_refused,
-    name_refused_plans,
 )
+from reports.plan.shortfall_wording import group_refusals, name_refused_plans
 
 MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7

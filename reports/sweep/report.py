@@ -1,4 +1,4 @@
-"""A sweep for people and programs: JSON, CSV and Parquet of all plans, a table of those that nothing beats, page, chart."""
+"""A sweep for people and programs: all plans as JSON, CSV and Parquet, a table of the best ones, page and chart."""
 
 from __future__ import annotations
 

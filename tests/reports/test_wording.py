@@ -27,10 +27,9 @@ from reports.plan.plan_wording import (
     format_ground_place,
     format_in_time_probability,
     format_unworked,
-    group_refusals,
     list_plan_remarks,
-    name_refused_plans,
 )
+from reports.plan.shortfall_wording import group_refusals, name_refused_plans
 
 
 @pytest.mark.parametrize(
