@@ -1,4 +1,4 @@
-"""A ranking of plans in sentences: the plan to take, what it leaves, how sure it is, and why plans were refused."""
+"""A ranking of plans in sentences: the plan to take, what it leaves, how sure it is, its energy and slopes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from reports.common.wording import (
     group_alike,
     join_list,
 )
-from reports.plan.shortfall_wording import list_shortfall_sentences
+from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples

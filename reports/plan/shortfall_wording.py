@@ -1,4 +1,4 @@
-"""What keeps plans from being taken, in sentences: shortfalls of the best, a weak tractor, and why plans were refused."""
+"""What keeps plans from being taken, in sentences: shortfalls of the best, a weak tractor, why plans were refused."""
 
 from __future__ import annotations
 
