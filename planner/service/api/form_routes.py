@@ -19,8 +19,7 @@ from planner.service.access.permissions import Caller, ReadAccess
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
-from planner.service.jobs.input_files import EXAMPLE_FARM, InputCollector
-from planner.service.jobs.job_requests import PLAN_OPTIONS
+from planner.service.jobs.input_files import EXAMPLE_FARM, PLAN_OPTIONS, InputCollector
 from planner.service.settings import LIMITS
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import list_tractor_names

@@ -9,7 +9,7 @@ from starlette.concurrency import run_in_threadpool
 
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
-from planner.service.access.browser_policy import REPORT_SECURITY_POLICY
+from planner.service.access.browsers import REPORT_SECURITY_POLICY
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.api.uploads import CopyRequest, RenameRequest, SearchParameter, build_download
 from planner.service.gateway.responses import (
@@ -22,11 +22,9 @@ from planner.service.gateway.responses import (
     ViewInfo,
     document_file,
 )
-from planner.service.jobs.file_reading import build_client_queue_key
-from planner.service.jobs.input_files import collect_inputs
-from planner.service.jobs.job_requests import PLAN_JOB_MODEL, REQUEST_MODELS
+from planner.service.jobs.file_reading import build_client_queue_key, submit_job
+from planner.service.jobs.input_files import PLAN_JOB_MODEL, REQUEST_MODELS, collect_inputs
 from planner.service.jobs.plan_estimates import PlanEstimator
-from planner.service.jobs.submission import submit_job
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow, ResultRow
 from reports.plan.guidance_export import GUIDANCE_FORMATS, write_guidance

@@ -19,7 +19,8 @@ from starlette.concurrency import run_in_threadpool
 
 from fields.geometry.coordinates import MAX_COORDINATE
 from planner.service.access.permissions import ReadAccess
-from planner.service.backgrounds.tile_grid import (
+from planner.service.backgrounds.tile_server import (
+    CACHE_FOLDER,
     HALF_WIDTH_M,
     HIGHEST_ZOOM,
     MEDIA_BY_FORMAT,
@@ -29,13 +30,16 @@ from planner.service.backgrounds.tile_grid import (
     WGS84,
     PlacementInfo,
     Tile,
+    TileAddress,
+    TileCache,
     TileError,
+    TileServer,
     encode_png,
     identify_tile,
+    is_address,
     place_degrees,
     place_metres,
 )
-from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache, TileServer, is_address
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, ApiRouter, document_file
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings

@@ -15,7 +15,7 @@ from urllib.parse import SplitResult, urlsplit
 from fastapi import Request
 from pydantic import Field
 
-from planner.service.access.browser_policy import STANDARD_PORT
+from planner.service.access.browsers import STANDARD_PORT
 from planner.service.access.permissions import OperateAccess
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.gateway.responses import ApiRequest, ApiRouter

@@ -16,10 +16,10 @@ from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import list_candidates
 from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
-from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
+from planner.service.jobs.input_files import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
 from planner.service.sandbox.readings import build_work_order
-from planner.service.store.file_table import MEDIA_BY_SUFFIX
 from planner.service.store.job_queue import ResultFile
+from planner.service.store.service_store import MEDIA_BY_SUFFIX
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import format_day_csv, format_day_json
