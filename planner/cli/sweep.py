@@ -210,7 +210,7 @@ class _Question:
 
         Files go by the names that they have as uploads.
         """
-        from reports.sweep.wording import build_query
+        from reports.sweep.results import build_query
 
         if not service:
             return ""
@@ -230,7 +230,7 @@ class _Question:
 
     def _build_command(self) -> tuple[str, ...]:
         """What plans one combination, but for the field and the options that are varied."""
-        from reports.sweep.wording import list_option_words
+        from reports.sweep.results import list_option_words
 
         words = ["headland", "plan"]
         for option, value in self._list_fixed():
@@ -291,7 +291,7 @@ def _run(swept: Sweep, executor_choice: ExecutorChoice, folder: Path | None) -> 
 
 def _create_report(swept: Sweep, bar: StageBar) -> Callable[[int, int], None]:
     """What shows so many of all combinations in a bar, now and then with the best of them."""
-    from reports.sweep.wording import describe_plan
+    from reports.sweep.results import describe_plan
 
     shown_s = 0.0
 
@@ -348,7 +348,7 @@ def _drive(
 ) -> None:
     """Plan a combination in full, write it, and print estimate and drive side by side."""
     from planner.pipeline.outputs.saved_plans import write_saved_plan
-    from reports.sweep.wording import compare_with_drive
+    from reports.sweep.results import compare_with_drive
 
     driven = simulate_plans(order, executor_choice, pictures=False, every_plan=False)
     best = driven.ranking.best

@@ -33,9 +33,9 @@ from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
 from reports.common.language import mark_text
-from reports.common.notebook import ResultView, ShownResult
 from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, choose_by_count
+from reports.common.rendering import ResultView, ShownResult
 from reports.plan.figures import format_ranking_csv
 from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.notebook import build_answer_view

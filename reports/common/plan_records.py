@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from reports.common.notebook import ShownResult
+from reports.common.rendering import ShownResult
 
 
 @dataclass(frozen=True)

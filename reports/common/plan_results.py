@@ -13,8 +13,8 @@ from operator import attrgetter
 from typing import Any
 
 from reports.common.language import mark_text
-from reports.common.notebook import ShownResult
 from reports.common.plan_records import PlanFault, PullFigures, Shortfall, SlopePlace, UnworkedPiece
+from reports.common.rendering import ShownResult
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.notebook import ShownTable
+from reports.common.rendering import ShownTable
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted

@@ -9,11 +9,21 @@ import numpy as np
 from fields.units import HOUR_S
 from reports.common import palette
 from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES, TIME_STEPS_S, ChartAxis
-from reports.common.notebook import ResultView, ShownTable, build_view, create_figure, encode_figure, render_fragment
-from reports.common.rendering import EXPORT_DECIMALS, make_json_safe, render_template
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    ResultView,
+    ShownTable,
+    build_view,
+    create_figure,
+    encode_figure,
+    make_json_safe,
+    render_fragment,
+    render_template,
+)
 from reports.common.wording import format_number, format_percent, format_price
-from reports.day.schedule_results import DayResult, MapPlace
 from reports.day.tables import (
+    DayResult,
+    MapPlace,
     build_job_table,
     build_machine_table,
     describe_day_columns,

@@ -1,18 +1,20 @@
-"""A day in words and tables: its answer in a few sentences, first screen, tables by machine and by field, JSON and CSV.
+"""A day of several fields and fleets: result types, plain frozen data; what is said of it; tables, JSON and CSV.
 
-JSON and CSV have fixed keys in a fixed order and six decimals; missing values are null or empty.
+Times are seconds of the day on which it begins: past midnight they are above 86,400. JSON and CSV have fixed keys in a
+fixed order and six decimals; missing values are null or empty.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
+from reports.common.plan_records import Points
+from reports.common.rendering import EXPORT_DECIMALS, ShownResult, format_entries_csv, format_json
 from reports.common.text_tables import (
     MOST_NAMED,
     AnswerLines,
@@ -32,7 +34,150 @@ from reports.common.wording import (
     format_price,
     round_up_to_minute,
 )
-from reports.day.schedule_results import DayJob, DayResult
+
+
+@dataclass(frozen=True)
+class DayJob:
+    """One field worked by one fleet (`machine`) with so many tractors, as planned from `start_s` to `end_s`.
+
+    The fleet leaves the place before at `leaves_s`, for `km` of road. `finish_probability` is that of being done before
+    the rain and the end of its window, with its 95 % interval; it is done by `p50_end_s` and `p95_end_s` in half and in
+    95 % of the samples. `time_s` is the time of the simulated plan without variation, `cost` that of the work,
+    `lost_cost` the mean loss on ground not done in time, `worked_pct` the share of the field that the plan works.
+    `refills` counts stops to fill or empty a tank, None where nothing is carried. `p50_start_s` and `p50_leaves_s` are
+    the medians of the samples, as reports state them.
+    """
+
+    field: str
+    machine: str
+    strategy: str
+    tractors: int
+    area_ha: float
+    leaves_s: float
+    km: float
+    start_s: float
+    end_s: float
+    time_s: float
+    finish_probability: float
+    finish_probability_interval: tuple[float, float]
+    p50_end_s: float
+    p95_end_s: float
+    cost: float
+    lost_cost: float = 0.0
+    worked_pct: float | None = None
+    refills: int | None = None
+    p50_start_s: float | None = None
+    p50_leaves_s: float | None = None
+
+    @property
+    def stated_start_s(self) -> float:
+        """The begin of the work that every report states: the median of the samples, seconds of the day."""
+        return self.start_s if self.p50_start_s is None else self.p50_start_s
+
+    @property
+    def stated_leaves_s(self) -> float:
+        """When the fleet leaves the place before, the median of the samples."""
+        return self.leaves_s if self.p50_leaves_s is None else self.p50_leaves_s
+
+
+@dataclass(frozen=True)
+class UnworkedField:
+    """A field that is not done, what that costs, and why in a sentence."""
+
+    field: str
+    area_ha: float
+    cost: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class FleetDay:
+    """The day of a fleet: what it is (`words`), when it leaves and is home (None if it stays), km and cost of roads.
+
+    `p50_home_s` is the median of the samples.
+    """
+
+    name: str
+    words: str
+    leaves_s: float | None
+    home_s: float | None
+    km: float
+    road_cost: float = 0.0
+    p50_home_s: float | None = None
+
+    @property
+    def stated_home_s(self) -> float | None:
+        """When the fleet is home as every report states it: the median of the samples."""
+        return self.home_s if self.p50_home_s is None else self.p50_home_s
+
+
+@dataclass(frozen=True, eq=False)
+class MapPlace:
+    """A place on the map, in metres: a field with its outline (n, 2), or the yard without one."""
+
+    name: str
+    x_m: float
+    y_m: float
+    outline: Points | None = None
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DayResult(ShownResult):
+    """The answer to a day file.
+
+    `cost` is the expected cost of the whole day: `cost` and `lost_cost` of all jobs, `road_cost` of all fleets and
+    `cost` of the fields not done. `gap_pct` is by how much less another order could cost at most, by the times it is
+    planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
+    field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
+    and `p95_done_s` in half and in 95 % of the samples. `questions` are about tractors that seem too weak for their
+    implement, and plans that were cut short for lack of computing time; `shortfalls` sentences on plans that are no
+    recommendation.
+    """
+
+    start_s: float
+    end_s: float
+    jobs: tuple[DayJob, ...]
+    unworked_fields: tuple[UnworkedField, ...]
+    fleets: tuple[FleetDay, ...]
+    gap_pct: float
+    cost: float
+    finish_probability: float | None
+    currency: str
+    samples: int
+    seed: int
+    advice: str
+    remarks: tuple[str, ...] = ()
+    fields: tuple[str, ...] = ()
+    windows: tuple[tuple[tuple[float, float], ...], ...] = ()
+    breaks: tuple[tuple[float, float], ...] = ()
+    rain: tuple[tuple[float, float], ...] = ()
+    places: tuple[MapPlace, ...] = ()
+    closest_field: str = ""
+    certainty_pct: float | None = None
+    p50_done_s: float | None = None
+    p95_done_s: float | None = None
+    questions: tuple[str, ...] = ()
+    shortfalls: tuple[str, ...] = ()
+
+    @property
+    def paid_cost(self) -> float:
+        """What is paid: work and roads."""
+        return sum(job.cost for job in self.jobs) + sum(fleet.road_cost for fleet in self.fleets)
+
+    @property
+    def risked_cost(self) -> float:
+        """The rest of the cost, which nobody pays: the loss on ground that is late or not worked."""
+        return self.cost - self.paid_cost
+
+    @property
+    def stated_end_s(self) -> float:
+        """When the day is done as every report states it: the median of the samples."""
+        return max(job.p50_end_s for job in self.jobs) if self.p50_done_s is None else self.p50_done_s
+
+    @property
+    def stated_late_end_s(self) -> float:
+        """When the day is done in 95 % of the samples."""
+        return max(job.p95_end_s for job in self.jobs) if self.p95_done_s is None else self.p95_done_s
 
 
 def list_day_sentences(result: DayResult) -> list[str]:

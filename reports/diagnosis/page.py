@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from reports.common import palette
-from reports.common.notebook import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment
-from reports.common.rendering import render_template
+from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment, render_template
 from reports.common.wording import format_number, get_effect_label, join_list, replace_effect_ids
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
 from reports.diagnosis.log_checks import (

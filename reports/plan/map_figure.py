@@ -16,8 +16,8 @@ import shapely
 
 from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
-from reports.common.notebook import create_figure
 from reports.common.plan_records import PlanDrive, Points, Relief
+from reports.common.rendering import create_figure
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
     FOLDING_STATUS,

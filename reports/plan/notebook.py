@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
-from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
 from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.rendering import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent

@@ -12,30 +12,29 @@ from rich.console import Group, RenderableType
 from reports.common import palette
 from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
 from reports.common.language import translate
-from reports.common.notebook import (
+from reports.common.plan_results import PlanResult
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
     FIGURE_INCHES,
     NOT_DRAWN,
+    ReportError,
     ResultView,
     build_view,
     create_figure,
     encode_picture,
-    render_fragment,
-)
-from reports.common.plan_results import PlanResult
-from reports.common.rendering import (
-    EXPORT_DECIMALS,
-    ReportError,
     format_entries_csv,
     format_json,
     pick_values,
+    render_fragment,
     render_template,
 )
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import capitalize_first, format_duration, format_number, format_tractor_count
 from reports.plan.map_figure import escape_figure_formula, render_png
-from reports.sweep.results import SweepResult, SweptPlan
-from reports.sweep.wording import (
+from reports.sweep.results import (
     ESTIMATED,
+    SweepResult,
+    SweptPlan,
     build_command,
     build_query,
     describe_best,

@@ -13,8 +13,7 @@ from rich.console import Group, RenderableType
 from fields.units import KMH_PER_MPS
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
-from reports.common.notebook import create_figure, draw_legend
-from reports.common.rendering import format_json, render_template
+from reports.common.rendering import create_figure, draw_legend, format_json, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import (
     NO_VALUE,

@@ -14,8 +14,19 @@ from rich.padding import Padding
 from rich.text import Text
 
 from reports.common import palette
-from reports.common.notebook import ResultView, ShownResult, ShownTable, build_view, create_figure, render_fragment
-from reports.common.rendering import EXPORT_DECIMALS, ReportError, format_json, make_json_safe, render_template
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    ReportError,
+    ResultView,
+    ShownResult,
+    ShownTable,
+    build_view,
+    create_figure,
+    format_json,
+    make_json_safe,
+    render_fragment,
+    render_template,
+)
 from reports.common.text_tables import FittedTable, TableColumn, format_bullet, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_minutes, format_number, format_signed_number, join_list
 from reports.plan.map_figure import encode_svg_base64

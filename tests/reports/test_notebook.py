@@ -18,10 +18,9 @@ from matplotlib.figure import Figure
 import reports.diagnosis.page
 import reports.plan.notebook  # noqa: F401
 from planner.pipeline.diagnosis import TractorDiagnosis
-from reports.common.notebook import PICTURE_DPIS, ShownResult, encode_picture
 from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking
-from reports.common.rendering import ReportError
+from reports.common.rendering import PICTURE_DPIS, ReportError, ShownResult, encode_picture
 from reports.diagnosis.tables import build_diagnosis_dict
 from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.trials.report import FleetStudy

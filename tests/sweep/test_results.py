@@ -26,8 +26,7 @@ from reports.sweep.report import (
     render_sweep_parquet,
     render_sweep_png,
 )
-from reports.sweep.results import find_front, measure_influences
-from reports.sweep.wording import build_command, compare_with_drive
+from reports.sweep.results import build_command, compare_with_drive, find_front, measure_influences
 from tests.printing import print_text
 from tests.sweep.results import build_result
 

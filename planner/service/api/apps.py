@@ -27,8 +27,13 @@ from starlette.routing import BaseRoute
 from planner.service.access.browsers import LOGIN_PATH, BrowserLogins, OneTimeViews, SecurityHeadersMiddleware
 from planner.service.api import administration
 from planner.service.api.administration import ServiceMetrics, measure_connections, measure_fleets, measure_store
-from planner.service.api.form_routes import form_router
-from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, plans_router
+from planner.service.api.job_routes import (
+    JOB_KIND_BY_PATH,
+    all_jobs_router,
+    build_jobs_router,
+    form_router,
+    plans_router,
+)
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes
