@@ -5,7 +5,7 @@ All are plain frozen data, as the planner hands them to the reports.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
@@ -128,11 +128,6 @@ class Remark:
 
     stake: Stake
     text: str
-
-
-def sort_remarks(remarks: Iterable[Remark]) -> tuple[str, ...]:
-    """The sentences, those on the worst first, else as they came."""
-    return tuple(remark.text for remark in sorted(remarks, key=lambda remark: remark.stake))
 
 
 Points = npt.NDArray[np.float64]

@@ -210,11 +210,6 @@ class PlanResult(ShownResult):
         return self.cost if self.expected_cost is None else self.expected_cost
 
     @property
-    def stated_paid_cost(self) -> float | None:
-        """What is paid of the stated cost: all of it without samples."""
-        return self.stated_cost if self.paid_cost is None else self.paid_cost
-
-    @property
     def ranked_s(self) -> float:
         """Seconds that feasible plans are ranked by: the stated time with the unworked ground finished as well."""
         delay_s = 0.0 if self.p50_s is None else self.p50_s - (self.time_s or 0.0)

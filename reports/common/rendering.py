@@ -156,10 +156,12 @@ class ShownResult:
     def __repr__(self) -> str:
         """The answer in one to three lines."""
         try:
-            summary = self.get_view().summary()
+            summary = " ".join(self.get_view().summary().split())
         except ReportError:
             summary = "..."
-        return f"<{type(self).__name__}: {shorten_summary(summary)}>"
+        if len(summary) > MOST_SUMMARY_CHARS:
+            summary = f"{summary[: MOST_SUMMARY_CHARS - 4].rsplit(' ', 1)[0]} ..."
+        return f"<{type(self).__name__}: {summary}>"
 
     def _repr_html_(self) -> str:
         """The answer, a picture and a table, for a notebook."""
@@ -180,9 +182,14 @@ class ShownResult:
         view = self.get_view()
         if view.draw is None:
             raise ReportError(view.not_drawn)
-        axes = create_axes(view.figure_inches) if ax is None else ax
-        view.draw(axes)
-        return axes
+        if ax is None and "ipykernel" in sys.modules:
+            from matplotlib import pyplot
+
+            ax = pyplot.figure(figsize=view.figure_inches, layout="constrained").add_subplot()
+        elif ax is None:
+            ax = create_figure(*view.figure_inches, layout="constrained").add_subplot()
+        view.draw(ax)
+        return ax
 
     def save(self, path: str | Path) -> Path:
         """Write the result to a file, in the form that the ending of its name says, and return its path.
@@ -198,21 +205,6 @@ class ShownResult:
         content = make()
         place.write_bytes(content if isinstance(content, bytes) else content.encode())
         return place
-
-
-def shorten_summary(summary: str) -> str:
-    """A summary in one line, cut at a word where it is too long."""
-    line = " ".join(summary.split())
-    return line if len(line) <= MOST_SUMMARY_CHARS else f"{line[: MOST_SUMMARY_CHARS - 4].rsplit(' ', 1)[0]} ..."
-
-
-def create_axes(figure_inches: tuple[float, float] = FIGURE_INCHES) -> Axes:
-    """Axes of a new figure; in a notebook pyplot's, which appears below the cell."""
-    if "ipykernel" in sys.modules:
-        from matplotlib import pyplot
-
-        return pyplot.figure(figsize=figure_inches, layout="constrained").add_subplot()
-    return create_figure(*figure_inches, layout="constrained").add_subplot()
 
 
 def create_figure(width_inches: float, height_inches: float, **look: Any) -> Figure:

@@ -133,8 +133,9 @@ class ComparisonTotals(Generic[Label]):
 
     @property
     def paid_cost(self) -> float:
-        """The costs that are paid, without losses on late ground."""
-        return math.fsum(plan.stated_paid_cost or 0.0 for plan in self.driven)
+        """The costs that are paid, without losses on late ground: all of the stated ones without samples."""
+        costs = (plan.stated_cost if plan.paid_cost is None else plan.paid_cost for plan in self.driven)
+        return math.fsum(cost or 0.0 for cost in costs)
 
     @property
     def missed_m2(self) -> float:

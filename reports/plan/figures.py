@@ -40,6 +40,7 @@ from reports.plan.plan_wording import (
     get_charged_traffic_m2,
     get_clearance_m,
     has_late_ground_loss,
+    name_energy_column,
 )
 from reports.plan.shortfall_wording import describe_shortfall, question_pull
 from vehicle.missions.run import SimulationRun
@@ -272,9 +273,7 @@ def choose_figures(
 
 def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) -> Figure:
     if figure.key in ("fuel_l", "energy_kwh"):
-        is_fuel = figure.key == "fuel_l"
-        unit = VOLUME.unit if is_fuel else "kWh"
-        heading = translate("Fuel {unit}", unit=unit) if is_fuel else translate("Energy {unit}", unit=unit)
+        heading = name_energy_column(figure.key == "energy_kwh")
         return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))
     if figure.key in UNLOADING_HEADINGS and ranking.unloads:
         return replace(figure, heading=UNLOADING_HEADINGS[figure.key], short_heading="")
@@ -431,8 +430,3 @@ def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:
         else:
             flattened[key] = (" ".join(map(str, value)) or None) if isinstance(value, list) else value
     return flattened
-
-
-def format_facts_json(facts: dict[str, Any]) -> str:
-    """Facts of a field as JSON text with a trailing newline, in the order given."""
-    return format_json(facts, EXPORT_DECIMALS, is_ascii=False)

@@ -11,7 +11,6 @@ from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, 
 from reports.common.wording import (
     FIELD_AREA,
     LEAST_COST,
-    NO_VALUE,
     VOLUME,
     format_area,
     format_deadline,
@@ -381,17 +380,9 @@ def format_energy(plan: PlanResult) -> str:
     return "" if plan.energy_kwh is None else f"{format_number(plan.energy_kwh, 0)} kWh"
 
 
-def name_energy_column(plans: Sequence[PlanResult]) -> str:
+def name_energy_column(is_electric: bool) -> str:
     """The heading of the column of fuel or electricity."""
-    if any(plan.energy_kwh is not None for plan in plans):
-        return translate("Energy {unit}", unit="kWh")
-    return translate("Fuel {unit}", unit=VOLUME.unit)
-
-
-def format_energy_cell(plan: PlanResult) -> str:
-    """The figure of a plan without its unit."""
-    value = VOLUME.convert(plan.fuel_l) if plan.energy_kwh is None else plan.energy_kwh
-    return NO_VALUE if value is None else format_number(value, 1)
+    return translate("Energy {unit}", unit="kWh") if is_electric else translate("Fuel {unit}", unit=VOLUME.unit)
 
 
 def format_rate(plan: PlanResult) -> str:

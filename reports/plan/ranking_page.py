@@ -53,7 +53,7 @@ from reports.plan.plan_wording import (
     name_fleet,
 )
 from reports.plan.ranking_table import choose_first_plans, choose_plan_per_count
-from reports.plan.shortfall_wording import group_refusals, name_refused_plans
+from reports.plan.shortfall_wording import group_refusals
 
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
 _BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends
@@ -274,15 +274,7 @@ def _build_refusal_section(heading: str, plans: Sequence[PlanResult]) -> dict[st
     return {
         "heading": heading,
         "count": len(plans),
-        "groups": [
-            {
-                "count": len(group.plans),
-                "reason": group.reason,
-                "alike": group.has_similar_reasons,
-                "members": name_refused_plans(group),
-            }
-            for group in group_refusals(plans)
-        ],
+        "groups": group_refusals(plans),
     }
 
 

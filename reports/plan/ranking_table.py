@@ -41,7 +41,7 @@ from reports.plan.plan_wording import (
     list_plan_remarks,
     list_refused,
 )
-from reports.plan.shortfall_wording import group_refusals, name_refused_plans
+from reports.plan.shortfall_wording import group_refusals
 
 MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7
@@ -272,5 +272,5 @@ def _list_refusal_reasons(heading: str, plans: list[PlanResult]) -> list[Rendera
     for refusal in group_refusals(plans):
         similar_note = " (figures of the first)" if refusal.has_similar_reasons else ""
         parts.append(format_bullet(f"{len(refusal.plans)} x  {refusal.reason}{similar_note}"))
-        parts.append(format_sentence(name_refused_plans(refusal), style="dim", indent=4))
+        parts.append(format_sentence(refusal.members, style="dim", indent=4))
     return parts

@@ -94,6 +94,14 @@ class RefusalGroup:
     plans: tuple[PlanResult, ...]
     has_similar_reasons: bool
 
+    @property
+    def members(self) -> str:
+        """Which plans were refused: ``row-by-row (omega) with 5 and 7; split-field (u) with 1``."""
+        counts: dict[tuple[str, str], list[int]] = {}
+        for plan in self.plans:
+            counts.setdefault((plan.strategy, plan.turn), []).append(plan.tractors)
+        return "; ".join(f"{name} ({turn}) with {join_list(sorted(set(n)))}" for (name, turn), n in counts.items())
+
 
 def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
     """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
@@ -102,14 +110,6 @@ def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
         RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
         for group in sorted(groups, key=len, reverse=True)
     ]
-
-
-def name_refused_plans(refusal: RefusalGroup) -> str:
-    """Which plans were refused: ``row-by-row (omega) with 5 and 7; split-field (u) with 1``."""
-    counts: dict[tuple[str, str], list[int]] = {}
-    for plan in refusal.plans:
-        counts.setdefault((plan.strategy, plan.turn), []).append(plan.tractors)
-    return "; ".join(f"{name} ({turn}) with {join_list(sorted(set(n)))}" for (name, turn), n in counts.items())
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:

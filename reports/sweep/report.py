@@ -11,7 +11,7 @@ from rich.console import Group, RenderableType
 
 from reports.common import palette
 from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
-from reports.common.language import translate
+from reports.common.language import translate, translate_sentence
 from reports.common.plan_results import PlanResult
 from reports.common.rendering import (
     EXPORT_DECIMALS,
@@ -38,15 +38,12 @@ from reports.sweep.results import (
     build_command,
     build_query,
     describe_best,
-    describe_influences,
-    describe_marked_rows,
-    describe_refused,
     describe_rows,
     describe_title,
     describe_value,
     format_value,
     list_option_words,
-    title_option,
+    list_remarks,
 )
 
 if TYPE_CHECKING:
@@ -83,12 +80,14 @@ def _list_figures(plan: PlanResult) -> dict[str, Any]:
 
 def build_sweep_screen(result: SweepResult) -> RenderableType:
     """What to take, what matters, and the table of what nothing beats."""
-    rows = result.rows
-    sentences = [describe_best(result), describe_influences(result), describe_refused(result)]
-    parts: list[RenderableType] = [format_title(describe_title(result))]
-    parts += [format_sentence(text, style="" if place else "bold") for place, text in enumerate(sentences) if text]
-    if rows:
-        parts += ["", build_front_table(result), format_sentence(describe_marked_rows(result), style="dim")]
+    parts: list[RenderableType] = [
+        format_title(describe_title(result)),
+        format_sentence(describe_best(result), style="bold"),
+        *map(format_sentence, list_remarks(result)),
+    ]
+    if result.rows:
+        legend = translate("> is the one to take. {rows}", rows=describe_rows(result))
+        parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
         parts.append(format_sentence(ESTIMATED, style="dim"))
     return Group(*parts)
 
@@ -96,11 +95,13 @@ def build_sweep_screen(result: SweepResult) -> RenderableType:
 def build_front_table(result: SweepResult) -> FittedTable:
     """The rows of `choose_rows` with their numbers, only varied options as columns."""
     varied = [place for place, option in enumerate(result.options) if len(option.values) > 1]
+    titles = [(capitalize_first(translate_sentence(option.label)), option.unit) for option in result.options]
+    headings = [", ".join(filter(None, titles[place])) for place in varied]
     rows = result.rows
     uses_energy = any(one.plan.energy_kwh is not None for one in rows)
     columns = [
         TableColumn("Row"),
-        *(TableColumn(title_option(result.options[place]), drop_order=0) for place in varied),
+        *map(TableColumn, headings),
         TableColumn("Time"),
         TableColumn(translate("Cost {currency}", currency=result.currency or "").strip()),
         TableColumn("± %"),
@@ -187,12 +188,11 @@ def render_sweep_page(result: SweepResult) -> str:
     table, rows = build_front_table(result), result.rows
     plans = [one for one in result.plans if one.plan.feasible]
     places = {one.numbers: place for place, one in enumerate(plans)}
-    sentences = (describe_influences(result), describe_refused(result), ESTIMATED)
     content: dict[str, Any] = {
         "title": describe_title(result),
         "best": describe_best(result),
         "currency": result.currency,
-        "sentences": [text for text in sentences if text],
+        "sentences": [*list_remarks(result), ESTIMATED],
         "chart": _build_chart(result, plans, places) if plans and result.front else None,
         "shares": _list_shares(result),
         "headings": [column.full_title for column in table.columns],
@@ -345,10 +345,8 @@ def build_sweep_view(result: SweepResult) -> ResultView:
 
 def render_sweep_fragment(result: SweepResult) -> str:
     """What to take and what matters, cost over time, and the table of what no other beats."""
-    sentences = [describe_best(result), describe_influences(result), describe_refused(result), ESTIMATED]
-    rows = result.rows
+    sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
     picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
     best = next((place for place, one in enumerate(rows) if one is result.best), None)
     tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
-    shown = [text for text in sentences if text]
-    return render_fragment(describe_title(result), shown, tables, picture, "Cost over time of all combinations")
+    return render_fragment(describe_title(result), sentences, tables, picture, "Cost over time of all combinations")

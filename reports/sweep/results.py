@@ -20,7 +20,6 @@ from reports.common.rendering import ShownResult
 from reports.common.wording import (
     LEAST_SHARE,
     SPEED,
-    capitalize_first,
     format_duration,
     format_money,
     format_number,
@@ -244,16 +243,12 @@ def describe_options(result: SweepResult, one: SweptPlan) -> str:
     return ", ".join(shown) or format_tractor_count(one.plan.tractors)
 
 
-def describe_figures(result: SweepResult, one: SweptPlan) -> str:
-    """``1 h 38 min, 65 EUR``; that prices are assumed is said where nobody gave them."""
+def describe_plan(result: SweepResult, one: SweptPlan) -> str:
+    """``6 m, 12 km/h, 1 tractor: 1 h 38 min, 65 EUR``; that prices are assumed is said where nobody gave them."""
     money = format_money(one.plan.ranked_cost, result.currency)
     money = money if result.is_priced else translate("{money} (assumed prices)", money=money)
-    return f"{format_time_span(one.plan.ranked_s)}, {money}"
-
-
-def describe_plan(result: SweepResult, one: SweptPlan) -> str:
-    """``6 m, 12 km/h, 1 tractor: 1 h 38 min, 65 EUR``."""
-    return translate("{plan}: {figures}", plan=describe_options(result, one), figures=describe_figures(result, one))
+    figures = f"{format_time_span(one.plan.ranked_s)}, {money}"
+    return translate("{plan}: {figures}", plan=describe_options(result, one), figures=figures)
 
 
 def describe_best(result: SweepResult) -> str:
@@ -318,11 +313,6 @@ def describe_rows(result: SweepResult) -> str:
     return translate("{text} Shown are {rows} of {front}; --csv has all.", text=text, rows=rows, front=front)
 
 
-def describe_marked_rows(result: SweepResult) -> str:
-    """The same, and which of them to take."""
-    return translate("> is the one to take. {rows}", rows=describe_rows(result))
-
-
 def compare_with_drive(result: SweepResult, one: SweptPlan, driven: PlanResult) -> str:
     """The plan as driven beside its estimate, with what they differ by."""
 
@@ -380,7 +370,6 @@ def build_query(values: Iterable[tuple[str, Any]]) -> str:
     return urlencode(texts)
 
 
-def title_option(option: SweptOption) -> str:
-    """The heading of a column: ``Working width, m``."""
-    unit = f", {option.unit}" if option.unit else ""
-    return f"{capitalize_first(translate_sentence(option.label))}{unit}"
+def list_remarks(result: SweepResult) -> list[str]:
+    """What matters, and what has no plan."""
+    return [text for text in (describe_influences(result), describe_refused(result)) if text]

@@ -58,11 +58,6 @@ class RunFigures:
         """Time of all driving."""
         return sum(self.by_kind_s[kind] for kind in (WORKING, TURNING, TRANSIT))
 
-    @property
-    def without_stops_s(self) -> float:
-        """Time without stops."""
-        return self.seconds - self.stops_s
-
 
 @dataclass(frozen=True)
 class ImportedRun:

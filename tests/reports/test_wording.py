@@ -29,7 +29,7 @@ from reports.plan.plan_wording import (
     format_unworked,
     list_plan_remarks,
 )
-from reports.plan.shortfall_wording import group_refusals, name_refused_plans
+from reports.plan.shortfall_wording import group_refusals
 
 
 @pytest.mark.parametrize(
@@ -318,4 +318,4 @@ def test_every_refusal_is_in_one_group(entries: list[tuple[str, int]]) -> None:
 
 
 def test_members_are_named(ranking: PlanRanking) -> None:
-    assert name_refused_plans(group_refusals(ranking.plans[6:])[0]) == "row-by-row (u) with 7 and 9"
+    assert group_refusals(ranking.plans[6:])[0].members == "row-by-row (u) with 7 and 9"
