@@ -21,18 +21,14 @@ from reports.common.rendering import (
     render_template,
 )
 from reports.common.wording import format_number, format_percent, format_price
+from reports.day.results import DayResult, MapPlace, format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.tables import (
-    DayResult,
-    MapPlace,
     build_job_table,
     build_machine_table,
     describe_day_columns,
     describe_optimality_gap,
     format_day_csv,
     format_day_json,
-    format_end_of_day,
-    format_time_of_day,
-    list_day_sentences,
     list_money_rows,
     sort_by_field,
 )

@@ -5,7 +5,7 @@ from typing import Any
 
 from reports.common.plan_records import PullFigures, Shortfall, SlopePlace
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.day.tables import DayJob, DayResult, FleetDay, UnworkedField
+from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.many_fields import FieldRow
 
 HOUR_S = 3600.0

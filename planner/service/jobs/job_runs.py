@@ -21,7 +21,8 @@ from planner.service.sandbox.readings import build_work_order
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import MEDIA_BY_SUFFIX
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
-from reports.day.tables import DayResult, format_day_csv, format_day_json
+from reports.day.results import DayResult
+from reports.day.tables import format_day_csv, format_day_json
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json
 from reports.plan.figures import format_ranking_csv, format_ranking_json
