@@ -16,6 +16,7 @@ from vehicle.identification.diagnosis.results import (
     Diagnosis,
     ErrorsByHorizon,
     HoldoutResult,
+    HoldoutRun,
     RunCheck,
 )
 
@@ -135,10 +136,16 @@ def describe_unlike_runs(diagnosis: Diagnosis) -> list[str]:
     return sentences
 
 
-def compute_distance_cm(errors: ErrorsByHorizon, horizon_s: float, along_judged: bool) -> float:
-    """The error across and along together over a horizon; across only where that along the path is not judged."""
-    error = errors[horizon_s]
-    return math.hypot(error.cross_cm, error.along_cm) if along_judged else error.cross_cm
+def format_held_out_errors(
+    diagnosis: Diagnosis, runs: HoldoutResult | HoldoutRun, horizon_s: float, decimals: int
+) -> list[str]:
+    """The error before and after over a horizon, across and along together, in cm; a dash where there is none.
+
+    It is that across only where that along the path is not judged.
+    """
+    found = [errors.get(horizon_s) for errors in (runs.before, runs.after)]
+    pairs = [one and (one.cross_cm, one.along_cm if diagnosis.along_judged else 0.0) for one in found]
+    return [NO_VALUE if pair is None else format_number(math.hypot(*pair), decimals) for pair in pairs]
 
 
 def find_shown_horizon_s(holdout: HoldoutResult) -> float | None:
@@ -156,12 +163,9 @@ def describe_holdout(diagnosis: Diagnosis) -> list[str]:
     horizon = find_shown_horizon_s(holdout)
     if horizon is None:
         return [holdout.words, "They hold no piece that is long enough for an error."]
-    old, new = (
-        f"{format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 2)} cm"
-        for errors in (holdout.before, holdout.after)
-    )
+    old, new = format_held_out_errors(diagnosis, holdout, horizon, 2)
     verdict = "it helps there" if holdout.helps else "it does not help there"
-    change = "nothing was added" if holdout.is_unchanged else f"{old} before, {new} after: {verdict}"
+    change = "nothing was added" if holdout.is_unchanged else f"{old} cm before, {new} cm after: {verdict}"
     return [holdout.words, f"Error on runs held out over pieces of {horizon:g} s: {change}."]
 
 
@@ -171,18 +175,7 @@ def list_holdout_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     horizon = None if holdout is None else find_shown_horizon_s(holdout)
     if holdout is None or horizon is None:
         return []
-    return [
-        (
-            run.name,
-            *(
-                format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 1)
-                if horizon in errors
-                else NO_VALUE
-                for errors in (run.before, run.after)
-            ),
-        )
-        for run in holdout.by_run
-    ]
+    return [(run.name, *format_held_out_errors(diagnosis, run, horizon, 1)) for run in holdout.by_run]
 
 
 def describe_unsaved(diagnosis: Diagnosis) -> str:

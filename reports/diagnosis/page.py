@@ -14,7 +14,6 @@ from reports.diagnosis.log_checks import (
     ERROR_KINDS,
     SHOWN_HORIZON_S,
     ErrorKind,
-    compute_distance_cm,
     describe_columns,
     describe_hints,
     describe_holdout,
@@ -22,6 +21,7 @@ from reports.diagnosis.log_checks import (
     describe_unsaved_finds,
     end_sentence,
     find_shown_horizon_s,
+    format_held_out_errors,
     list_column_rows,
     list_error_rows,
     list_holdout_rows,
@@ -166,10 +166,7 @@ def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         facts.append((label, f"{before} → {after} (noise {noise})"))
     horizon = None if diagnosis.holdout is None else find_shown_horizon_s(diagnosis.holdout)
     if diagnosis.holdout is not None and horizon is not None:
-        old, new = (
-            format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 2)
-            for errors in (diagnosis.holdout.before, diagnosis.holdout.after)
-        )
+        old, new = format_held_out_errors(diagnosis, diagnosis.holdout, horizon, 2)
         facts.append((f"On runs held out, cm, pieces of {horizon:g} s", f"{old} → {new}"))
     return facts
 

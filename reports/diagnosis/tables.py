@@ -94,7 +94,11 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         "error_before": diagnosis.before,
         "error_after": diagnosis.after,
         **pick_values(diagnosis, ("noise_floor", "guilty_block")),
-        "effects": [_convert_effect_to_dict(one) for one in diagnosis.findings],
+        "effects": [
+            {"id": one.id, "status": one.status, "calibrated": is_calibration_effect(one)}
+            | pick_values(one, _EFFECT_KEYS)
+            for one in diagnosis.findings
+        ],
         "interval_note": diagnosis.interval_note or None,
         **pick_values(diagnosis, ("named", "unexplained_share")),
         "residual_error": _convert_remaining_error_to_dict(diagnosis),
@@ -131,11 +135,6 @@ _EFFECT_KEYS = (
     "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block", "equivalent_to", "exchange",
     "law",
 )  # fmt: skip
-
-
-def _convert_effect_to_dict(finding: Finding) -> dict[str, Any]:
-    first = {"id": finding.id, "status": finding.status, "calibrated": is_calibration_effect(finding)}
-    return first | pick_values(finding, _EFFECT_KEYS)
 
 
 _ERROR_COLUMNS = (

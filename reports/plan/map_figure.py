@@ -258,11 +258,11 @@ def frame_map(axes: Axes, box: MapExtent) -> None:
     axes.set_axis_off()
 
 
-def measure_map(box: MapExtent, tallest_inches: float = _TALLEST_INCHES) -> tuple[float, float]:
+def measure_map(box: MapExtent) -> tuple[float, float]:
     """Width and height in inches of a map framed around a box, as large as a page has room."""
     size = box.size or 1.0
     across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
-    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, tallest_inches / up_m)
+    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
     return round(float(across_m * scale), 4), round(float(up_m * scale), 4)
 
 

@@ -175,45 +175,26 @@ class ThesisAgreement:
     rows: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True)
-class _AgreementCount:
-    """Numbers of the thesis by their deviation here, and those that cannot be compared."""
-
-    title: str
-    near_count: int
-    fair_count: int
-    far_count: int
-    uncompared_count: int
-
-    @property
-    def total(self) -> int:
-        return self.near_count + self.fair_count + self.far_count + self.uncompared_count
-
-
 def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreement | None:
     """The agreement over some experiments; None when the thesis prints no number for any of them."""
-    counts = [_count_agreement(sheet.title, sheet.comparisons) for sheet in sheets]
-    total = _count_agreement("All", [row for sheet in sheets for row in sheet.comparisons])
-    if not total.total:
+    counts = [(sheet.title, *_count_agreement(sheet.comparisons)) for sheet in sheets]
+    total, near, fair, far, uncompared = _count_agreement(row for sheet in sheets for row in sheet.comparisons)
+    if not total:
         return None
-    compared = total.total - total.uncompared_count
     headline = (
-        f"{compared} of {total.total} numbers of the thesis are reproduced: {total.near_count} within {NEAR_PCT:g} %, "
-        f"{total.fair_count} more within {FAR_PCT:g} %; {total.far_count} differ by more."
+        f"{total - uncompared} of {total} numbers of the thesis are reproduced: {near} within {NEAR_PCT:g} %, "
+        f"{fair} more within {FAR_PCT:g} %; {far} differ by more."
     )
     header = ("Experiment", "Numbers", f"Within {NEAR_PCT:g} %", f"Within {FAR_PCT:g} %", "Farther", "Not compared")
-    counted = [one for one in counts if one.total]
-    shown = [*counted, *([total] if len(counted) > 1 else [])]
-    rows = tuple(
-        (one.title, *map(str, (one.total, one.near_count, one.fair_count, one.far_count, one.uncompared_count)))
-        for one in shown
-    )
+    shown = [one for one in counts if one[1]]
+    shown += [("All", total, near, fair, far, uncompared)] if len(shown) > 1 else []
+    rows = tuple(tuple(map(str, one)) for one in shown)
     sentences = []
-    if total.far_count and len(counts) > 1:
-        named = join_list(f"{one.title} ({one.far_count})" for one in counts if one.far_count)
+    if far and len(counts) > 1:
+        named = join_list(f"{title} ({count})" for title, *_, count, _ in counts if count)
         sentences.append(f"Differ by more than {FAR_PCT:g} %: {named}.")
-    if total.uncompared_count:
-        sentences.append(f"{total.uncompared_count} cannot be compared; each is listed with the reason.")
+    if uncompared:
+        sentences.append(f"{uncompared} cannot be compared; each is listed with the reason.")
     ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
     if ours:
         sentences.append(f"{ours} further simulated numbers are not in the thesis.")
@@ -225,11 +206,12 @@ def compute_deviation_pct(row: ThesisComparison) -> float | None:
     return None if row.difference_pct is None else round(abs(row.difference_pct), 1)
 
 
-def _count_agreement(title: str, rows: Iterable[ThesisComparison]) -> _AgreementCount:
+def _count_agreement(rows: Iterable[ThesisComparison]) -> tuple[int, int, int, int, int]:
+    """How many numbers of the thesis there are, by their deviation here, and how many cannot be compared."""
     printed = [row for row in rows if row.thesis is not None]
     off = [value for row in printed if (value := compute_deviation_pct(row)) is not None]
     near, fair = sum(value <= NEAR_PCT for value in off), sum(NEAR_PCT < value <= FAR_PCT for value in off)
-    return _AgreementCount(title, near, fair, len(off) - near - fair, len(printed) - len(off))
+    return len(printed), near, fair, len(off) - near - fair, len(printed) - len(off)
 
 
 def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:
