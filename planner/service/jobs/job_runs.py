@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
@@ -104,26 +105,14 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
 
     report_progress(0, 0)
     hidden: HiddenEffect | None = None
+    machine: dict[str, Any] = {"tractor": request.tractor, "ground": request.ground}
+    machine |= {"holdout": request.holdout or None, "progress": report_progress}
     if request.demo:
-        diagnosis, hidden = diagnose_demo(
-            tractor=request.tractor,
-            ground=request.ground,
-            seed=request.seed if request.seed is not None else 1,
-            hidden_effect=request.hide,
-            holdout=request.holdout or None,
-            progress=report_progress,
-        )
+        seed = 1 if request.seed is None else request.seed
+        diagnosis, hidden = diagnose_demo(**machine, seed=seed, hidden_effect=request.hide)
     else:
-        diagnosis = diagnose(
-            request.logs,
-            tractor=request.tractor,
-            ground=request.ground,
-            fixes=request.fix,
-            mapping=request.mapping,
-            use_driven_size=request.as_driven,
-            holdout=request.holdout or None,
-            progress=report_progress,
-        )
+        convert: dict[str, Any] = {"fixes": request.fix, "mapping": request.mapping}
+        diagnosis = diagnose(request.logs, **machine, **convert, use_driven_size=request.as_driven)
     return list(_write_diagnosis_results(diagnosis, hidden))
 
 

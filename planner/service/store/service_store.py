@@ -263,15 +263,15 @@ class Store(TokenStore, FileStore, ServedJobStore):
             session.add(row)
         return row.id
 
-    def list_events(self, since: int = 0, fleet: str | None = None, limit: int = MOST_EVENTS) -> list[EventRow]:
-        """Events after a number, the oldest first, of one fleet or of all, at most `limit`."""
+    def list_events(self, since: int = 0, fleet: str | None = None) -> list[EventRow]:
+        """Events after a number, the oldest first, of one fleet or of all, at most `MOST_EVENTS`."""
         query = sa.select(EventRow).where(EventRow.id > since)
         if fleet is not None and not is_storable_text(fleet):
             return []
         if fleet is not None:
             query = query.where(EventRow.fleet == fleet)
         with self.database.open_read_session() as session:
-            return list(session.scalars(query.order_by(EventRow.id).limit(limit)))
+            return list(session.scalars(query.order_by(EventRow.id).limit(MOST_EVENTS)))
 
 
 def open_store(settings: ServiceSettings) -> closing[Store]:
