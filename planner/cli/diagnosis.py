@@ -129,7 +129,7 @@ def diagnose(
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:
-        from reports.diagnosis.log_checks import describe_unsaved
+        from reports.diagnosis.sentences import describe_unsaved
 
         print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
         raise typer.Exit(NO_RESULT_STATUS)

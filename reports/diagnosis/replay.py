@@ -21,7 +21,7 @@ from reports.common.rendering import (
 )
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, format_effect_with_id, join_list
-from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors, list_error_rows
+from reports.diagnosis.sentences import SHOWN_HORIZON_S, format_errors, list_error_rows
 from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
 from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 

@@ -19,25 +19,15 @@ from reports.common.text_tables import (
 )
 from reports.common.wording import format_number, get_effect_label, replace_effect_ids
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
-from reports.diagnosis.log_checks import (
+from reports.diagnosis.sentences import (
     ERROR_KINDS,
     MOST_RUNS,
     SHOWN_HORIZON_S,
+    SMALLEST_VISIBLE,
     describe_columns,
+    describe_confusable_effects,
     describe_hints,
     describe_holdout,
-    describe_unlike_runs,
-    describe_unsaved,
-    describe_unsaved_finds,
-    end_sentence,
-    list_column_rows,
-    list_error_rows,
-    list_holdout_rows,
-    sort_runs,
-)
-from reports.diagnosis.sentences import (
-    SMALLEST_VISIBLE,
-    describe_confusable_effects,
     describe_log_size,
     describe_next_drive,
     describe_plan_change,
@@ -45,18 +35,26 @@ from reports.diagnosis.sentences import (
     describe_saved_effects,
     describe_trusted_range,
     describe_two_level_effects,
+    describe_unlike_runs,
+    describe_unsaved,
+    describe_unsaved_finds,
+    end_sentence,
     explain_likely_verdict,
     format_count,
     format_effect_estimate,
     format_gain_pct,
     format_smallest_visible,
-    is_calibration_effect,
+    list_column_rows,
     list_discrepancy_terms,
+    list_error_rows,
+    list_holdout_rows,
     name_held_out_data,
     sort_findings,
+    sort_runs,
 )
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
+    LIKELY,
     NAMED,
     NOT_VISIBLE,
     REFUTED,
@@ -95,8 +93,7 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         "error_after": diagnosis.after,
         **pick_values(diagnosis, ("noise_floor", "guilty_block")),
         "effects": [
-            {"id": one.id, "status": one.status, "calibrated": is_calibration_effect(one)}
-            | pick_values(one, _EFFECT_KEYS)
+            {"id": one.id, "status": one.status, "calibrated": one.status == LIKELY} | pick_values(one, _EFFECT_KEYS)
             for one in diagnosis.findings
         ],
         "interval_note": diagnosis.interval_note or None,
@@ -238,7 +235,7 @@ def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
 def list_diagnosis_remarks(diagnosis: Diagnosis) -> list[str]:
     """List the sentences after the tables: how to read them, discrepancy model, next drive, remaining error, plan."""
     lines = [SMALLEST_VISIBLE]
-    if any(is_calibration_effect(one) for one in diagnosis.findings):
+    if any(one.status == LIKELY for one in diagnosis.findings):
         lines.append(explain_likely_verdict())
     discrepancy = diagnosis.tractor.discrepancy_model
     if discrepancy is not None:
