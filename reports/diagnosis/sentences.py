@@ -276,7 +276,7 @@ def format_gain_pct(finding: Finding) -> str:
 
 
 def describe_log_size(diagnosis: Diagnosis) -> str:
-    """Describe how much was driven and read, and most of what was left out: ``12 left out (10: shuttle in neutral)``."""
+    """Describe how much was driven, read and left out, with the commonest reason: ``12 left out (10: in neutral)``."""
     left_out, reasons = f"{diagnosis.rows_gated} left out", diagnosis.rows_gated_by_reason
     if reasons:
         rule = max(reasons, key=lambda one: reasons[one])
