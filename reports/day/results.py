@@ -186,10 +186,13 @@ def list_day_sentences(result: DayResult) -> list[str]:
 def describe_day_end(result: DayResult) -> str:
     """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples, means of the costs."""
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
+    cost, risked = (f"{format_price(each)} {result.currency}" for each in (result.paid_cost, result.risked_cost))
+    if result.risked_cost >= LEAST_COST:  # what nobody pays is no part of a price
+        cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
     values = {
         "done": _format_end_in_words(result.stated_end_s),
         "late": _format_end_in_words(result.stated_late_end_s),
-        "cost": _describe_cost(result),
+        "cost": cost,
         "total": total,
     }
     if count == total > 1:
@@ -200,15 +203,6 @@ def describe_day_end(result: DayResult) -> str:
         count,
         **values,
     )
-
-
-def _describe_cost(result: DayResult) -> str:
-    """``431 EUR paid and 40 EUR at risk``: what nobody pays is no part of a price."""
-    paid = f"{format_price(result.paid_cost)} {result.currency}"
-    if result.risked_cost < LEAST_COST:
-        return paid
-    risked = f"{format_price(result.risked_cost)} {result.currency}"
-    return translate("{paid} paid and {risked} at risk", paid=paid, risked=risked)
 
 
 def describe_day_certainty(result: DayResult) -> list[str]:
@@ -251,12 +245,6 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
     if more > 0:
         sentences.append(translate_count("{count} more is not worked.", "{count} more are not worked.", more))
     return sentences
-
-
-def sort_by_machine(result: DayResult) -> list[DayJob]:
-    """Jobs by machine, in the order in which each works them."""
-    machines = [fleet.name for fleet in result.fleets]
-    return sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
 
 
 def format_time_of_day(seconds: float | None) -> str:

@@ -39,7 +39,6 @@ from reports.day.results import (
     format_end_of_day,
     format_time_of_day,
     list_day_sentences,
-    sort_by_machine,
 )
 
 DAY_KEYS = (
@@ -91,7 +90,8 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
         (describe_machine_orders(result.jobs),),
         tuple(describe_unworked_fields(result)),
     )
-    jobs = sort_by_machine(result)
+    machines = [fleet.name for fleet in result.fleets]
+    jobs = sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
     parts: list[RenderableType] = [lines, Text(""), _build_screen_table(result, jobs[:MOST_ROWS])]
     roads, hidden = result.paid_cost - sum(job.cost for job in result.jobs), len(jobs) - MOST_ROWS
     notes = [translate("Times are medians of the samples, costs means.")]
@@ -149,22 +149,23 @@ def describe_day_columns(result: DayResult) -> str:
     return text + " Times include filling and emptying tanks, between fields and on them." * has_service_stops
 
 
-def _describe_planning_times(result: DayResult) -> str:
-    """The times that a day is planned with: means, or a quantile."""
-    if result.certainty_pct is None:
-        return "mean times of work"
-    return f"times of work that {result.certainty_pct:g} % of the samples keep"
-
-
 def describe_optimality_gap(result: DayResult) -> str:
-    """How far from the optimal order of the fields the day can be."""
+    """How far from the optimal order of the fields the day can be, by means or a quantile of times."""
+    times = "mean times of work"
+    if result.certainty_pct is not None:
+        times = f"times of work that {result.certainty_pct:g} % of the samples keep"
     if result.gap_pct == 0.0:
-        return f"Optimal order of the fields, by {_describe_planning_times(result)}."
-    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {_describe_planning_times(result)}."
+        return f"Optimal order of the fields, by {times}."
+    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {times}."
 
 
-def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
+def build_machine_table(result: DayResult) -> FittedTable:
     """What every machine does, a row per field and one for the road back: machine, what, from, to, km, in time."""
+    columns = (
+        TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
+        TableColumn("From"), TableColumn("To"),
+        TableColumn("Road km", "Road\nkm", drop_order=2), TableColumn("In time %", "In\ntime %", drop_order=1),
+    )  # fmt: skip
     rows: list[tuple[str, ...]] = []
     for fleet in result.fleets:
         jobs, name = [job for job in result.jobs if job.machine == fleet.name], f"{fleet.name} ({fleet.words})"
@@ -179,17 +180,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
             back_km = format_number(fleet.km - sum(job.km for job in jobs), 1)
             start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
             rows.append(("", translate("back"), start, end, back_km, NO_VALUE))
-    return rows
-
-
-def build_machine_table(result: DayResult) -> FittedTable:
-    """The rows of `list_machine_rows`."""
-    columns = (
-        TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
-        TableColumn("From"), TableColumn("To"),
-        TableColumn("Road km", "Road\nkm", drop_order=2), TableColumn("In time %", "In\ntime %", drop_order=1),
-    )  # fmt: skip
-    return FittedTable(columns, tuple(list_machine_rows(result)))
+    return FittedTable(columns, tuple(rows))
 
 
 _JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {

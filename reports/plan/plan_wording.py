@@ -249,7 +249,9 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     tractors = name_fleet(plan)
     name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
     left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
-    parts = (name, done + _describe_service_stops(ranking, plan), _describe_cost(ranking, plan), leaves, left_out)
+    money = format_money(plan.stated_cost, ranking.currency)
+    cost = None if plan.stated_cost is None else translate("cost {cost}", cost=money)
+    parts = (name, done + _describe_service_stops(ranking, plan), cost, leaves, left_out)
     return ", ".join(part for part in parts if part)
 
 
@@ -316,11 +318,6 @@ def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: floa
     if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S:
         return translate("{time} (at {clock})", **values)
     return translate("{time} (field work done at {clock})", **values)
-
-
-def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    cost = plan.stated_cost
-    return "" if cost is None else translate("cost {cost}", cost=format_money(cost, ranking.currency))
 
 
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:

@@ -130,6 +130,12 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         curves.insert(0, ("In time, %", 1.0, {"steps": (0.25,), "write": format_percent}, judged))
     places, between = _place_counts(plans), _BETWEEN * (len(curves) - 1)
     height = (RISK_FRAME.bottom - RISK_FRAME.top - between) / len(curves)
+    texts = {
+        plan.tractors: f"{plan.tractors} x {plan.strategy}: "
+        + ("" if plan.finish_probability is None else f"{format_in_time_probability(plan)} % in time, ")
+        + f"cost {format_price(plan.expected_cost)}"
+        for plan in plans
+    }
     bands = []
     for number, (name, most, ticks, points) in enumerate(curves):
         upper = RISK_FRAME.top + number * (height + _BETWEEN)
@@ -140,7 +146,7 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
                 "ticks": axis.list_ticks(**ticks),
                 "points": [
                     {"x": places[plan.tractors], "y": axis.place(value), "best": plan is ranking.best,
-                     "text": _describe_risk(plan)}
+                     "text": texts[plan.tractors]}
                     for plan, value in points
                 ],
                 "box": _build_box(axis),
@@ -148,11 +154,6 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         )  # fmt: skip
     counts = [{"x": x, "text": str(count)} for count, x in places.items()]
     return {"width": RISK_FRAME.width, "height": RISK_FRAME.height, "bands": bands, "counts": counts}
-
-
-def _describe_risk(plan: PlanResult) -> str:
-    in_time = "" if plan.finish_probability is None else f"{format_in_time_probability(plan)} % in time, "
-    return f"{plan.tractors} x {plan.strategy}: {in_time}cost {format_price(plan.expected_cost)}"
 
 
 _PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")

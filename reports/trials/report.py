@@ -55,7 +55,11 @@ _FIGURE_COLUMNS = 2
 
 def draw_panel(panel: PlotPanel | HeatMap) -> Figure:
     """One panel on its own."""
-    figure = create_figure(7.0, _compute_panel_height(panel, 7.0), layout="constrained")
+    width, height = 7.0, 0.62 * 7.0
+    if not isinstance(panel, HeatMap) and panel.equal_axes:  # to scale, as high as its lines need, within limits
+        x, y = (np.ptp(np.concatenate([getattr(line, name) for line in panel.lines])) for name in ("x", "y"))
+        height = float(np.clip(y / max(x, 1e-9) * width, 0.35 * width, 1.1 * width)) + 0.6
+    figure = create_figure(width, height, layout="constrained")
     _draw_axes(figure.add_subplot(), panel)
     return figure
 
@@ -74,16 +78,6 @@ def draw_experiment_panels(sheet: ExperimentSheet) -> Figure:
         _draw_axes(figure.add_subplot(rows, _FIGURE_COLUMNS, number + 1), panel)
     figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=14, color=palette.INK_COLOUR)
     return figure
-
-
-def _compute_panel_height(panel: PlotPanel | HeatMap, width: float) -> float:
-    """Height of a panel; one drawn to scale is as high as its lines need, within limits."""
-    if isinstance(panel, HeatMap) or not panel.equal_axes:
-        return 0.62 * width
-    x = np.concatenate([line.x for line in panel.lines])
-    y = np.concatenate([line.y for line in panel.lines])
-    shape = float(np.ptp(y)) / max(float(np.ptp(x)), 1e-9)
-    return float(np.clip(shape * width, 0.35 * width, 1.1 * width)) + 0.6
 
 
 def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:

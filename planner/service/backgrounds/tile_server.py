@@ -167,15 +167,6 @@ def identify_tile(content: bytes) -> str:
     return MEDIA_BY_FORMAT[name]
 
 
-def encode_png(pixels: npt.NDArray[np.uint8]) -> bytes:
-    """PNG of an array of shape (rows, columns, 4), 8 bits."""
-    from PIL import Image
-
-    stream = io.BytesIO()
-    Image.fromarray(pixels).save(stream, "PNG", compress_level=3)
-    return stream.getvalue()
-
-
 EXAMPLE = "https://tiles.example/{z}/{x}/{y}.png"
 NAMES = {
     "z": "zoom", "x": "column", "y": "row", "-y": "row_from_south",
