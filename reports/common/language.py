@@ -74,11 +74,6 @@ def use_reader(reader: Reader | None = None) -> Iterator[None]:
         _in_use.reset(token)
 
 
-def use_language(language: str) -> Any:
-    """Make texts in a language, with metric units, within a block."""
-    return use_reader(Reader(language))
-
-
 def get_language() -> str:
     """The code of the language in use."""
     return _in_use.get().language

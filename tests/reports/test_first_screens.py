@@ -18,7 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import RenderableType
 
-from reports.common.language import use_language
+from reports.common.language import Reader, use_reader
 from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_price
@@ -163,7 +163,7 @@ def test_the_first_sentence_fits_a_line_and_has_litres(language: str) -> None:
     """With the longest name of a strategy and with assumed prices."""
     plans = tuple(replace(plan, strategy="row-by-row-optimised", on_pareto_front=True) for plan in FUEL.plans)
     ranking = replace(FUEL, plans=plans[3:], chosen=None, prices_assumed=True)
-    with use_language(language):
+    with use_reader(Reader(language)):
         decision = write_answer(ranking).decision
     assert " l" in decision and len(decision) <= 80, decision
 

@@ -119,16 +119,11 @@ class BrowserLogins:
     gives the browser that logs in a token of its own, or None.
     """
 
+    on_used: Callable[[str], None] | None = None
     make_token: Callable[[], str | None] | None = None
 
-    def __init__(
-        self,
-        *,
-        secure: bool = False,
-        on_used: Callable[[str], None] | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self.secure, self.on_used, self._clock = secure, on_used, clock
+    def __init__(self, *, secure: bool = False, clock: Callable[[], float] = time.monotonic) -> None:
+        self.secure, self._clock = secure, clock
         self.code = secrets.token_urlsafe(24)
         self._valid_until: dict[str, float] = {}
 

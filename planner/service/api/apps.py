@@ -131,13 +131,11 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
     ProcessCollector("headland_office", lambda: office.pid, registry=app.state.metrics.registry)
     app.router.routes.extend(_build_routes(has_office=False))
 
-    async def flush_recordings(path: str) -> None:
-        await fleet_routes.save_recording_before_read(app.state.hub, path)
-
     async def refresh_tokens(path: str) -> None:
         if path.startswith(TOKENS_PATH):
             await asyncio.to_thread(app.state.book.refresh)
 
+    flush_recordings = partial(fleet_routes.save_recording_before_read, app.state.hub)
     forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens)
     app.router.default = forward
     _add_middleware(app)
