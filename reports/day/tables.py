@@ -149,14 +149,18 @@ def describe_day_columns(result: DayResult) -> str:
     return text + " Times include filling and emptying tanks, between fields and on them." * has_service_stops
 
 
+def _describe_planning_times(result: DayResult) -> str:
+    """The times that a day is planned with: means, or a quantile."""
+    if result.certainty_pct is None:
+        return "mean times of work"
+    return f"times of work that {result.certainty_pct:g} % of the samples keep"
+
+
 def describe_optimality_gap(result: DayResult) -> str:
-    """How far from the optimal order of the fields the day can be, by means or a quantile of times."""
-    times = "mean times of work"
-    if result.certainty_pct is not None:
-        times = f"times of work that {result.certainty_pct:g} % of the samples keep"
+    """How far from the optimal order of the fields the day can be."""
     if result.gap_pct == 0.0:
-        return f"Optimal order of the fields, by {times}."
-    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {times}."
+        return f"Optimal order of the fields, by {_describe_planning_times(result)}."
+    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {_describe_planning_times(result)}."
 
 
 def build_machine_table(result: DayResult) -> FittedTable:
