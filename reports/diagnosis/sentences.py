@@ -157,8 +157,9 @@ def format_held_out_errors(
     It is that across only where that along the path is not judged.
     """
     found = [errors.get(horizon_s) for errors in (runs.before, runs.after)]
-    pairs = [one and (one.cross_cm, one.along_cm if diagnosis.along_judged else 0.0) for one in found]
-    return [NO_VALUE if pair is None else format_number(math.hypot(*pair), decimals) for pair in pairs]
+    along = [one.along_cm if one is not None and diagnosis.along_judged else 0.0 for one in found]
+    cm = [None if one is None else math.hypot(one.cross_cm, more) for one, more in zip(found, along, strict=True)]
+    return [format_number(value, decimals) for value in cm]
 
 
 def find_shown_horizon_s(holdout: HoldoutResult) -> float | None:

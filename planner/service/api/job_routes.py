@@ -3,8 +3,6 @@
 Forms for days and farms: the text of a file with changes made, its values and its faults.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import PurePosixPath
