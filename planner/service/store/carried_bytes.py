@@ -25,13 +25,18 @@ from planner.service.errors import (
     VersionError,
 )
 from planner.service.settings import ServiceSettings
-from planner.service.store.database import describe_version, get_current_version, name_database_in_errors, read_version
+from planner.service.store.database import (
+    describe_version,
+    get_current_version,
+    name_database_in_errors,
+    read_version,
+    shorten_error,
+)
 from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
 from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
 
 CONNECT_S, READ_S = 5, 60  # of a store that is asked: the service has other work too
 _OPTIONS = {"s3": {"config_kwargs": {"connect_timeout": CONNECT_S, "read_timeout": READ_S}}}
-LONGEST_WORDS_CHARS = 200
 
 
 class ResultPlace:
@@ -122,7 +127,7 @@ def check_result_place(settings: ServiceSettings) -> None:
 
 
 def _shorten(error: Exception) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST_WORDS_CHARS].rstrip(".")
+    return shorten_error(f"{type(error).__name__}: {error}").rstrip(".")
 
 
 MOST_FETCHED = 50  # at a time, so that what else is due does not wait for long
