@@ -19,7 +19,7 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 522, 500, 80, 8, 6.6
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 501, 500, 80, 8, 6.7
 # Modules: five more than there are; the fewer there are, the more each imports.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
 

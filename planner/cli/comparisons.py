@@ -35,7 +35,7 @@ from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES, OUTP
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from reports.plan.headland_comparison import HeadlandComparison
+    from reports.plan.comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = (

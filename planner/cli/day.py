@@ -29,7 +29,7 @@ from planner.errors import RequestError
 if TYPE_CHECKING:
     from planner.day.input_file import DayFile
     from planner.day.planning import PreparedDay
-    from reports.day.schedule_results import DayResult
+    from reports.day.results import DayResult
 
 
 PLAN = "plan"

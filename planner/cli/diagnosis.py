@@ -129,7 +129,7 @@ def diagnose(
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:
-        from reports.diagnosis.log_checks import describe_unsaved
+        from reports.diagnosis.sentences import describe_unsaved
 
         print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
         raise typer.Exit(NO_RESULT_STATUS)
@@ -221,8 +221,8 @@ def _run_diagnosis(
 
 
 def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
-    from reports.common.effect_names import format_effect_with_id
     from reports.common.text_tables import format_sentence
+    from reports.common.wording import format_effect_with_id
     from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
 
     screen = build_diagnosis_table if explain else build_diagnosis_screen

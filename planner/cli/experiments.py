@@ -89,7 +89,7 @@ def study(json: AsJson = False) -> None:
     Example: headland study --json
     """
     from planner.pipeline.thesis_study import study as simulate
-    from reports.plan.fleet_study import build_study_tables, format_study_json
+    from reports.trials.report import build_study_tables, format_study_json
 
     warm_up()
     with create_progress_callback("Simulating the study") as progress:
@@ -134,8 +134,7 @@ def render_experiment_outputs(
 ) -> list[tuple[Path, OutputContent]]:
     """The requested page of some experiments and picture of the first."""
     from reports.plan.map_figure import render_png
-    from reports.trials.figures import draw_experiment_panels
-    from reports.trials.report import render_trials_page
+    from reports.trials.report import draw_experiment_panels, render_trials_page
 
     return render_requested(
         (html, lambda: render_trials_page(sheets)), (png, lambda: render_png(draw_experiment_panels(sheets[0])))

@@ -57,8 +57,8 @@ def field(
     from planner.evaluation.preparation import prepare_context
     from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.outputs.pictures import describe_field
+    from reports.common.rendering import EXPORT_DECIMALS, format_json
     from reports.plan.field_report import build_field_report
-    from reports.plan.ranking_export import format_facts_json
 
     given = read_given_options(context, options)
     check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))
@@ -77,7 +77,9 @@ def field(
     elevation = planning_context.physics.elevation
     print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
     with write_before_printing(results):
-        AnswerForm(json).print_answer(facts, json=format_facts_json, screen=build_field_report)
+        AnswerForm(json).print_answer(
+            facts, json=lambda one: format_json(one, EXPORT_DECIMALS, is_ascii=False), screen=build_field_report
+        )
 
 
 def write_heights(

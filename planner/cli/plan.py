@@ -220,7 +220,7 @@ def plan(
 
     Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
     """
-    from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+    from reports.plan.figures import format_ranking_csv, format_ranking_json
     from reports.plan.ranking_table import build_first_screen, build_ranking_table
     from strategies.registry import describe_hidden_strategies
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import socket
     from contextlib import AbstractContextManager
 
-    from planner.service.access.one_time_links import BrowserLogins
+    from planner.service.access.browsers import BrowserLogins
     from planner.service.settings import ServiceSettings
     from planner.service.store.service_store import Store
     from planner.service.store.tables import TokenRow
@@ -87,8 +87,8 @@ def serve(
     """
     from planner.service.backgrounds.map_background import MapBackground
     from planner.service.errors import ServiceError
+    from planner.service.store.carried_bytes import check_result_place
     from planner.service.store.database import hold_service_lock
-    from planner.service.store.result_place import check_result_place
 
     limit_linear_algebra_threads()
     settings = build_settings(
@@ -125,8 +125,8 @@ def worker(
     Example: headland worker --database postgresql://headland@farm.example/headland --workers 4
     """
     from planner.service.gateway.request_logs import set_up_logs
-    from planner.service.jobs.remote_workers import run_remote_workers
-    from planner.service.store.result_place import check_result_place
+    from planner.service.jobs.workers import run_remote_workers
+    from planner.service.store.carried_bytes import check_result_place
 
     limit_linear_algebra_threads()
     with tempfile.TemporaryDirectory(prefix="headland-worker-") as folder:

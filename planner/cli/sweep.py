@@ -131,7 +131,7 @@ def sweep(
 
     Example: headland sweep denmark --width 3,6 --speed-kmh 6:12:2 --tractors 1-4 --headland-order first,last
     """
-    from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
+    from reports.sweep.report import build_sweep_screen, format_sweep_csv, format_sweep_json
 
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
     if cache is not None and cache.exists() and not cache.is_dir():
@@ -210,7 +210,7 @@ class _Question:
 
         Files go by the names that they have as uploads.
         """
-        from reports.sweep.wording import build_query
+        from reports.sweep.results import build_query
 
         if not service:
             return ""
@@ -230,7 +230,7 @@ class _Question:
 
     def _build_command(self) -> tuple[str, ...]:
         """What plans one combination, but for the field and the options that are varied."""
-        from reports.sweep.wording import list_option_words
+        from reports.sweep.results import list_option_words
 
         words = ["headland", "plan"]
         for option, value in self._list_fixed():
@@ -291,7 +291,7 @@ def _run(swept: Sweep, executor_choice: ExecutorChoice, folder: Path | None) -> 
 
 def _create_report(swept: Sweep, bar: StageBar) -> Callable[[int, int], None]:
     """What shows so many of all combinations in a bar, now and then with the best of them."""
-    from reports.sweep.wording import describe_plan
+    from reports.sweep.results import describe_plan
 
     shown_s = 0.0
 
@@ -309,7 +309,7 @@ def _create_report(swept: Sweep, bar: StageBar) -> Callable[[int, int], None]:
 @contextmanager
 def _show_what_is_done(swept: Sweep, form: AnswerForm) -> Iterator[None]:
     """After Ctrl-C print the combinations that are done; the interrupt goes on with a note that they are kept."""
-    from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json
+    from reports.sweep.report import build_sweep_screen, format_sweep_csv, format_sweep_json
 
     try:
         yield
@@ -329,8 +329,7 @@ def _show_what_is_done(swept: Sweep, form: AnswerForm) -> Iterator[None]:
 def _render_outputs(
     result: SweepResult, html: Path | None, png: Path | None, parquet: Path | None
 ) -> list[tuple[Path, OutputContent]]:
-    from reports.sweep.page import render_sweep_page, render_sweep_png
-    from reports.sweep.tables import render_sweep_parquet
+    from reports.sweep.report import render_sweep_page, render_sweep_parquet, render_sweep_png
 
     return render_requested(
         (html, lambda: render_sweep_page(result)),
@@ -349,7 +348,7 @@ def _drive(
 ) -> None:
     """Plan a combination in full, write it, and print estimate and drive side by side."""
     from planner.pipeline.outputs.saved_plans import write_saved_plan
-    from reports.sweep.wording import compare_with_drive
+    from reports.sweep.results import compare_with_drive
 
     driven = simulate_plans(order, executor_choice, pictures=False, every_plan=False)
     best = driven.ranking.best

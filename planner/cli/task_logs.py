@@ -34,7 +34,7 @@ def compare(plan: PlanArgument, runs: RunsArgument, html: Html = None, png: Png 
     with create_progress_callback("Driving the plan again"):
         comparison = compare_plan_with_runs(plan, runs)
     from reports.plan.map_figure import render_png
-    from reports.task_logs.plan_comparison import (
+    from reports.task_logs.report import (
         build_comparison_table,
         draw_comparison,
         format_comparison_json,
@@ -71,7 +71,7 @@ def learn(
     from planner.task_logs.farm_learning import learn_farm_values
     from planner.task_logs.runs.run_files import list_run_files
     from reports.common.text_tables import format_sentence
-    from reports.task_logs.run_tables import build_learned_table, format_learned_json
+    from reports.task_logs.report import build_learned_table, format_learned_json
 
     input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
     if output is not None:
@@ -128,7 +128,7 @@ def import_logs(
     """
     from planner.task_logs.log_import import import_runs
     from reports.common.text_tables import format_sentence
-    from reports.task_logs.run_tables import build_runs_table, format_runs_json
+    from reports.task_logs.report import build_runs_table, format_runs_json
 
     with create_progress_callback("Reading logs") as progress:
         imported_runs = import_runs(files, mapping, progress)

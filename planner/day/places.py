@@ -17,7 +17,7 @@ from planner.day.input_file import YARD, DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import MAX_ROAD_KM, locate_road_end
-from reports.day.schedule_results import MapPlace
+from reports.day.results import MapPlace
 
 ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
 Array = npt.NDArray[np.float64]

@@ -53,8 +53,7 @@ from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
 from planner.risk.plan_choice import format_hours
-from reports.day.answer import list_day_sentences
-from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
+from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField, list_day_sentences
 from reports.plan.shortfall_wording import question_pull
 from vehicle.model.tractor import resolve_tractor
 

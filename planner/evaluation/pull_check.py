@@ -8,7 +8,7 @@ from collections.abc import Callable
 from fields.units import KMH_PER_MPS
 from planner.farm.machines import FarmTractor
 from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
-from reports.common.shortfalls import PullFigures
+from reports.common.plan_records import PullFigures
 from vehicle.energy.draft import DraftRule
 from vehicle.energy.load import find_drawbar_share, get_engine_power_kw
 from vehicle.model.soil import Soil, Texture

@@ -19,8 +19,7 @@ from planner.pipeline.worker_tasks import Progress
 from planner.request.option_checks import FULL_CIRCLE_DEG
 from planner.request.plan_request import CONTOUR, HEADLAND_ORDERS_BY_OPERATION, STRAIGHT, PlanRequest
 from reports.plan.bearing_report import BearingChoice, BearingComparison
-from reports.plan.comparison import ComparisonRow
-from reports.plan.headland_comparison import HeadlandChoice, HeadlandComparison
+from reports.plan.comparison import ComparisonRow, HeadlandChoice, HeadlandComparison
 from strategies.path_planning.turn_kinds import CORNERS
 
 USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)

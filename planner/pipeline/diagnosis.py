@@ -15,7 +15,7 @@ from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alig
 from planner.pipeline.held_out_runs import HeldOut, HeldOutSplit, split_held_out_runs
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
-from reports.common.notebook import ResultView, ShownResult
+from reports.common.rendering import ResultView, ShownResult
 from reports.diagnosis.replay import build_replay_view
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.diagnosis.diagnose import ReportProgress, diagnose_logs

@@ -43,7 +43,7 @@ from planner.request.plan_request import PlanRequest
 from reports.common.rendering import make_json_safe
 from reports.plan.comparison import ComparisonRow, LayoutFigures
 from reports.plan.many_fields import FieldRow
-from reports.plan.small_map import SmallMap, build_small_map
+from reports.plan.map_data import SmallMap, build_small_map
 
 KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
 LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins

@@ -33,12 +33,12 @@ from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
 from reports.common.language import mark_text
-from reports.common.notebook import ResultView, ShownResult
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, choose_by_count
+from reports.common.rendering import ResultView, ShownResult
+from reports.plan.figures import format_ranking_csv
 from reports.plan.map_figure import draw_plan_map, render_png
-from reports.plan.notebook import build_answer_view
-from reports.plan.ranking_export import format_ranking_csv
+from reports.plan.notebook import build_ranking_view
 from reports.plan.ranking_page import render_plan_page
 from strategies.names import STRATEGY_NAMES
 from strategies.program.supply import Supply
@@ -91,7 +91,7 @@ class PlanningResult(ShownResult):
             ".png": lambda: render_png(draw_plan_map(self._find_picture(), self.ranking.field_name)),
             ".csv": lambda: format_ranking_csv(self.ranking),
         }
-        return build_answer_view(self.ranking, self._find_picture, files)
+        return build_ranking_view(self.ranking, self._find_picture, files)
 
     def to_geodataframe(self) -> GeoDataFrame:
         """Swaths, headland passes and other driving of the best plan, what it misses, and the field, as geometries.

@@ -34,8 +34,8 @@ from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
 from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
+from reports.common.plan_records import PullFigures, Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
-from reports.common.shortfalls import PullFigures, Shortfall, UnworkedPiece
 from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
 from strategies.registry import get_strategy

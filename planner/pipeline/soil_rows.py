@@ -12,7 +12,7 @@ from pathlib import Path
 from fields.text_files import count_noun, lower_first, read_text
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.field_physics import NAME_MARK, split_soil_name
-from reports.diagnosis.log_checks import describe_unsaved
+from reports.diagnosis.sentences import describe_unsaved
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.results import CONSTANT_LAW, LIKELY, NAMED, Diagnosis, Finding
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect

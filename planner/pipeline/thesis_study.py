@@ -14,7 +14,7 @@ from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
-from reports.plan.fleet_study import FleetStudy, ThesisClaim, ThesisTableRow
+from reports.trials.report import FleetStudy, ThesisClaim, ThesisTableRow
 
 HEADLAND_M = 10.0
 CLEARANCE_M = 0.05  # the thesis keeps no clearance: its tractors must only not touch

@@ -25,8 +25,8 @@ from planner.risk.monte_carlo import (
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
+from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking, PlanResult, build_quality_key
-from reports.common.shortfalls import Shortfall
 from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan

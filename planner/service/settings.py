@@ -52,7 +52,7 @@ class ServiceSettings:
     `processes` each, and `jobs_waiting` of each token may wait. A job whose worker does not report for `lease_s` is
     given to another, and fails after `tries` attempts. Files and results that would leave less than `reserve_mb` free
     on the disk are refused. `public_url` is the address for browsers behind a proxy, "" without one. `job_functions`
-    adds kinds of jobs by name (planner.service.jobs.job_requests.JobFunction). `video_hosts` are those that pages may
+    adds kinds of jobs by name (planner.service.jobs.input_files.JobFunction). `video_hosts` are those that pages may
     load video from, each with its scheme. `background` is that of maps: "" for none, an address with {z}, {x} and {y},
     or an .mbtiles or .tif file; `background_attribution` says whose it is. Tiles of an address exist up to
     `background_zoom`, and at most `background_cache_mb` of them are kept in `data`. Raises ServiceError.

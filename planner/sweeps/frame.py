@@ -7,7 +7,7 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import reports.sweep.page  # noqa: F401  # how a sweep is shown
+import reports.sweep.report  # noqa: F401  # how a sweep is shown
 from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest

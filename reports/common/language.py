@@ -74,11 +74,6 @@ def use_reader(reader: Reader | None = None) -> Iterator[None]:
         _in_use.reset(token)
 
 
-def use_language(language: str) -> Any:
-    """Make texts in a language, with metric units, within a block."""
-    return use_reader(Reader(language))
-
-
 def get_language() -> str:
     """The code of the language in use."""
     return _in_use.get().language
@@ -135,18 +130,13 @@ def _translate_list(value: str) -> str:
     """``late start (90 %), stops (8 %)`` or ``fuel and people`` item by item; unchanged unless all are known texts."""
     first, conjunction, last = value.rpartition(" and ")
     items = [*(first.split(", ") if conjunction else ()), *((last,) if conjunction else last.split(", "))]
-    translated = [_translate_item(item) for item in items]
+    parts = (item.partition(" (") for item in items)  # figures in brackets after an item stay
+    translated = [f"{translate_sentence(text)}{bracket}{figures}" for text, bracket, figures in parts]
     if any(one == item and re.search("[A-Za-z]", item) for item, one in zip(items, translated, strict=True)):
         return value
     if not conjunction:
         return ", ".join(translated)
     return translate("{items} and {last}", items=", ".join(translated[:-1]), last=translated[-1])
-
-
-def _translate_item(item: str) -> str:
-    """An item of a list in the language in use; figures in brackets after it stay."""
-    text, bracket, figures = item.partition(" (")
-    return f"{translate_sentence(text)}{bracket}{figures}"
 
 
 @cache

@@ -15,6 +15,7 @@ UNWORKED_COLOUR = "#B00020"
 DONE_COLOUR = "#C9BFA5"  # earth
 CONTOUR_COLOUR = "#8A7A5C"
 INK_COLOUR = "#2B2B2B"
+SHADE_OPACITY = 0.45  # of the shading of heights over the ground
 
 
 def get_tractor_colour(number: int) -> str:

@@ -13,8 +13,8 @@ from operator import attrgetter
 from typing import Any
 
 from reports.common.language import mark_text
-from reports.common.notebook import ShownResult
-from reports.common.shortfalls import PlanFault, PullFigures, Shortfall, SlopePlace, UnworkedPiece
+from reports.common.plan_records import PlanFault, PullFigures, Shortfall, SlopePlace, UnworkedPiece
+from reports.common.rendering import ShownResult
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
@@ -208,11 +208,6 @@ class PlanResult(ShownResult):
     def stated_cost(self) -> float | None:
         """The cost that every report states: the expected one, and where there are no samples as simulated."""
         return self.cost if self.expected_cost is None else self.expected_cost
-
-    @property
-    def stated_paid_cost(self) -> float | None:
-        """What is paid of the stated cost: all of it without samples."""
-        return self.stated_cost if self.paid_cost is None else self.paid_cost
 
     @property
     def ranked_s(self) -> float:

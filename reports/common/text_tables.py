@@ -15,7 +15,7 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.notebook import ShownTable
+from reports.common.rendering import ShownTable
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
@@ -217,7 +217,10 @@ class AnswerLines:
         width = min(options.max_width, LINE_COLUMNS)
         most = MOST_ANSWER_LINES if options.max_width >= LEAST_ANSWER_COLUMNS else MOST_NARROW_LINES
         first, *others = self.sentences
-        sentences = [_shorten_to_lines(first, most - count_lines(others, width) - bool(self.faults), width), *others]
+        room = max(most - count_lines(others, width) - bool(self.faults), 1)
+        while count_lines([first], width) > room:
+            first = f"{first.removesuffix(' ...').rpartition(' ')[0]} ..."
+        sentences = [first, *others]
         alternatives, note = self._choose_rest(width, most - count_lines(sentences, width))
         if self.title and count_lines([*sentences, *alternatives, note], width) < most:
             yield format_title(self.title)
@@ -243,13 +246,6 @@ class AnswerLines:
             return (), ""
         has_room = count_lines([*self.alternatives, counted], width) <= room
         return self.alternatives if has_room else (), counted
-
-
-def _shorten_to_lines(text: str, lines: int, width: int) -> str:
-    """The text in at most so many lines (and at least one), with dots where it goes on."""
-    while count_lines([text], width) > max(lines, 1):
-        text = f"{text.removesuffix(' ...').rpartition(' ')[0]} ..."
-    return text
 
 
 def count_lines(sentences: Iterable[str], width: int) -> int:

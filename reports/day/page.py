@@ -9,11 +9,19 @@ import numpy as np
 from fields.units import HOUR_S
 from reports.common import palette
 from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES, TIME_STEPS_S, ChartAxis
-from reports.common.notebook import ResultView, ShownTable, build_view, create_figure, encode_figure, render_fragment
-from reports.common.rendering import EXPORT_DECIMALS, make_json_safe, render_template
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    ResultView,
+    ShownTable,
+    build_view,
+    create_figure,
+    encode_figure,
+    make_json_safe,
+    render_fragment,
+    render_template,
+)
 from reports.common.wording import format_number, format_percent, format_price
-from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
-from reports.day.schedule_results import DayResult, MapPlace
+from reports.day.results import DayResult, MapPlace, format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.tables import (
     build_job_table,
     build_machine_table,
@@ -25,8 +33,8 @@ from reports.day.tables import (
     sort_by_field,
 )
 from reports.plan.drive_geometry import bound_points, choose_round_length_m
+from reports.plan.figures import flatten_entry
 from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
-from reports.plan.ranking_export import flatten_entry
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,9 +13,25 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, build_table, format_sentence, format_title
-from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
-from reports.day.answer import (
+from reports.common.text_tables import (
+    AnswerLines,
+    FittedTable,
+    TableColumn,
+    build_table,
+    format_sentence,
+    format_title,
+)
+from reports.common.wording import (
+    LEAST_COST,
+    NO_VALUE,
+    format_duration,
+    format_number,
+    format_percent,
+    format_price,
+)
+from reports.day.results import (
+    DayJob,
+    DayResult,
     describe_day_certainty,
     describe_day_end,
     describe_machine_orders,
@@ -23,9 +39,7 @@ from reports.day.answer import (
     format_end_of_day,
     format_time_of_day,
     list_day_sentences,
-    sort_by_machine,
 )
-from reports.day.schedule_results import DayJob, DayResult
 
 DAY_KEYS = (
     "jobs", "not_done", "gap_pct", "advice", "machines", "cost", "paid_cost", "risked_cost", "finish_probability",
@@ -76,7 +90,8 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
         (describe_machine_orders(result.jobs),),
         tuple(describe_unworked_fields(result)),
     )
-    jobs = sort_by_machine(result)
+    machines = [fleet.name for fleet in result.fleets]
+    jobs = sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
     parts: list[RenderableType] = [lines, Text(""), _build_screen_table(result, jobs[:MOST_ROWS])]
     roads, hidden = result.paid_cost - sum(job.cost for job in result.jobs), len(jobs) - MOST_ROWS
     notes = [translate("Times are medians of the samples, costs means.")]
@@ -148,8 +163,13 @@ def describe_optimality_gap(result: DayResult) -> str:
     return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {_describe_planning_times(result)}."
 
 
-def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
+def build_machine_table(result: DayResult) -> FittedTable:
     """What every machine does, a row per field and one for the road back: machine, what, from, to, km, in time."""
+    columns = (
+        TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
+        TableColumn("From"), TableColumn("To"),
+        TableColumn("Road km", "Road\nkm", drop_order=2), TableColumn("In time %", "In\ntime %", drop_order=1),
+    )  # fmt: skip
     rows: list[tuple[str, ...]] = []
     for fleet in result.fleets:
         jobs, name = [job for job in result.jobs if job.machine == fleet.name], f"{fleet.name} ({fleet.words})"
@@ -164,17 +184,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
             back_km = format_number(fleet.km - sum(job.km for job in jobs), 1)
             start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
             rows.append(("", translate("back"), start, end, back_km, NO_VALUE))
-    return rows
-
-
-def build_machine_table(result: DayResult) -> FittedTable:
-    """The rows of `list_machine_rows`."""
-    columns = (
-        TableColumn("Machine", is_text=True), TableColumn("Field", is_text=True),
-        TableColumn("From"), TableColumn("To"),
-        TableColumn("Road km", "Road\nkm", drop_order=2), TableColumn("In time %", "In\ntime %", drop_order=1),
-    )  # fmt: skip
-    return FittedTable(columns, tuple(list_machine_rows(result)))
+    return FittedTable(columns, tuple(rows))
 
 
 _JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {

@@ -11,9 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.common.drawing_sizes import BAR_FRAME, CURVE_FRAME
-from reports.common.effect_names import get_effect_label
 from reports.common.rendering import make_json_safe
-from reports.common.wording import format_number
+from reports.common.wording import format_number, get_effect_label
 from vehicle.identification.diagnosis.results import (
     Diagnosis,
     ParameterCorrelations,

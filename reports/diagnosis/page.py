@@ -7,48 +7,43 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from reports.common import palette
-from reports.common.effect_names import get_effect_label, replace_effect_ids
-from reports.common.notebook import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment
-from reports.common.rendering import render_template
-from reports.common.wording import format_number, join_list
+from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment, render_template
+from reports.common.wording import format_number, get_effect_label, join_list, replace_effect_ids
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
-from reports.diagnosis.log_checks import (
+from reports.diagnosis.sentences import (
     ERROR_KINDS,
     SHOWN_HORIZON_S,
+    SMALLEST_VISIBLE,
     ErrorKind,
-    compute_distance_cm,
     describe_columns,
+    describe_confusable_effects,
     describe_hints,
     describe_holdout,
-    describe_unlike_runs,
-    describe_unsaved_finds,
-    end_sentence,
-    find_shown_horizon_s,
-    list_column_rows,
-    list_error_rows,
-    list_holdout_rows,
-    sort_runs,
-)
-from reports.diagnosis.sentences import (
-    SMALLEST_VISIBLE,
-    describe_confusable_effects,
     describe_log_size,
     describe_plan_change,
     describe_remaining_error,
     describe_status,
     describe_trusted_range,
     describe_two_level_effects,
+    describe_unlike_runs,
+    describe_unsaved_finds,
+    end_sentence,
     explain_likely_verdict,
+    find_shown_horizon_s,
     format_effect_estimate,
     format_gain_pct,
+    format_held_out_errors,
     format_smallest_visible,
-    is_calibration_effect,
+    list_column_rows,
     list_discrepancy_terms,
+    list_error_rows,
+    list_holdout_rows,
     name_held_out_data,
     sort_findings,
+    sort_runs,
 )
 from reports.diagnosis.tables import build_diagnosis_dict, build_effect_table, format_diagnosis_json, list_found
-from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
+from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis, Finding
 from vehicle.model.effects import get_effect
 
 if TYPE_CHECKING:
@@ -95,7 +90,7 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "effects": [_describe_effect(one) for one in sort_findings(diagnosis.findings)],
         "smallest_visible": SMALLEST_VISIBLE,
         "interval_note": end_sentence(diagnosis.interval_note),
-        "likely": explain_likely_verdict() if any(is_calibration_effect(one) for one in diagnosis.findings) else None,
+        "likely": explain_likely_verdict() if any(one.status == LIKELY for one in diagnosis.findings) else None,
         "discrepancy_model": None
         if discrepancy is None
         else {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
@@ -168,10 +163,7 @@ def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
         facts.append((label, f"{before} → {after} (noise {noise})"))
     horizon = None if diagnosis.holdout is None else find_shown_horizon_s(diagnosis.holdout)
     if diagnosis.holdout is not None and horizon is not None:
-        old, new = (
-            format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 2)
-            for errors in (diagnosis.holdout.before, diagnosis.holdout.after)
-        )
+        old, new = format_held_out_errors(diagnosis, diagnosis.holdout, horizon, 2)
         facts.append((f"On runs held out, cm, pieces of {horizon:g} s", f"{old} → {new}"))
     return facts
 

@@ -8,12 +8,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reports.common import palette
-from reports.common.effect_names import format_effect_with_id
-from reports.common.notebook import ResultView, ShownTable, create_figure, draw_legend, encode_figure, render_fragment
-from reports.common.rendering import format_json, make_json_safe, render_template
+from reports.common.rendering import (
+    ResultView,
+    ShownTable,
+    create_figure,
+    draw_legend,
+    encode_figure,
+    format_json,
+    make_json_safe,
+    render_fragment,
+    render_template,
+)
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import NO_VALUE, join_list
-from reports.diagnosis.log_checks import SHOWN_HORIZON_S, format_errors, list_error_rows
+from reports.common.wording import NO_VALUE, format_effect_with_id, join_list
+from reports.diagnosis.sentences import SHOWN_HORIZON_S, format_errors, list_error_rows
 from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
 from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 

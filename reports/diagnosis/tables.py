@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Group
 from rich.text import Text
 
-from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import format_json, make_json_safe, pick_values
 from reports.common.text_tables import (
     MOST_NAMED,
@@ -18,27 +17,17 @@ from reports.common.text_tables import (
     build_table,
     format_sentence,
 )
-from reports.common.wording import format_number
+from reports.common.wording import format_number, get_effect_label, replace_effect_ids
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
-from reports.diagnosis.log_checks import (
+from reports.diagnosis.sentences import (
     ERROR_KINDS,
     MOST_RUNS,
     SHOWN_HORIZON_S,
+    SMALLEST_VISIBLE,
     describe_columns,
+    describe_confusable_effects,
     describe_hints,
     describe_holdout,
-    describe_unlike_runs,
-    describe_unsaved,
-    describe_unsaved_finds,
-    end_sentence,
-    list_column_rows,
-    list_error_rows,
-    list_holdout_rows,
-    sort_runs,
-)
-from reports.diagnosis.sentences import (
-    SMALLEST_VISIBLE,
-    describe_confusable_effects,
     describe_log_size,
     describe_next_drive,
     describe_plan_change,
@@ -46,18 +35,26 @@ from reports.diagnosis.sentences import (
     describe_saved_effects,
     describe_trusted_range,
     describe_two_level_effects,
+    describe_unlike_runs,
+    describe_unsaved,
+    describe_unsaved_finds,
+    end_sentence,
     explain_likely_verdict,
     format_count,
     format_effect_estimate,
     format_gain_pct,
     format_smallest_visible,
-    is_calibration_effect,
+    list_column_rows,
     list_discrepancy_terms,
+    list_error_rows,
+    list_holdout_rows,
     name_held_out_data,
     sort_findings,
+    sort_runs,
 )
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
+    LIKELY,
     NAMED,
     NOT_VISIBLE,
     REFUTED,
@@ -95,7 +92,10 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         "error_before": diagnosis.before,
         "error_after": diagnosis.after,
         **pick_values(diagnosis, ("noise_floor", "guilty_block")),
-        "effects": [_convert_effect_to_dict(one) for one in diagnosis.findings],
+        "effects": [
+            {"id": one.id, "status": one.status, "calibrated": one.status == LIKELY} | pick_values(one, _EFFECT_KEYS)
+            for one in diagnosis.findings
+        ],
         "interval_note": diagnosis.interval_note or None,
         **pick_values(diagnosis, ("named", "unexplained_share")),
         "residual_error": _convert_remaining_error_to_dict(diagnosis),
@@ -132,11 +132,6 @@ _EFFECT_KEYS = (
     "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block", "equivalent_to", "exchange",
     "law",
 )  # fmt: skip
-
-
-def _convert_effect_to_dict(finding: Finding) -> dict[str, Any]:
-    first = {"id": finding.id, "status": finding.status, "calibrated": is_calibration_effect(finding)}
-    return first | pick_values(finding, _EFFECT_KEYS)
 
 
 _ERROR_COLUMNS = (
@@ -240,7 +235,7 @@ def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
 def list_diagnosis_remarks(diagnosis: Diagnosis) -> list[str]:
     """List the sentences after the tables: how to read them, discrepancy model, next drive, remaining error, plan."""
     lines = [SMALLEST_VISIBLE]
-    if any(is_calibration_effect(one) for one in diagnosis.findings):
+    if any(one.status == LIKELY for one in diagnosis.findings):
         lines.append(explain_likely_verdict())
     discrepancy = diagnosis.tractor.discrepancy_model
     if discrepancy is not None:

@@ -8,12 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.plan_results import (
-    MODEL_ERROR_SHARE,
-    PlanRanking,
-    PlanResult,
-    is_share_different,
-)
+from reports.common.plan_results import MODEL_ERROR_SHARE, PlanRanking, PlanResult, is_share_different
 from reports.common.wording import (
     LEAST_COST,
     SURE_SHARE,
@@ -30,16 +25,15 @@ from reports.common.wording import (
     format_tractor_count,
     parse_start_time,
 )
-from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     count_service_stops,
     describe_left_out,
-    explain_no_plan,
+    format_energy,
     format_unworked,
     format_wide_interval,
     name_fleet,
 )
-from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
+from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences, question_pull
 
 LEAST_SPAN_S = 1.0  # less time is none
 NEXT_TRACTORS = (

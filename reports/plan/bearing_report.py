@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from rich.console import Group, RenderableType
@@ -9,10 +10,11 @@ from rich.text import Text
 
 from reports.common.language import translate
 from reports.common.rendering import EXPORT_DECIMALS, format_json
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.text_tables import TableColumn, build_table, format_sentence
 from reports.common.wording import NO_VALUE, VOLUME, format_duration, format_number
 from reports.plan.comparison import Comparison, ComparisonRow
-from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
+from reports.plan.figures import FIGURES
+from reports.plan.plan_wording import format_energy, name_energy_column
 
 CONTOUR = "contour"
 
@@ -78,26 +80,19 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
     """The answer, one line per bearing, and why some have no plan."""
     first, *others = describe_bearings(comparison)
     quickest = comparison.find_least("finished_s")
-    columns = (
-        TableColumn(translate("Bearing"), is_text=True, is_unbroken=True),
-        TableColumn(translate("Time")),
-        TableColumn(name_energy_column([row.best for row in comparison.rows if row.best is not None])),
-        TableColumn(translate("Cross slope %")),
-        TableColumn(translate("To roll-over °")),
-        TableColumn(translate("Erosion %")),
-    )
-    rows = tuple(
-        (
-            name_row(row),
-            format_duration(row.get_figure("finished_s")),
-            NO_VALUE if row.best is None else format_energy_cell(row.best),
-            format_number(_get_layout_figure(row, "cross_slope_pct"), 1),
-            format_number(_get_rollover_deg(row), 0),
-            format_number(None if (share := _get_layout_figure(row, "erosion_share")) is None else 100.0 * share, 0),
-        )
-        for row in comparison.rows
-    )
-    styles = tuple("bold" if row is quickest else "" for row in comparison.rows)
+    energy = FIGURES["fuel_l" if comparison.find_least("energy_kwh") is None else "energy_kwh"]
+    figures: list[tuple[TableColumn, Callable[[BearingRow], str]]] = [
+        (TableColumn(translate("Bearing"), is_text=True, is_unbroken=True), name_row),
+        (TableColumn(translate("Time")), lambda row: format_duration(row.get_figure("finished_s"))),
+        (TableColumn(name_energy_column(energy.key == "energy_kwh")),
+         lambda row: NO_VALUE if row.best is None else energy.format(row.best)),
+        (TableColumn(translate("Cross slope %")),
+         lambda row: format_number(_get_layout_figure(row, "cross_slope_pct"), 1)),
+        (TableColumn(translate("To roll-over °")), lambda row: format_number(_get_rollover_deg(row), 0)),
+        (TableColumn(translate("Erosion %")),
+         lambda row: NO_VALUE if (share := _get_layout_figure(row, "erosion_share")) is None
+         else format_number(100.0 * share, 0)),
+    ]  # fmt: skip
     erosion = translate(
         "Erosion: share of track metres within 10 degrees of the fall line on slopes over 5 %, a convention of "
         "Headland. Time: with missed ground finished."
@@ -107,7 +102,7 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
         format_sentence(first, style="bold"),
         *map(format_sentence, others),
         Text(""),
-        FittedTable(columns, rows, styles),
+        build_table(comparison.rows, figures, lambda row: row is quickest),
         format_sentence(erosion, style="dim"),
         *map(format_sentence, missing),
     )

@@ -1,16 +1,25 @@
-"""Requests compared: what planning each came to, under the label that says in what it differs from the others."""
+"""Requests compared: what planning each came to, under the label that says in what it differs from the others.
+
+Ways to work the headland of one field or several are compared by sums over fields, the best way first. The cost per
+hectare is that of worked ground: ground that a plan misses is charged at the plan's own rate, and so is finished ground
+that is driven over when sowing and spraying.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Generic, TypeVar
 
+from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import UnworkedPiece
-from reports.plan.small_map import SmallMap
+from reports.common.wording import format_area, format_width
+from reports.plan.map_data import SmallMap
+from reports.plan.plan_wording import describe_part, format_ground_place
 
 Label = TypeVar("Label")
 
@@ -124,8 +133,9 @@ class ComparisonTotals(Generic[Label]):
 
     @property
     def paid_cost(self) -> float:
-        """The costs that are paid, without losses on late ground."""
-        return math.fsum(plan.stated_paid_cost or 0.0 for plan in self.driven)
+        """The costs that are paid, without losses on late ground: all of the stated ones without samples."""
+        costs = (plan.stated_cost if plan.paid_cost is None else plan.paid_cost for plan in self.driven)
+        return math.fsum(cost or 0.0 for cost in costs)
 
     @property
     def missed_m2(self) -> float:
@@ -164,3 +174,214 @@ class Comparison(Generic[Label]):
         values = [row.get_figure(key) for row in self.rows]
         known = [(value, number) for number, value in enumerate(values) if value is not None]
         return self.rows[min(known)[1]] if known else None
+
+
+YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
+
+
+@dataclass(frozen=True)
+class HeadlandChoice:
+    """One way to work the headland: kind of corners, "first" or "last", passes, width; None: not given."""
+
+    corners: str
+    headland_order: str | None
+    headland_passes: int | None = None
+    width_m: float | None = None
+
+
+HeadlandRow = ComparisonRow[HeadlandChoice]
+
+
+@dataclass(frozen=True, eq=False)
+class HeadlandTotals(ComparisonTotals[HeadlandChoice]):
+    """One way to work the headland on all fields of a comparison.
+
+    `names_width` says that other ways have another working width. In a year every field is worked
+    `operations_per_year` times.
+    """
+
+    names_width: bool = False
+    operations_per_year: int = 1
+
+    @property
+    def time_s(self) -> float:
+        """Seconds of field work, one field after the other; roads, preparation, breaks and nights do not count.
+
+        On a farm, where a plan has a `ready_s`, its end by the clock would have them too.
+        """
+        return sum(plan.stated_end_s if plan.ready_s is None else plan.stated_s for plan in self.driven)
+
+    @property
+    def charged_cost(self) -> float:
+        """The costs with missed ground finished, by which ways are compared."""
+        return sum(each.charged_cost for each in self.rows)
+
+    @property
+    def cost_per_ha(self) -> float | None:
+        """The cost of a worked hectare."""
+        return self.charged_cost / self.area_ha if self.driven else None
+
+    @property
+    def overlap_m2(self) -> float:
+        """Ground worked more than once."""
+        return sum(each.overlap_m2 for each in self.rows)
+
+    @property
+    def cut_off_m2(self) -> float:
+        """Ground that the plans do not reach."""
+        return sum(each.cut_off_m2 for each in self.rows)
+
+    @property
+    def fuel_l(self) -> float | None:
+        """Litres of fuel; None where they are not known of every plan."""
+        return _sum_known(plan.fuel_l for plan in self.driven)
+
+    @property
+    def energy_kwh(self) -> float | None:
+        """Kilowatt-hours of electric tractors; None where they are not known of every plan."""
+        return _sum_known(plan.energy_kwh for plan in self.driven)
+
+    @property
+    def charged_cost_per_year(self) -> float:
+        """The costs of a year with missed ground finished."""
+        return self.operations_per_year * self.charged_cost
+
+    @cached_property
+    def year(self) -> dict[str, float | None]:
+        """Hours of field work, fuel, electricity and what is paid in a year; None where they are not known."""
+        sums = (self.time_s / 3600.0, self.fuel_l, self.energy_kwh, self.paid_cost)
+        values = [self.operations_per_year * one if self.driven and one is not None else None for one in sums]
+        return dict(zip(YEAR_KEYS, values, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class HeadlandComparison(Comparison[HeadlandChoice]):
+    """Every way to work the headland on every field, in the order of the request; see HeadlandTotals."""
+
+    operations_per_year: int = 1
+
+    @cached_property
+    def totals(self) -> tuple[HeadlandTotals, ...]:
+        """One entry per way: those that work everywhere by cost, then those that work on most fields."""
+        return tuple(self.sum_over_fields(self.rows))
+
+    @cached_property
+    def best(self) -> HeadlandTotals | None:
+        """The cheapest way that works on every field that any way works on; None where no plan works."""
+        workable = {each.requested_field for each in self.rows if each.best is not None}
+        first = self.totals[0] if self.totals else None
+        return first if first is not None and workable and len(first.driven) == len(workable) else None
+
+    def sum_over_fields(self, plans: Iterable[HeadlandRow]) -> list[HeadlandTotals]:
+        """Totals of some plans by way, the best first."""
+        by_choice: dict[HeadlandChoice, list[HeadlandRow]] = {}
+        for each in plans:
+            by_choice.setdefault(each.label, []).append(each)
+        has_widths = len({choice.width_m for choice in self.labels}) > 1
+        totals = [
+            HeadlandTotals(choice, tuple(some), has_widths, self.operations_per_year)
+            for choice, some in by_choice.items()
+        ]
+        return sorted(totals, key=lambda one: (-len(one.driven), round(one.charged_cost, 6), one.time_s))
+
+    @cached_property
+    def totals_by_field(self) -> Mapping[str, list[HeadlandTotals]]:
+        """The ways on each field, the best first."""
+        return {
+            name: self.sum_over_fields(each for each in self.rows if each.requested_field == name)
+            for name in self.fields
+        }
+
+    @cached_property
+    def field_names(self) -> Mapping[str, str]:
+        """The fields as their files name them, by their names in the request."""
+        names = {each.requested_field: each.field_name for each in self.rows}
+        return names | {each.requested_field: each.field_name for each in self.rows if each.ranking is not None}
+
+
+def _sum_known(amounts: Iterable[float | None]) -> float | None:
+    """The sum; None where there is nothing, or something is not known."""
+    known = list(amounts)
+    return sum(one for one in known if one is not None) if known and None not in known else None
+
+
+def name_choice(totals: HeadlandTotals) -> str:
+    """``square, first, 3 passes, 6 m``, with what planning chose where the request left it open."""
+    parts = [totals.label.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
+    return ", ".join(part for part in parts if part)
+
+
+def describe_choice(totals: HeadlandTotals) -> str:
+    """``square corners, headland first, 3 passes``."""
+    corners = translate("{corners} corners", corners=totals.label.corners)
+    order = _name_order(totals)
+    headland = translate("headland {order}", order=order) if order else ""
+    parts = [corners, headland, _name_passes(totals), _name_width(totals)]
+    return ", ".join(part for part in parts if part)
+
+
+def _name_order(totals: HeadlandTotals) -> str:
+    orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
+    return totals.label.headland_order or "/".join(orders)
+
+
+def _name_width(totals: HeadlandTotals) -> str:
+    width_m = totals.label.width_m
+    return format_width(width_m) if totals.names_width and width_m is not None else ""
+
+
+def _name_passes(totals: HeadlandTotals) -> str:
+    planned = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
+    passes = totals.label.headland_passes
+    counts = planned if passes is None else [passes]
+    if not counts:
+        return ""
+    if counts[0] == counts[-1]:
+        return translate_count("{count} pass", "{count} passes", counts[0])
+    return translate("{least}-{most} passes", least=counts[0], most=counts[-1])
+
+
+def list_missing(comparison: HeadlandComparison) -> list[str]:
+    """A sentence for every reason why a way has no plan on a field."""
+    ways_by_reason: dict[tuple[str, str], list[str]] = {}
+    for name, totals in comparison.totals_by_field.items():
+        for one in totals:
+            if not one.driven:
+                reason = (one.rows[0].reason or translate("no plan is feasible")).rstrip(".")
+                ways_by_reason.setdefault((name, reason), []).append(name_choice(one))
+    names = comparison.field_names
+    count = len(comparison.labels)
+    return [
+        f"{names[field]}: {translate('every way') if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
+        for (field, reason), ways in ways_by_reason.items()
+    ]
+
+
+def list_cut_off(comparison: HeadlandComparison) -> list[str]:
+    """A sentence for every part of a field that is cut off, at every width by its best way, and where nothing is."""
+    sentences = []
+    for name, totals in comparison.totals_by_field.items():
+        best_by_width = {one.label.width_m or 0.0: one for one in reversed(totals) if one.driven}
+        texts_by_label = {}
+        for _, one in sorted(best_by_width.items()):
+            label = ", ".join(filter(None, (comparison.field_names[name], _name_width(one))))
+            texts_by_label[label] = _describe_cut_off(one.rows[0])
+        if any(texts_by_label.values()):
+            whole = [translate("nothing is cut off.")]
+            sentences += [f"{label}: {text}" for label, texts in texts_by_label.items() for text in texts or whole]
+    return sentences
+
+
+def _describe_cut_off(each: HeadlandRow) -> list[str]:
+    """Where ground is cut off, why, and what would work it."""
+    parts = () if each.ranking is None else each.ranking.parts
+    cut_off = None if each.layout is None else each.layout.cut_off
+    if parts or cut_off is None:
+        return [translate_sentence(describe_part(part)) for part in parts]
+    sentence = translate(
+        "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A smaller "
+        "--margin may open a way.",
+        area=format_area(cut_off.m2),
+        place=format_ground_place(cut_off),
+    )
+    return [sentence]

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from reports.common.plan_drives import PlanDrive, Points
+from reports.common.plan_records import PlanDrive, Points
 from reports.common.rendering import ReportError
 
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)

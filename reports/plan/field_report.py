@@ -32,7 +32,8 @@ _FITTING_TURNS_KEY, _TURN_SECONDS_KEY, _ESTIMATED_SECONDS_KEY = (
 def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
     """All facts of a field: single values, then a table for each list of mappings that is not empty, then turns."""
     turns = facts.get("turns", {})
-    tables = {key: value for key, value in facts.items() if _is_table(value)}
+    lists = {key: value for key, value in facts.items() if isinstance(value, list | tuple)}
+    tables = {key: rows for key, rows in lists.items() if rows and isinstance(rows[0], Mapping)}
     single = {key: value for key, value in facts.items() if key not in tables and key != "turns"}
     parts: list[RenderableType] = [build_field_table(single)]
     for key, rows in tables.items():
@@ -69,10 +70,6 @@ def build_field_table(info: Mapping[str, Any]) -> RenderableType:
     columns = (TableColumn("Label", is_text=True), TableColumn("Value", is_text=True))
     rows = tuple((_format_fact_label(label), _format_fact_cell(label, value)) for label, value in info.items())
     return FittedTable(columns, rows, has_header=False, has_lines=True)
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
 
 
 def _build_facts_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:

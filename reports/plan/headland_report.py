@@ -29,8 +29,7 @@ from reports.common.wording import (
     format_price,
     insert_non_breaking_spaces,
 )
-from reports.plan.figures import HEADLAND_CSV_KEYS
-from reports.plan.headland_comparison import (
+from reports.plan.comparison import (
     YEAR_KEYS,
     HeadlandComparison,
     HeadlandRow,
@@ -40,8 +39,8 @@ from reports.plan.headland_comparison import (
     list_missing,
     name_choice,
 )
+from reports.plan.figures import HEADLAND_CSV_KEYS, build_part_entry, build_plan_entry
 from reports.plan.plan_wording import describe_machines
-from reports.plan.ranking_export import build_part_entry, build_plan_entry
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 LEAST_ROUNDED_HOURS = 10.0  # fewer have two decimals, as half a minute counts

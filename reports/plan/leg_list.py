@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from reports.common.plan_drives import DriverLeg
+from reports.common.plan_records import DriverLeg
 from reports.common.rendering import format_json
 from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list

@@ -30,9 +30,8 @@ from reports.common.wording import (
 )
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
-from reports.plan.figures import FIGURES
+from reports.plan.figures import FIGURES, build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
 from reports.plan.plan_wording import list_feasible
-from reports.plan.ranking_export import build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen

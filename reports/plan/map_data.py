@@ -1,10 +1,12 @@
-"""The map of a page as numbers for its template and script (centimetres, y down), and the maps of a ranking as JSON.
+"""Maps as numbers: of a page for its template and script (centimetres, y down), small ones, and of a ranking as JSON.
 
-Paths are thinned in place and time together, so that a few knots both draw and animate them.
+Paths of pages are thinned in place and time together, so that a few knots both draw and animate them.
 """
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE
-from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_drives import PlanDrive, Points, Relief
+from reports.common.plan_records import PlanDrive, Points, Relief
 from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
@@ -38,6 +40,7 @@ from reports.plan.drive_geometry import (
     find_stops,
     list_states,
     list_status_runs,
+    split_by_status,
 )
 from reports.plan.leg_list import describe_leg, format_leg_heading, format_leg_metres
 from reports.plan.map_labels import (
@@ -52,7 +55,6 @@ from reports.plan.map_labels import (
     place_swath_labels,
     place_unworked_label,
 )
-from reports.plan.relief_drawing import SHADE_OPACITY, encode_shade, name_relief
 
 PATH_TOLERANCE_M = 0.1
 
@@ -179,15 +181,20 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
 
 
 def _draw_relief(relief: Relief, viewport: Viewport) -> dict[str, Any]:
-    """Picture of the shading with its place on the map, and contours."""
+    """The shading as a grey PNG, north up, with its place on the map, and contours."""
+    from PIL import Image
+
+    grey = np.rint(255.0 * np.clip(relief.shade[::-1], 0.0, 1.0)).astype(np.uint8)
+    buffer = io.BytesIO()
+    Image.fromarray(grey).save(buffer, format="PNG", optimize=True)
     west, south, east, north = relief.bounds_m
     (left, top), (right, bottom) = viewport.convert_points(np.array([(west, north), (east, south)]))
     return {
-        "picture": encode_shade(relief),
-        "opacity": SHADE_OPACITY,
+        "picture": f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}",
+        "opacity": palette.SHADE_OPACITY,
         "x": left, "y": top, "width": right - left, "height": bottom - top,
         "contours": "".join(viewport.format_path(points) for _, points in relief.contours),
-        "words": name_relief(relief),
+        "words": relief.label,
     }  # fmt: skip
 
 
@@ -205,7 +212,7 @@ def _draw_path_lines(path: TimedPath, viewport: Viewport, number: int) -> dict[s
         lines[line_kind] += viewport.format_path(path.xy[first : last + 1])
     return {
         "number": number + 1,
-        "colour": number % len(TRACTOR_COLOURS),
+        "colour": number % len(palette.TRACTOR_COLOURS),
         "start": viewport.convert_points(path.xy[:1])[0],
         **lines,
     }
@@ -381,3 +388,41 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str,
 
 def _round_coordinates(values: npt.NDArray[Any]) -> Any:
     return np.round(values, _COORDINATE_DECIMALS).tolist()
+
+
+SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
+"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
+PATH_TOLERANCE_SHARE = 0.002  # of the larger side
+SmallMap = dict[str, Any]
+"""Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
+
+
+def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> SmallMap:
+    """The field with headland passes, the path of every tractor, missed ground, and rings of ground `driven_over`."""
+    box = compute_extent(drive)
+    size_m = box.size or 1.0
+    scale = SIDE / size_m
+    view = Viewport(box.west, box.north, scale, MARGIN)
+    bar_m = choose_round_length_m(max(box.width, 0.5 * size_m) / 3)
+    lanes = []
+    for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True)):
+        lines = {"work": "", "turn": ""}
+        for piece in split_by_status(xy, status, PATH_TOLERANCE_SHARE * size_m):
+            lines["work" if piece.status == WORKING else "turn"] += view.format_path(piece.points)
+        lanes.append({"colour": number % len(palette.TRACTOR_COLOURS), **lines})
+    return {
+        "width": round(box.width * scale + 2 * MARGIN),
+        "height": round(box.height * scale + 2 * MARGIN + FOOT),
+        "field": view.format_rings([drive.boundary, *drive.holes]),
+        "obstacles": view.format_rings(drive.obstacles),
+        "swaths": view.format_rings(build_swath_outline(swath, drive.width_m) for swath in drive.swaths),
+        "headland_passes": [
+            {"line": view.format_path(one.points), "tint": one.number % 2} for one in drive.headland_passes
+        ],
+        "pass_width": round(drive.width_m * scale),
+        "missed": view.format_rings(drive.unworked),
+        "driven_over": view.format_rings(driven_over),
+        "lanes": lanes,
+        "bar": round(bar_m * scale),
+        "bar_text": f"{bar_m:g} m",
+    }

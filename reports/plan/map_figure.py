@@ -16,8 +16,8 @@ import shapely
 
 from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
-from reports.common.notebook import create_figure
-from reports.common.plan_drives import PlanDrive, Points
+from reports.common.plan_records import PlanDrive, Points, Relief
+from reports.common.rendering import create_figure
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
     FOLDING_STATUS,
@@ -45,7 +45,6 @@ from reports.plan.map_labels import (
     place_leg_marks,
     place_swath_labels,
 )
-from reports.plan.relief_drawing import draw_relief, name_relief
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -65,7 +64,7 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     field_patch = build_patch(outline, facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1)
     axes.add_patch(field_patch)
     if drive.relief is not None:
-        draw_relief(axes, drive.relief, field_patch)
+        _draw_relief(axes, drive.relief, field_patch)
     for headland_pass in drive.headland_passes:
         band = shapely.LineString(headland_pass.points).buffer(0.5 * drive.width_m, **_BUFFER_STYLE)
         parts = shapely.get_parts(band)
@@ -83,6 +82,23 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     axes.add_patch(build_patch(outline, facecolor="none", edgecolor=palette.EDGE_COLOUR, linewidth=1.2, zorder=3))
     for line in drive.fences:
         axes.plot(*line.T, color=palette.INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
+
+
+def _draw_relief(axes: Axes, relief: Relief, field_patch: PathPatch) -> None:
+    """Shading and contours inside the patch of a field."""
+    from matplotlib.collections import LineCollection
+
+    west, south, east, north = relief.bounds_m
+    picture = axes.imshow(
+        relief.shade, cmap="gray", vmin=0.0, vmax=1.0, alpha=palette.SHADE_OPACITY, extent=(west, east, south, north),
+        origin="lower", interpolation="bilinear", zorder=1.2, aspect="equal",
+    )  # fmt: skip
+    lines = LineCollection(
+        [points for _, points in relief.contours], colors=palette.CONTOUR_COLOUR, linewidths=0.5, zorder=1.8
+    )
+    axes.add_collection(lines, autolim=False)
+    for artist in (picture, lines):
+        artist.set_clip_path(field_patch)
 
 
 def build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
@@ -242,11 +258,11 @@ def frame_map(axes: Axes, box: MapExtent) -> None:
     axes.set_axis_off()
 
 
-def measure_map(box: MapExtent, tallest_inches: float = _TALLEST_INCHES) -> tuple[float, float]:
+def measure_map(box: MapExtent) -> tuple[float, float]:
     """Width and height in inches of a map framed around a box, as large as a page has room."""
     size = box.size or 1.0
     across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
-    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, tallest_inches / up_m)
+    scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
     return round(float(across_m * scale), 4), round(float(up_m * scale), 4)
 
 
@@ -403,7 +419,7 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
     driven = {int(value) for status in drive.status for value in np.unique(status)}
     line = partial(Line2D, [], [])
     mark = partial(line, linestyle="none", markeredgecolor=ink)
-    relief = "" if drive.relief is None else name_relief(drive.relief)
+    relief = "" if drive.relief is None else drive.relief.label
     even_pass, odd_pass = palette.HEADLAND_PASS_COLOURS
     tractors = [line(color=palette.get_tractor_colour(n), linewidth=3, label=f"tractor {n + 1}") for n in range(count)]
     entries: list[tuple[object, Artist]] = [

@@ -9,7 +9,7 @@ from string import ascii_lowercase
 import numpy as np
 import numpy.typing as npt
 
-from reports.common.plan_drives import HeadlandPassLine, PlanDrive, Points
+from reports.common.plan_records import HeadlandPassLine, PlanDrive, Points
 from reports.common.wording import format_area
 from reports.plan.drive_geometry import (
     WORKING,

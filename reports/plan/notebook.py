@@ -9,24 +9,24 @@ from typing import TYPE_CHECKING
 from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
-from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_picture, render_fragment
-from reports.common.plan_drives import PlanDrive
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
+from reports.common.plan_records import PlanDrive
+from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.rendering import (
+    FIGURE_INCHES,
+    NOT_DRAWN,
+    ResultView,
+    ShownTable,
+    build_view,
+    encode_picture,
+    render_fragment,
 )
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
+from reports.plan.figures import build_plan_entry, flatten_entry, format_ranking_csv, format_ranking_json
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.map_labels import count_tracks
 from reports.plan.plan_wording import describe_machines, list_feasible
-from reports.plan.ranking_export import (
-    build_plan_entry,
-    flatten_entry,
-    format_ranking_csv,
-    format_ranking_json,
-)
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, choose_first_plans, count_other_plans, write_legend
 
@@ -42,37 +42,34 @@ Files = Mapping[str, Callable[[], str | bytes]]
 
 
 @build_view.register
-def build_ranking_view(ranking: PlanRanking) -> ResultView:
-    """A ranking: its answer, the table of its plans, and time by number of tractors."""
-    files: Files = {
-        ".csv": lambda: format_ranking_csv(ranking),
-        ".json": lambda: format_ranking_json(ranking),
-        ".html": lambda: render_plan_page(ranking, None, {}),
-    }
-    return ResultView(
-        summary=lambda: summarise_ranking(ranking),
-        html=lambda: render_ranking_fragment(ranking, None),
-        table=lambda: build_ranking_frame(ranking),
-        draw=(lambda axes: draw_times(axes, ranking)) if list_feasible(ranking) else None,
-        not_drawn=f"{NOT_DRAWN}, as no plan works.",
-        files=files,
-    )
+def build_ranking_view(
+    ranking: PlanRanking, picture: Callable[[], PlanDrive] | None = None, files: Files | None = None
+) -> ResultView:
+    """A ranking: its answer, the table of its plans, and a map of the best one or of the field where no plan works.
 
-
-def build_answer_view(ranking: PlanRanking, picture: Callable[[], PlanDrive], files: Files) -> ResultView:
-    """A ranking with the map of its best plan, or of the field where no plan works."""
+    Without a `picture` it is drawn as time by number of tractors; `files` are by default those that need no drive.
+    """
 
     def draw(axes: Axes) -> None:
-        drive = picture()
-        draw_drive(axes, drive, f"{ranking.field_name}: {drive.title}")
+        if picture is None:
+            draw_times(axes, ranking)
+        else:
+            drive = picture()
+            draw_drive(axes, drive, f"{ranking.field_name}: {drive.title}")
 
     return ResultView(
         summary=lambda: summarise_ranking(ranking),
-        html=lambda: render_ranking_fragment(ranking, picture()),
+        html=lambda: render_ranking_fragment(ranking, None if picture is None else picture()),
         table=lambda: build_ranking_frame(ranking),
-        draw=draw,
-        figure_inches=(COLUMN_INCHES, COLUMN_INCHES),
-        files=files,
+        draw=draw if picture is not None or list_feasible(ranking) else None,
+        not_drawn=f"{NOT_DRAWN}, as no plan works.",
+        figure_inches=FIGURE_INCHES if picture is None else (COLUMN_INCHES, COLUMN_INCHES),
+        files=files
+        or {
+            ".csv": lambda: format_ranking_csv(ranking),
+            ".json": lambda: format_ranking_json(ranking),
+            ".html": lambda: render_plan_page(ranking, None, {}),
+        },
     )
 
 

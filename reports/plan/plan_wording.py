@@ -1,25 +1,22 @@
-"""A ranking of plans in sentences: the plan to take, what it leaves, how sure it is, and why plans were refused."""
+"""A ranking of plans in sentences: the plan to take, what it leaves, how sure it is, its energy and slopes."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_results import (
-    FieldPartPlan,
-    PlanRanking,
-    PlanResult,
-    is_dearer,
-)
-from reports.common.shortfalls import SlopePlace, UnworkedPiece
+from reports.common.plan_records import SlopePlace, UnworkedPiece
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, is_dearer
 from reports.common.wording import (
+    FIELD_AREA,
     LEAST_COST,
+    VOLUME,
     format_area,
     format_deadline,
     format_duration,
+    format_effect_values,
+    format_effect_with_id,
     format_end_clock,
     format_money,
     format_number,
@@ -30,7 +27,7 @@ from reports.common.wording import (
     group_alike,
     join_list,
 )
-from reports.plan.shortfall_wording import list_shortfall_sentences
+from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
@@ -42,18 +39,6 @@ BY_COUNT_HELP = (
     "Median time and 95 %: field work takes no longer in half and in 95 % of the samples, with late starts, stops and "
     "breakdowns."
 )
-
-
-@dataclass(frozen=True)
-class RefusalGroup:
-    """Plans that were refused for the same reason, figures apart.
-
-    `reason` is that of the first plan; `has_similar_reasons` says whether figures differ among the plans.
-    """
-
-    reason: str
-    plans: tuple[PlanResult, ...]
-    has_similar_reasons: bool
 
 
 def is_interval_wide(interval: tuple[float, float] | None) -> bool:
@@ -118,23 +103,6 @@ def list_feasible(ranking: PlanRanking) -> list[PlanResult]:
 def list_refused(ranking: PlanRanking) -> list[PlanResult]:
     """The infeasible plans, in the order of the ranking."""
     return [plan for plan in ranking.plans if not plan.feasible]
-
-
-def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
-    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
-    groups = group_alike((plan, (plan.reason or "no reason was given").strip()) for plan in plans)
-    return [
-        RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
-        for group in sorted(groups, key=len, reverse=True)
-    ]
-
-
-def name_refused_plans(refusal: RefusalGroup) -> str:
-    """Which plans were refused: ``row-by-row (omega) with 5 and 7; split-field (u) with 1``."""
-    counts: dict[tuple[str, str], list[int]] = {}
-    for plan in refusal.plans:
-        counts.setdefault((plan.strategy, plan.turn), []).append(plan.tractors)
-    return "; ".join(f"{name} ({turn}) with {join_list(sorted(set(n)))}" for (name, turn), n in counts.items())
 
 
 def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
@@ -281,7 +249,9 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     tractors = name_fleet(plan)
     name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
     left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
-    parts = (name, done + _describe_service_stops(ranking, plan), _describe_cost(ranking, plan), leaves, left_out)
+    money = format_money(plan.stated_cost, ranking.currency)
+    cost = None if plan.stated_cost is None else translate("cost {cost}", cost=money)
+    parts = (name, done + _describe_service_stops(ranking, plan), cost, leaves, left_out)
     return ", ".join(part for part in parts if part)
 
 
@@ -339,37 +309,6 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     return sentences
 
 
-def explain_no_plan(ranking: PlanRanking) -> str:
-    """Why no plan works, in a sentence."""
-    if not ranking.plans:
-        return translate("No plan was tried: allow at least one strategy, turn and number of tractors.")
-    first = group_refusals(ranking.plans)[0]
-    values = {
-        "refused": _describe_refused_count(len(ranking.plans), first),
-        "reason": translate_sentence(first.reason.rstrip(".")),
-    }
-    if first.has_similar_reasons:
-        return translate("No plan works: {refused}: {reason} (figures of the first).", **values)
-    return translate("No plan works: {refused}: {reason}.", **values)
-
-
-def _describe_refused_count(count: int, first: RefusalGroup) -> str:
-    """How many were refused and how many for the reason that follows: ``both were refused because``."""
-    same_count = len(first.plans)
-    if count == 1:
-        return translate("the only one was refused because")
-    if same_count == count:
-        return (
-            translate("both were refused because")
-            if count == 2
-            else translate("all {count} were refused because", count=count)
-        )
-    same = translate("one") if same_count == 1 else same_count
-    if count == 2:
-        return translate("both were refused, {same} of them because", same=same)
-    return translate("all {count} were refused, {same} of them because", count=count, same=same)
-
-
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
     """The time driven, and the clock time; named where it is not that of the last tractor's end."""
     clock_text = format_end_clock(ranking, by_clock_s)
@@ -379,11 +318,6 @@ def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: floa
     if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S:
         return translate("{time} (at {clock})", **values)
     return translate("{time} (field work done at {clock})", **values)
-
-
-def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    cost = plan.stated_cost
-    return "" if cost is None else translate("cost {cost}", cost=format_money(cost, ranking.currency))
 
 
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
@@ -434,3 +368,77 @@ def format_order_optimality(pct: float) -> str:
     if pct < LEAST_GAP_PCT:
         return translate("optimal")
     return translate("within {share} % of optimal", share=format_number(pct, 1))
+
+
+def format_energy(plan: PlanResult) -> str:
+    """``31 l`` of fuel or ``84 kWh``; "" where it is not known."""
+    if plan.fuel_l is not None:
+        return VOLUME.format(plan.fuel_l)
+    return "" if plan.energy_kwh is None else f"{format_number(plan.energy_kwh, 0)} kWh"
+
+
+def name_energy_column(is_electric: bool) -> str:
+    """The heading of the column of fuel or electricity."""
+    return translate("Energy {unit}", unit="kWh") if is_electric else translate("Fuel {unit}", unit=VOLUME.unit)
+
+
+def format_rate(plan: PlanResult) -> str:
+    """Fuel or electricity by area: ``7.9 l/ha`` or ``31.0 kWh/ha``."""
+    if plan.energy_kwh_per_ha is not None:
+        return f"{format_number(FIELD_AREA.convert_rate(plan.energy_kwh_per_ha), 1)} kWh/{FIELD_AREA.unit}"
+    if plan.fuel_l_per_ha is None:
+        return ""
+    rate = FIELD_AREA.convert_rate(VOLUME.convert(plan.fuel_l_per_ha))
+    return f"{format_number(rate, 1)} {VOLUME.unit}/{FIELD_AREA.unit}"
+
+
+def describe_energy(plan: PlanResult | None) -> list[str]:
+    """The fuel or electricity of a plan, and that of its tractors where there are several."""
+    energy = "" if plan is None else format_energy(plan)
+    if plan is None or not energy:
+        return []
+    values = {"energy": energy, "rate": format_rate(plan), "co2": format_number(plan.co2_kg, 0)}
+    if plan.fuel_l is None:
+        sentences = [
+            translate(
+                "The best plan takes {energy} from the batteries, {rate}: {co2} kg of CO2 from the grid.", **values
+            )
+        ]
+    else:
+        sentences = [translate("The best plan burns {energy} of fuel, {rate}: {co2} kg of CO2.", **values)]
+    shares = plan.fuel_l_by_tractor or plan.energy_kwh_by_tractor or ()
+    if len(shares) > 1:
+        unit = "kWh" if plan.fuel_l is None else VOLUME.unit
+        amounts = shares if plan.fuel_l is None else [VOLUME.convert(share) or 0.0 for share in shares]
+        listed = join_list([f"{format_number(amount, 1)} {unit}" for amount in amounts])
+        sentences.append(translate("By tractor: {amounts}.", amounts=listed))
+    return sentences
+
+
+def describe_slopes(plan: PlanResult | None) -> list[str]:
+    """The steepest places of a plan, and how near its tractors come to rolling over."""
+    if plan is None or plan.steepest_along is None or plan.steepest_across is None:
+        return []
+    along, across = plan.steepest_along, plan.steepest_across
+    sentences = [
+        translate(
+            "Steepest along the drive: {along} % at {along_place}; across it: {across} % at {across_place}.",
+            along=format_number(abs(along.amount), 0),
+            along_place=format_ground_place(along),
+            across=format_number(abs(across.amount), 0),
+            across_place=format_ground_place(across),
+        )
+    ]
+    if plan.rollover is not None:
+        degrees = format_number(plan.rollover.amount, 0)
+        place = format_ground_place(plan.rollover)
+        sentences.append(
+            translate("Nearest to rolling over: {degrees} degrees are left at {place}.", degrees=degrees, place=place)
+        )
+    return sentences
+
+
+def describe_physics(ranking: PlanRanking) -> list[str]:
+    """Energy and slopes of the best plan, then heights, soil and how the fuel is reckoned."""
+    best = ranking.best
+    return [*describe_energy(best), *describe_slopes(best), *ranking.ground_sentences]

@@ -15,21 +15,10 @@ from rich.text import Text
 
 from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
-from reports.common.plan_results import (
-    PlanRanking,
-    PlanResult,
-    find_deciding_reason,
-)
+from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_reason
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
-from reports.common.wording import (
-    FIELD_AREA,
-    format_width,
-    join_list,
-    parse_start_time,
-)
+from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
 from reports.plan.answer import write_answer
-from reports.plan.count_charts import choose_plan_per_count
-from reports.plan.energy_wording import describe_physics
 from reports.plan.figures import (
     COUNT_DROPS,
     FIGURES,
@@ -45,14 +34,14 @@ from reports.plan.plan_wording import (
     UNWORKED_HELP,
     describe_machines,
     describe_order_optimality,
+    describe_physics,
     describe_ranking,
     describe_simulated_effects,
-    group_refusals,
     list_feasible,
     list_plan_remarks,
     list_refused,
-    name_refused_plans,
 )
+from reports.plan.shortfall_wording import group_refusals
 
 MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7
@@ -103,6 +92,11 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
     others = [plan for plan in plans if all(plan is not each for each in first)]
     shown = [*first[:1], *sorted(first[1:], key=lambda plan: plan.tractors)]
     return [*shown, *(others if math.isinf(most) else others[: max(LEAST_ROWS - len(first), 0)])]
+
+
+def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
+    """The plan to take with every number of tractors that has a cost from samples, fewest first."""
+    return [plan for plan in ranking.by_count.values() if plan.expected_cost is not None]
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
@@ -278,5 +272,5 @@ def _list_refusal_reasons(heading: str, plans: list[PlanResult]) -> list[Rendera
     for refusal in group_refusals(plans):
         similar_note = " (figures of the first)" if refusal.has_similar_reasons else ""
         parts.append(format_bullet(f"{len(refusal.plans)} x  {refusal.reason}{similar_note}"))
-        parts.append(format_sentence(name_refused_plans(refusal), style="dim", indent=4))
+        parts.append(format_sentence(refusal.members, style="dim", indent=4))
     return parts

@@ -1,13 +1,15 @@
-"""What keeps the best plan from being a recommendation, in sentences, and whether its implement can be pulled."""
+"""What keeps plans from being taken, in sentences: shortfalls of the best, a weak tractor, why plans were refused."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 from reports.common.language import translate, translate_sentence
-from reports.common.plan_results import PlanRanking
-from reports.common.shortfalls import PullFigures, Shortfall
-from reports.common.wording import SPEED, format_deadline, format_number, format_width, join_list
+from reports.common.plan_records import PullFigures, Shortfall
+from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.wording import SPEED, format_deadline, format_number, format_width, group_alike, join_list
 
 
 def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:
@@ -79,3 +81,63 @@ def _describe_power(pull: PullFigures) -> str:
 
 def _format_speed(speed_kmh: float) -> str:
     return SPEED.format(speed_kmh, 1).replace(".0 ", " ")
+
+
+@dataclass(frozen=True)
+class RefusalGroup:
+    """Plans that were refused for the same reason, figures apart.
+
+    `reason` is that of the first plan; `has_similar_reasons` says whether figures differ among the plans.
+    """
+
+    reason: str
+    plans: tuple[PlanResult, ...]
+    has_similar_reasons: bool
+
+    @property
+    def members(self) -> str:
+        """Which plans were refused: ``row-by-row (omega) with 5 and 7; split-field (u) with 1``."""
+        counts: dict[tuple[str, str], list[int]] = {}
+        for plan in self.plans:
+            counts.setdefault((plan.strategy, plan.turn), []).append(plan.tractors)
+        return "; ".join(f"{name} ({turn}) with {join_list(sorted(set(n)))}" for (name, turn), n in counts.items())
+
+
+def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
+    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
+    groups = group_alike((plan, (plan.reason or "no reason was given").strip()) for plan in plans)
+    return [
+        RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
+        for group in sorted(groups, key=len, reverse=True)
+    ]
+
+
+def explain_no_plan(ranking: PlanRanking) -> str:
+    """Why no plan works, in a sentence."""
+    if not ranking.plans:
+        return translate("No plan was tried: allow at least one strategy, turn and number of tractors.")
+    first = group_refusals(ranking.plans)[0]
+    values = {
+        "refused": _describe_refused_count(len(ranking.plans), first),
+        "reason": translate_sentence(first.reason.rstrip(".")),
+    }
+    if first.has_similar_reasons:
+        return translate("No plan works: {refused}: {reason} (figures of the first).", **values)
+    return translate("No plan works: {refused}: {reason}.", **values)
+
+
+def _describe_refused_count(count: int, first: RefusalGroup) -> str:
+    """How many were refused and how many for the reason that follows: ``both were refused because``."""
+    same_count = len(first.plans)
+    if count == 1:
+        return translate("the only one was refused because")
+    if same_count == count:
+        return (
+            translate("both were refused because")
+            if count == 2
+            else translate("all {count} were refused because", count=count)
+        )
+    same = translate("one") if same_count == 1 else same_count
+    if count == 2:
+        return translate("both were refused, {same} of them because", same=same)
+    return translate("all {count} were refused, {same} of them because", count=count, same=same)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from reports.common.plan_drives import Points as Points
+from reports.common.plan_records import Points as Points
 
 WORKING, TURNING, TRANSIT, STANDING, UNLOGGED = "working", "turning", "ways", "standing", "not logged"
 ACTIVITY_KINDS = (WORKING, TURNING, TRANSIT, STANDING, UNLOGGED)
@@ -57,11 +57,6 @@ class RunFigures:
     def moving_s(self) -> float:
         """Time of all driving."""
         return sum(self.by_kind_s[kind] for kind in (WORKING, TURNING, TRANSIT))
-
-    @property
-    def without_stops_s(self) -> float:
-        """Time without stops."""
-        return self.seconds - self.stops_s
 
 
 @dataclass(frozen=True)

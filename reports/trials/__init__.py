@@ -1,1 +1,1 @@
-"""The experiments of the thesis and tractor checks: tables, figures and pages."""
+"""The experiments of the thesis, the fleet study and tractor checks: tables, figures and pages."""

@@ -1,4 +1,4 @@
-"""Experiments of the thesis, how closely they agree with it, design studies and tractor checks: page, tables, JSON."""
+"""Experiments of the thesis, design studies, tractor checks and the fleet study: figures, page, tables and JSON."""
 
 from __future__ import annotations
 
@@ -6,26 +6,155 @@ import json
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.text import Text
 
-from reports.common.rendering import format_json, make_json_safe, render_template
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import NO_VALUE, join_list
+from reports.common import palette
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
+    ReportError,
+    ResultView,
+    ShownResult,
+    ShownTable,
+    build_view,
+    create_figure,
+    format_json,
+    make_json_safe,
+    render_fragment,
+    render_template,
+)
+from reports.common.text_tables import FittedTable, TableColumn, format_bullet, format_sentence, format_title
+from reports.common.wording import NO_VALUE, format_minutes, format_number, format_signed_number, join_list
 from reports.plan.map_figure import encode_svg_base64
-from reports.trials.figures import draw_panel
 from vehicle.trials.sheets.sheet import (
     ExperimentSheet,
     HeatMap,
+    PlotLine,
     PlotPanel,
     SteeredDrive,
     ThesisComparison,
     TractorVerdict,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_STAGE_STYLES = {
+    1: ("holds (stage 1)", "#8A8A8A"),
+    2: ("follows (stage 2)", "#0072B2"),
+    3: ("slews (stage 3)", "#D55E00"),
+}
+_MOST_LINE_POINTS = 1500
+_FIGURE_COLUMNS = 2
+
+
+def draw_panel(panel: PlotPanel | HeatMap) -> Figure:
+    """One panel on its own."""
+    width, height = 7.0, 0.62 * 7.0
+    if not isinstance(panel, HeatMap) and panel.equal_axes:  # to scale, as high as its lines need, within limits
+        x, y = (np.ptp(np.concatenate([getattr(line, name) for line in panel.lines])) for name in ("x", "y"))
+        height = float(np.clip(y / max(x, 1e-9) * width, 0.35 * width, 1.1 * width)) + 0.6
+    figure = create_figure(width, height, layout="constrained")
+    _draw_axes(figure.add_subplot(), panel)
+    return figure
+
+
+def draw_experiment_panels(sheet: ExperimentSheet) -> Figure:
+    """All panels of an experiment, two in a row.
+
+    Raises:
+        ReportError: the experiment has no pictures.
+    """
+    if not sheet.panels:
+        raise ReportError(f"The experiment {sheet.name!r} has no pictures; leave the picture out.")
+    rows = -(-len(sheet.panels) // _FIGURE_COLUMNS)
+    figure = create_figure(13.0, 4.6 * rows, layout="constrained")
+    for number, panel in enumerate(sheet.panels):
+        _draw_axes(figure.add_subplot(rows, _FIGURE_COLUMNS, number + 1), panel)
+    figure.suptitle(sheet.title, x=0.01, ha="left", fontsize=14, color=palette.INK_COLOUR)
+    return figure
+
+
+def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
+    axes.set_title(panel.title, loc="left", fontsize=11, color=palette.INK_COLOUR)
+    axes.set_xlabel(panel.x_label)
+    axes.set_ylabel(panel.y_label)
+    axes.spines[["top", "right"]].set_visible(False)
+    if isinstance(panel, HeatMap):
+        _draw_heat_map(axes, panel)
+        return
+    axes.grid(color="#E4E4E4", linewidth=0.6)
+    for line in panel.lines:
+        _draw_line(axes, line)
+    if panel.missing:
+        _draw_missing(axes, panel)
+    if panel.equal_axes:
+        axes.set_aspect("equal", adjustable="datalim")
+    if len(panel.lines) > 1 or panel.lines[0].stages is not None:
+        axes.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
+
+
+def _draw_line(axes: Axes, line: PlotLine) -> None:
+    step = max(1, len(line.x) // _MOST_LINE_POINTS)
+    x, y = line.x[::step], line.y[::step]
+    colour = palette.get_tractor_colour(line.colour)
+    if line.stages is not None:
+        _draw_line_by_stage(axes, x, y, line.stages[::step])
+        return
+    style = (0, (5, 3)) if line.dashed else "solid"
+    marker = "o" if len(x) < 40 else None
+    axes.plot(x, y, color=colour, linestyle=style, linewidth=1.4, marker=marker, markersize=4, label=line.label)
+
+
+def _draw_missing(axes: Axes, panel: PlotPanel) -> None:
+    """Crosses at the lower edge, a row per line, where a line has no value."""
+    from matplotlib.lines import Line2D
+
+    low, high = axes.get_ylim()
+    axes.set_ylim(low - 0.03 * len(panel.lines) * (high - low), high)
+    style: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 5}
+    for row, line in enumerate(panel.lines):
+        x = line.x[np.isnan(line.y)]
+        edge = np.full(len(x), 0.02 + 0.03 * row)
+        colour = palette.get_tractor_colour(line.colour)
+        axes.plot(x, edge, color=colour, transform=axes.get_xaxis_transform(), **style)
+    axes.add_line(Line2D([], [], color=palette.INK_COLOUR, label=panel.missing, **style))
+
+
+def _draw_line_by_stage(axes: Axes, x: np.ndarray, y: np.ndarray, stages: np.ndarray) -> None:
+    """The line in pieces, each in the colour of its stage."""
+    for stage, (label, colour) in _STAGE_STYLES.items():
+        if not (stages == stage).any():
+            continue
+        inside = stages[1:] == stage
+        shown = np.where(np.concatenate([inside, [False]]) | np.concatenate([[False], inside]), y, np.nan)
+        axes.plot(x, shown, color=colour, linewidth=1.8, label=f"wheel angle {label}")
+
+
+def _draw_heat_map(axes: Axes, panel: HeatMap) -> None:
+    from matplotlib.colors import LogNorm
+    from matplotlib.patches import Patch
+
+    values = np.ma.masked_invalid(panel.values)
+    wide = values.count() and values.max() > 3.0 * values.min()
+    norm = LogNorm(float(values.min()), float(values.max())) if wide else None
+    mesh = axes.pcolormesh(panel.x, panel.y, values, cmap="viridis", norm=norm, shading="nearest")
+    axes.set_facecolor("#D9D9D9")
+    axes.set_xticks(panel.x)
+    bar = axes.figure.colorbar(mesh, ax=axes)
+    bar.set_label(panel.value_label)
+    if wide:
+        ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if values.min() <= tick <= values.max()]
+        bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+        bar.minorticks_off()
+    patch = Patch(facecolor="#D9D9D9", edgecolor="#8A8A8A", label=panel.missing)
+    axes.legend(handles=[patch], fontsize=8, loc="upper right", framealpha=0.9, edgecolor="none")
+
 
 NEAR_PCT, FAR_PCT = 5.0, 15.0
 
@@ -40,45 +169,26 @@ class ThesisAgreement:
     rows: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True)
-class _AgreementCount:
-    """Numbers of the thesis by their deviation here, and those that cannot be compared."""
-
-    title: str
-    near_count: int
-    fair_count: int
-    far_count: int
-    uncompared_count: int
-
-    @property
-    def total(self) -> int:
-        return self.near_count + self.fair_count + self.far_count + self.uncompared_count
-
-
 def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreement | None:
     """The agreement over some experiments; None when the thesis prints no number for any of them."""
-    counts = [_count_agreement(sheet.title, sheet.comparisons) for sheet in sheets]
-    total = _count_agreement("All", [row for sheet in sheets for row in sheet.comparisons])
-    if not total.total:
+    counts = [(sheet.title, *_count_agreement(sheet.comparisons)) for sheet in sheets]
+    total, near, fair, far, uncompared = _count_agreement(row for sheet in sheets for row in sheet.comparisons)
+    if not total:
         return None
-    compared = total.total - total.uncompared_count
     headline = (
-        f"{compared} of {total.total} numbers of the thesis are reproduced: {total.near_count} within {NEAR_PCT:g} %, "
-        f"{total.fair_count} more within {FAR_PCT:g} %; {total.far_count} differ by more."
+        f"{total - uncompared} of {total} numbers of the thesis are reproduced: {near} within {NEAR_PCT:g} %, "
+        f"{fair} more within {FAR_PCT:g} %; {far} differ by more."
     )
     header = ("Experiment", "Numbers", f"Within {NEAR_PCT:g} %", f"Within {FAR_PCT:g} %", "Farther", "Not compared")
-    counted = [one for one in counts if one.total]
-    shown = [*counted, *([total] if len(counted) > 1 else [])]
-    rows = tuple(
-        (one.title, *map(str, (one.total, one.near_count, one.fair_count, one.far_count, one.uncompared_count)))
-        for one in shown
-    )
+    shown = [one for one in counts if one[1]]
+    shown += [("All", total, near, fair, far, uncompared)] if len(shown) > 1 else []
+    rows = tuple(tuple(map(str, one)) for one in shown)
     sentences = []
-    if total.far_count and len(counts) > 1:
-        named = join_list(f"{one.title} ({one.far_count})" for one in counts if one.far_count)
+    if far and len(counts) > 1:
+        named = join_list(f"{title} ({count})" for title, *_, count, _ in counts if count)
         sentences.append(f"Differ by more than {FAR_PCT:g} %: {named}.")
-    if total.uncompared_count:
-        sentences.append(f"{total.uncompared_count} cannot be compared; each is listed with the reason.")
+    if uncompared:
+        sentences.append(f"{uncompared} cannot be compared; each is listed with the reason.")
     ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
     if ours:
         sentences.append(f"{ours} further simulated numbers are not in the thesis.")
@@ -90,11 +200,12 @@ def compute_deviation_pct(row: ThesisComparison) -> float | None:
     return None if row.difference_pct is None else round(abs(row.difference_pct), 1)
 
 
-def _count_agreement(title: str, rows: Iterable[ThesisComparison]) -> _AgreementCount:
+def _count_agreement(rows: Iterable[ThesisComparison]) -> tuple[int, int, int, int, int]:
+    """How many numbers of the thesis there are, by their deviation here, and how many cannot be compared."""
     printed = [row for row in rows if row.thesis is not None]
     off = [value for row in printed if (value := compute_deviation_pct(row)) is not None]
     near, fair = sum(value <= NEAR_PCT for value in off), sum(NEAR_PCT < value <= FAR_PCT for value in off)
-    return _AgreementCount(title, near, fair, len(off) - near - fair, len(printed) - len(off))
+    return len(printed), near, fair, len(off) - near - fair, len(printed) - len(off)
 
 
 def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:
@@ -246,3 +357,105 @@ def _build_number_comparison(rows: Sequence[ThesisComparison]) -> list[Renderabl
         note = f"{missing} further numbers cannot be simulated; --json gives the reasons."
         parts.append(format_sentence(note, style="dim", indent=2))
     return parts
+
+
+@dataclass(frozen=True)
+class ThesisTableRow:
+    """One row of a table of the thesis beside the simulated time."""
+
+    label: str
+    tractors: int
+    thesis_s: float
+    time_s: float | None
+    difference_pct: float | None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class ThesisClaim:
+    """A claim of the thesis, and whether the simulation confirms it."""
+
+    claim: str
+    holds: bool
+    why: str
+
+
+@dataclass(frozen=True, repr=False)
+class FleetStudy(ShownResult):
+    """Tables 6.1 to 6.3 beside the thesis, its claims, and the one set of assumptions behind every row."""
+
+    tables: dict[str, tuple[ThesisTableRow, ...]]
+    claims: tuple[ThesisClaim, ...]
+    assumptions: tuple[str, ...]
+
+
+def build_study_tables(study: FleetStudy) -> RenderableType:
+    """Tables of the thesis beside the simulation, then each claim with its verdict, then the assumptions."""
+    parts: list[RenderableType] = []
+    for name, rows in study.tables.items():
+        columns = [TableColumn("Plan", is_text=True), *map(TableColumn, ("Tractors", "Thesis", "Here", "Diff. %"))]
+        columns += [TableColumn("Note", is_text=True)] if any(row.note for row in rows) else []
+        cells = (
+            (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
+             format_signed_number(row.difference_pct, 1), row.note)
+            for row in rows
+        )  # fmt: skip
+        table = FittedTable(tuple(columns), tuple(row[: len(columns)] for row in cells))
+        parts += [format_title(f"Table {name}"), table, Text("")]
+    if study.claims:
+        heads = tuple(TableColumn(name, is_text=True) for name in ("Claim", "Verdict", "Why"))
+        verdicts = tuple((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
+        styles = tuple("" if one.holds else "yellow" for one in study.claims)
+        parts += [format_title("Claims of the thesis"), FittedTable(heads, verdicts, styles), Text("")]
+    if study.assumptions:
+        parts.append(format_title("Assumptions behind every row"))
+        parts += [format_bullet(text) for text in study.assumptions]
+    return Group(*parts)
+
+
+def format_study_json(study: FleetStudy) -> str:
+    """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
+    return format_json(study, EXPORT_DECIMALS, is_ascii=False)
+
+
+@build_view.register
+def build_study_view(study: FleetStudy) -> ResultView:
+    """The fleet study: rows beside the thesis, and its claims."""
+    held = sum(claim.holds for claim in study.claims)
+    summary = f"{held} of {len(study.claims)} claims of the thesis hold in the simulation"
+    return ResultView(
+        summary=lambda: summary,
+        html=lambda: render_fragment(f"{summary}.", [], _list_study_tables(study)),
+        table=lambda: [{"table": name, **make_json_safe(row)} for name, rows in study.tables.items() for row in rows],
+        draw=lambda axes: _draw_study(axes, study),
+        files={".json": lambda: format_study_json(study)},
+    )
+
+
+def _list_study_tables(study: FleetStudy) -> list[ShownTable]:
+    """The rows of all tables, and the claims."""
+    rows = [
+        (
+            name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
+            format_number(row.difference_pct, 1), row.note,
+        )
+        for name, table in study.tables.items()
+        for row in table
+    ]  # fmt: skip
+    headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
+    claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
+    return [
+        ShownTable(headings, rows, frozenset({0, 1, 6})),
+        ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
+    ]
+
+
+def _draw_study(axes: Axes, study: FleetStudy) -> None:
+    """Minutes of the thesis and of the simulation, two bars per row."""
+    rows = [(f"{name} {row.label}", row) for name, table in study.tables.items() for row in table]
+    for place, (_, row) in enumerate(rows):
+        axes.barh(place - 0.2, row.thesis_s / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[4])
+        axes.barh(place + 0.2, (row.time_s or 0.0) / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[0])
+    axes.set_yticks(range(len(rows)), [label for label, _ in rows], fontsize=8)
+    axes.invert_yaxis()
+    axes.set(xlabel="minutes; pale: thesis, dark: simulated")

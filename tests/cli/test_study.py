@@ -8,7 +8,7 @@ import pytest
 
 from planner.pipeline.executors import create_executor
 from planner.pipeline.thesis_study import list_thesis_times, study
-from reports.plan.fleet_study import FleetStudy, ThesisTableRow, format_study_json
+from reports.trials.report import FleetStudy, ThesisTableRow, format_study_json
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import reports.day.page  # noqa: F401
-from reports.day.answer import format_time_of_day
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
-from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
+from reports.day.results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField, format_time_of_day
 from reports.day.tables import DAY_CSV_KEYS, build_day_table, format_day_csv, format_day_json
 from reports.plan.map_figure import render_png, render_svg
 from tests.printing import print_text

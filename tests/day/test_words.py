@@ -5,8 +5,7 @@ from dataclasses import replace
 from planner.day.optimization.problem import make_empty_routes
 from planner.day.optimization.solver import solve_day
 from planner.day.planning import explain_not_done
-from reports.day.answer import list_day_sentences
-from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
+from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField, list_day_sentences
 from tests.day.days import by_hand
 from tests.day.test_reports import HOUR, JOB
 

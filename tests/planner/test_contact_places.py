@@ -11,7 +11,7 @@ from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from reports.common.shortfalls import OBSTACLE, OUTLINE
+from reports.common.plan_records import OBSTACLE, OUTLINE
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.compile import compute_contact_boxes

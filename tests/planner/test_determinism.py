@@ -18,7 +18,7 @@ import pytest
 from planner import HeadlandError, LocalPool, PlanningResult, PlanRequest, SerialExecutor, plan
 from planner.request.option_texts import parse_counts
 from reports.common.plan_results import PlanRanking
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+from reports.plan.figures import format_ranking_csv, format_ranking_json
 from tests.drawn_fields import rectangle
 from vehicle.model.tractor import load_tractor
 

@@ -27,8 +27,8 @@ from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
 from planner.request.service_points import describe_supply, export_supply, locate_service_point
 from planner.risk.costs import CostTerms, compute_hourly_rates
+from reports.plan.figures import format_ranking_json
 from reports.plan.leg_list import describe_leg
-from reports.plan.ranking_export import format_ranking_json
 from strategies.program.battery_supply import ESTIMATE_MARGIN, BatterySupply
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Leg

@@ -18,7 +18,7 @@ from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from reports.common.shortfalls import FENCE, OBSTACLE
+from reports.common.plan_records import FENCE, OBSTACLE
 from strategies.path_planning.machine_body import MachineBody
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun

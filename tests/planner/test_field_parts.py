@@ -12,8 +12,8 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
+from reports.common.plan_records import OBSTACLE, PlanFault
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import OBSTACLE, PlanFault
 from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_page import render_plan_page

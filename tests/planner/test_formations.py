@@ -15,7 +15,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
-from reports.plan.ranking_export import format_ranking_json
+from reports.plan.figures import format_ranking_json
 from strategies.registry import STRATEGIES
 from vehicle.missions.run import DONE, SimulationRun
 

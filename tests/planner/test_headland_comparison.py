@@ -22,7 +22,7 @@ from planner.pipeline.comparisons import HeadlandChoices, compare_headlands, lis
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
-from reports.plan.headland_comparison import HeadlandComparison
+from reports.plan.comparison import HeadlandComparison
 from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun

@@ -22,7 +22,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from reports.common.shortfalls import OBSTACLE
+from reports.common.plan_records import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.lines.work_line import HOLE_PASS
 from strategies.programmes.build_plan import build_plan, charge_waiting

@@ -23,7 +23,7 @@ from planner.request.line_texts import parse_line_names
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
 from reports.plan.answer import write_answer
-from reports.plan.ranking_export import format_ranking_json
+from reports.plan.figures import format_ranking_json
 from reports.plan.ranking_table import build_ranking_table
 from strategies.lines.line_wishes import LineName, LineWishes
 from tests.printing import print_text

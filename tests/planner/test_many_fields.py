@@ -24,8 +24,8 @@ from planner.pipeline.many_fields import (
 )
 from planner.request.option_texts import parse_widths
 from planner.request.plan_request import PlanRequest
+from reports.plan.figures import format_ranking_json
 from reports.plan.many_fields import FieldRow
-from reports.plan.ranking_export import format_ranking_json
 from tests.drawn_fields import feature, point, rectangle, write_farm, write_features
 
 

@@ -20,7 +20,7 @@ from planner.errors import RequestError
 from planner.farm.settings import FarmTimes
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.service.sandbox.readings import read_day_form
-from reports.plan.ranking_export import format_ranking_csv
+from reports.plan.figures import format_ranking_csv
 from tests.reports.test_notebook import EVIL, check_shown
 from tests.service.conftest import SMALL
 from tests.truth.model import make_logs

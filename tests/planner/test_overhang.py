@@ -19,8 +19,8 @@ from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
+from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import PlanResult
-from reports.common.shortfalls import Remark, Stake
 from tests.examples import seldom
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate

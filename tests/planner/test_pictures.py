@@ -12,7 +12,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.outputs.pictures import build_outline_picture, exclude_cut_off_piece
 from planner.request.plan_request import PlanRequest
-from reports.common.shortfalls import UnworkedPiece
+from reports.common.plan_records import UnworkedPiece
 from reports.plan.map_labels import place_headland_pass_labels
 
 BOX = shapely.box(0, 0, 100, 60)

@@ -14,8 +14,8 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
+from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import UnworkedPiece
 from strategies.names import STRATEGY_NAMES
 from tests.drawn_fields import rectangle
 from tests.examples import count_examples

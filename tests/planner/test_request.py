@@ -15,7 +15,7 @@ from planner.errors import RequestError, strip_unit
 from planner.request.farm_choice import FarmChoice
 from planner.request.options import list_options
 from planner.request.plan_request import PlanRequest
-from planner.service.jobs.job_requests import PLAN_JOB_MODEL
+from planner.service.jobs.input_files import PLAN_JOB_MODEL
 
 OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 

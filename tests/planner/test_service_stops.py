@@ -28,9 +28,9 @@ from planner.request.service_points import add_coordinates
 from planner.risk.leg_graph import build_leg_graph
 from planner.risk.monte_carlo import sample_outcomes
 from reports.plan.answer import write_answer
+from reports.plan.figures import format_ranking_json
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
-from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_table import build_ranking_table
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from tests.printing import print_text

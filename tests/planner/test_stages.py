@@ -7,7 +7,7 @@ from fields.geometry.field import Field
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import LAYING_OUT, SIMULATING, STAGES_S, plan
 from planner.request.plan_request import PlanRequest
-from reports.plan.ranking_export import format_ranking_json
+from reports.plan.figures import format_ranking_json
 
 
 @pytest.mark.slow

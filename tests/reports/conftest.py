@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import CellOutline, DriverLeg, HeadlandPassLine, PlanDrive
+from reports.common.plan_records import CellOutline, DriverLeg, HeadlandPassLine, PlanDrive, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import UnworkedPiece
-from reports.plan.fleet_study import FleetStudy, ThesisClaim, ThesisTableRow
+from reports.trials.report import FleetStudy, ThesisClaim, ThesisTableRow
 
 STEP_S = 0.5
 SPEED_MPS = 1.5

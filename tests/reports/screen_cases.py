@@ -3,9 +3,9 @@
 from dataclasses import replace
 from typing import Any
 
+from reports.common.plan_records import PullFigures, Shortfall, SlopePlace
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import PullFigures, Shortfall, SlopePlace
-from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
+from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.many_fields import FieldRow
 
 HOUR_S = 3600.0

@@ -52,7 +52,7 @@ ALARMING_MODULES = (
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
     "strategies/program/dealing.py", "strategies/lines/line_wishes.py",
     "planner/evaluation/candidates/line_programme.py",
-    "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
+    "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py", "reports/plan/shortfall_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",
     "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py", "planner/pipeline/going_on.py",
 )  # fmt: skip

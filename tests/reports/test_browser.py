@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking
 from reports.plan.ranking_page import render_plan_page
 from reports.trials.report import render_trials_page

@@ -8,9 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from reports.diagnosis.log_checks import MOST_RUNS, describe_columns, describe_unsaved
 from reports.diagnosis.page import build_diagnosis_view
-from reports.diagnosis.sentences import describe_remaining_error
+from reports.diagnosis.sentences import MOST_RUNS, describe_columns, describe_remaining_error, describe_unsaved
 from reports.diagnosis.tables import build_diagnosis_screen, format_diagnosis_json
 from tests.printing import assert_as_stored, print_text
 from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting

@@ -12,13 +12,13 @@ import pytest
 from PIL import Image
 
 from reports.common.language import Reader, use_reader
-from reports.common.plan_drives import DriverLeg, PlanDrive, Relief
+from reports.common.plan_records import DriverLeg, PlanDrive, Relief
 from reports.plan.answer import write_answer
-from reports.plan.energy_wording import describe_energy, describe_physics, format_energy, format_rate
+from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.plan.leg_list import format_leg_lists_json
 from reports.plan.map_data import build_page_map
 from reports.plan.map_figure import build_legend_entries, draw_plan_map, render_png
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+from reports.plan.plan_wording import describe_energy, describe_physics, format_energy, format_rate
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, build_ranking_table, choose_first_plans
 from tests.printing import print_text

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.common.effect_names import get_effect_label
+from reports.common.wording import get_effect_label
 from reports.diagnosis.evidence import build_curve_drawing, build_evidence_content
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json

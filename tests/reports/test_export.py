@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.rendering import make_json_safe
-from reports.common.shortfalls import Shortfall, UnworkedPiece
-from reports.plan.figures import MEASURES
-from reports.plan.fleet_study import FleetStudy, format_study_json
-from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json
+from reports.plan.figures import CSV_KEYS, MEASURES, PLAN_KEYS, format_ranking_csv, format_ranking_json
+from reports.trials.report import FleetStudy, format_study_json
 
 STATED = ["stated_end_s", "stated_late_end_s", "stated_cost"]
 CONTRACT = [

@@ -6,11 +6,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.wording import format_duration
 from reports.plan.leg_list import format_leg_rows
 from reports.plan.map_figure import _format_leg_columns, draw_plan_map, render_png, render_svg
-from reports.trials.figures import draw_panel
+from reports.trials.report import draw_panel
 from vehicle.trials.sheets.sheet import PlotLine, PlotPanel
 
 

@@ -18,15 +18,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import RenderableType
 
-from reports.common.language import use_language
+from reports.common.language import Reader, use_reader
+from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking
-from reports.common.shortfalls import Shortfall
 from reports.common.wording import format_price
 from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.figures import format_ranking_json
 from reports.plan.many_fields import FieldRow, build_many_fields_screen, render_many_fields_page
-from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import (
     build_answer_table,
@@ -163,7 +163,7 @@ def test_the_first_sentence_fits_a_line_and_has_litres(language: str) -> None:
     """With the longest name of a strategy and with assumed prices."""
     plans = tuple(replace(plan, strategy="row-by-row-optimised", on_pareto_front=True) for plan in FUEL.plans)
     ranking = replace(FUEL, plans=plans[3:], chosen=None, prices_assumed=True)
-    with use_language(language):
+    with use_reader(Reader(language)):
         decision = write_answer(ranking).decision
     assert " l" in decision and len(decision) <= 80, decision
 

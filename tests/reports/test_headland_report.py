@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive, UnworkedPiece
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
-from reports.common.shortfalls import UnworkedPiece
-from reports.plan.comparison import LayoutFigures
-from reports.plan.headland_comparison import (
+from reports.plan.comparison import (
     HeadlandChoice,
     HeadlandComparison,
     HeadlandRow,
+    LayoutFigures,
     list_cut_off,
     list_missing,
     name_choice,
@@ -31,7 +30,7 @@ from reports.plan.headland_report import (
     render_headland_page,
 )
 from reports.plan.many_fields import FieldRow, build_many_fields_table, render_many_fields_page, sum_over_fields
-from reports.plan.small_map import build_small_map
+from reports.plan.map_data import build_small_map
 from tests.browsers import BROWSER, open_browser
 from tests.printing import print_text
 

@@ -6,9 +6,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive
+from reports.common.plan_records import CellOutline, HeadlandPassLine, PlanDrive, UnworkedPiece
 from reports.common.plan_results import PlanRanking
-from reports.common.shortfalls import UnworkedPiece
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.map_figure import draw_plan_map
 from reports.plan.map_labels import (

@@ -26,13 +26,12 @@ from reports.common.language import (
     translate,
     translate_count,
     translate_sentence,
-    use_language,
     use_reader,
 )
 from reports.common.text_tables import FittedTable, TableColumn, wrap_text
 from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
+from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.plan.many_fields import build_many_fields_screen
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from tests.printing import print_text
 from tests.reports.brackets import Brackets, brackets
@@ -116,7 +115,7 @@ def test_an_unknown_language_is_refused_in_a_sentence(
 
 def test_a_text_that_a_catalogue_lacks_stays_english() -> None:
     for language in OTHERS:
-        with use_language(language):
+        with use_reader(Reader(language)):
             assert translate("No such text, {name}.", name="x") == "No such text, x."
             assert translate_count("{count} nothing", "{count} nothings", 2) == "2 nothings"
             assert translate_sentence("No such text either.") == "No such text either."
@@ -127,7 +126,7 @@ def test_a_text_that_a_catalogue_lacks_stays_english() -> None:
 
 def test_a_finished_sentence_is_found_by_the_key_that_it_was_made_from(brackets: Brackets) -> None:
     sentence = "Obstacles cut off 1.20 ha, which no plan works."
-    with use_language("de"):
+    with use_reader(Reader("de")):
         assert translate_sentence(sentence) == f"⟦{sentence}⟧"
         assert translate_sentence("Feasible: myfield.") == "⟦Feasible: myfield.⟧"
         assert translate_sentence("myfield") == "myfield"
@@ -226,7 +225,7 @@ def test_help_of_plan_has_no_english_left(language: str, capsys: pytest.CaptureF
     if find_untranslated(language):
         pytest.skip("the catalogue is not complete")
     command: Any = typer.main.get_command(app)
-    with use_language(language):
+    with use_reader(Reader(language)):
         command_line.translate_help(command)
     command_line.translate_help(typer.main.get_command(app))  # titles are of the whole process
     english = {text for text in collect_texts() if isinstance(text, str) and len(text.split()) > 2}

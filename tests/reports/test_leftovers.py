@@ -15,7 +15,7 @@ from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from reports.common import language as languages
 from reports.common import text_tables
-from reports.common.language import use_language
+from reports.common.language import Reader, use_reader
 from reports.common.plan_results import PlanRanking
 from reports.day.tables import build_day_screen, build_day_table
 from reports.plan.many_fields import build_many_fields_screen, build_many_fields_table
@@ -61,7 +61,7 @@ def capitals(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def find_small_letters(build: Callable[..., RenderableType], *arguments: Any) -> list[str]:
     """The words of a screen that come from no catalogue and are no names."""
     stream = io.StringIO()
-    with use_language("de"):
+    with use_reader(Reader("de")):
         Console(file=stream, width=600, color_system=None).print(build(*arguments))
     return re.findall(r"[A-Za-z]*[a-z]{3,}[A-Za-z]*", NAMES.sub("", stream.getvalue()))
 

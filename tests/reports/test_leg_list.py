@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from reports.common.plan_drives import DriverLeg
+from reports.common.plan_records import DriverLeg
 from reports.plan.leg_list import (
     build_leg_tables,
     describe_leg,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import PlanDrive, Relief
+from reports.common.plan_records import PlanDrive, Relief
 from reports.common.plan_results import PlanRanking
 from reports.common.rendering import ReportError
 from reports.plan.map_data import PATH_TOLERANCE_M, format_maps_json

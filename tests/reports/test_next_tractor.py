@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from reports.common.language import use_language
+from reports.common.language import Reader, use_reader
+from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import Shortfall
 from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer
@@ -100,9 +100,9 @@ def test_cost_changes_are_those_printed_with_that_of_the_ground(
 
 def test_it_is_said_in_every_language() -> None:
     plans = build_plan(3, 60.0, 120.0), build_plan(4, 56.0, 129.0)
-    with use_language("de"):
+    with use_reader(Reader("de")):
         assert write_alternatives(*plans) == "3 Traktoren; ein vierter spart 4 min für 9 EUR."
-    with use_language("fr"):
+    with use_reader(Reader("fr")):
         assert write_alternatives(*plans) == "3 tracteurs ; un quatrième fait gagner 4 min pour 9 EUR."
 
 

@@ -18,13 +18,12 @@ from matplotlib.figure import Figure
 import reports.diagnosis.page
 import reports.plan.notebook  # noqa: F401
 from planner.pipeline.diagnosis import TractorDiagnosis
-from reports.common.notebook import PICTURE_DPIS, ShownResult, encode_picture
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking
-from reports.common.rendering import ReportError
+from reports.common.rendering import PICTURE_DPIS, ReportError, ShownResult, encode_picture
 from reports.diagnosis.tables import build_diagnosis_dict
-from reports.plan.fleet_study import FleetStudy
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+from reports.plan.figures import format_ranking_csv, format_ranking_json
+from reports.trials.report import FleetStudy
 from tests.reports.test_diagnosis import diagnosis, in_model
 from vehicle.identification.diagnosis.results import NAMED
 

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.plan.count_charts import build_risk_chart
-from reports.plan.ranking_page import render_plan_page
+from reports.plan.ranking_page import build_risk_chart, render_plan_page
 
 
 def plan(tractors: int, strategy: str, probability: float | None, cost: float) -> PlanResult:

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reports.common.plan_drives import PlanDrive, Points
+from reports.common.plan_records import PlanDrive, Points
 from reports.common.plan_results import PlanRanking
 from reports.common.rendering import ReportError
 from reports.common.wording import NO_BREAK, format_duration
-from reports.plan.count_charts import build_time_chart
 from reports.plan.drive_geometry import Viewport
 from reports.plan.map_data import MOST_FIRST_KNOTS, MOST_OTHER_KNOTS, PATH_TOLERANCE_M, build_page_map, build_time_bars
-from reports.plan.ranking_page import render_plan_page
+from reports.plan.ranking_page import build_time_chart, render_plan_page
 
 VOID = {"meta", "input", "br", "wbr", "link", "img"}
 

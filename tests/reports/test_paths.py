@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.rendering import ReportError
 from reports.plan.drive_geometry import (
     REVERSING,

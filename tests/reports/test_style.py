@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking
 from reports.common.rendering import render_template
 from reports.diagnosis.page import render_diagnosis_page

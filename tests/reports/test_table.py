@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from reports.common.plan_results import PlanRanking
 from reports.common.text_tables import break_text_at_marks
 from reports.plan.field_report import build_field_table
-from reports.plan.fleet_study import FleetStudy, build_study_tables
 from reports.plan.ranking_table import build_first_screen, build_ranking_table
+from reports.trials.report import FleetStudy, build_study_tables
 from tests.printing import print_text
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive
 from reports.plan.drive_geometry import list_status_runs
 from reports.plan.map_data import PATH_TOLERANCE_M, thin_paths
 

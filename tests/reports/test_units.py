@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from reports.common import wording as units
 from reports.common.language import US, Reader, use_reader
 from reports.plan.answer import write_answer
+from reports.plan.figures import format_ranking_json
 from reports.plan.many_fields import build_many_fields_screen
-from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_table import build_first_screen
 from tests.printing import print_text
 from tests.reports.screen_cases import RANKINGS, build_records

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.effect_names import replace_effect_ids
+from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import Shortfall, UnworkedPiece
 from reports.common.wording import (
     NO_BREAK,
     format_clock_after_start,
@@ -18,6 +17,7 @@ from reports.common.wording import (
     format_price,
     insert_non_breaking_spaces,
     join_list,
+    replace_effect_ids,
 )
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, TABLE_DROPS
@@ -27,10 +27,9 @@ from reports.plan.plan_wording import (
     format_ground_place,
     format_in_time_probability,
     format_unworked,
-    group_refusals,
     list_plan_remarks,
-    name_refused_plans,
 )
+from reports.plan.shortfall_wording import group_refusals
 
 
 @pytest.mark.parametrize(
@@ -319,4 +318,4 @@ def test_every_refusal_is_in_one_group(entries: list[tuple[str, int]]) -> None:
 
 
 def test_members_are_named(ranking: PlanRanking) -> None:
-    assert name_refused_plans(group_refusals(ranking.plans[6:])[0]) == "row-by-row (u) with 7 and 9"
+    assert group_refusals(ranking.plans[6:])[0].members == "row-by-row (u) with 7 and 9"

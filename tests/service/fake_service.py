@@ -12,8 +12,8 @@ from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
 from planner.fleet.model.tractor_state import POSITIONS, PROGRESS, SPEED, MotionDoubt
 from planner.fleet.safety.compliance import describe_doubt
-from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
-from planner.service.api.form_routes import build_plan_form
+from planner.service.access.browsers import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
+from planner.service.api.job_routes import build_plan_form
 from planner.service.errors import ServiceError
 from planner.service.fleets.video_addresses import check_video_address, find_origin
 from planner.service.pages.static_files import mount_pages

@@ -18,7 +18,7 @@ from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import FleetEvent, TractorOrder, TractorReport
 from planner.request.plan_request import PlanRequest
-from planner.service.access.one_time_links import BrowserLogins
+from planner.service.access.browsers import BrowserLogins
 from planner.service.api.administration import ServiceMetrics
 from planner.service.fleets.fleet_routes import fleet_router, recording_router
 from planner.service.fleets.fleet_sessions import FleetSessions

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from planner.errors import RequestError, mark_parameter
-from planner.service.jobs.job_requests import JobContext
+from planner.service.jobs.input_files import JobContext
 from planner.service.store.job_queue import ResultFile
 
 STEPS = 4

@@ -11,8 +11,7 @@ import threading
 from pathlib import Path
 
 from planner.cli.server import _run_server
-from planner.service.jobs.remote_workers import run_remote_workers
-from planner.service.jobs.workers import WorkerSupervisor
+from planner.service.jobs.workers import WorkerSupervisor, run_remote_workers
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.benchmarks.jobs import LEASE_S

@@ -11,7 +11,7 @@ from fastapi import FastAPI, WebSocket
 from starlette.requests import HTTPConnection
 from starlette.testclient import TestClient
 
-from planner.service.access.one_time_links import BrowserLogins, OneTimeViews
+from planner.service.access.browsers import BrowserLogins, OneTimeViews
 from planner.service.access.permissions import RIGHTS_BY_SCOPE, RequiredRight, identify_socket
 from planner.service.api.apps import API_PREFIX, create_app, list_back_office_routers, list_control_routers
 from planner.service.errors import NotFoundError, ServiceError

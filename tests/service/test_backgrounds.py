@@ -22,16 +22,18 @@ from starlette.testclient import TestClient
 
 from planner.service.api.apps import create_app
 from planner.service.backgrounds.map_background import MapBackground
-from planner.service.backgrounds.tile_grid import (
+from planner.service.backgrounds.tile_server import (
+    CACHE_FOLDER,
     HALF_WIDTH_M,
     MOST_TILE_BYTES,
     FloatArray,
     Tile,
+    TileAddress,
+    TileCache,
     TileError,
     place_degrees,
     place_metres,
 )
-from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache
 from planner.service.errors import ServiceError
 from planner.service.settings import ServiceSettings
 from tests.examples import count_examples

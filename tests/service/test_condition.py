@@ -15,13 +15,12 @@ import sqlalchemy as sa
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.service.access.token_cache import TokenCache
 from planner.service.api.administration import METRICS_MEDIA_TYPE
 from planner.service.errors import DatabaseError, NotFoundError, StorageError, TokenError
 from planner.service.settings import DATABASE_FILE, ServiceSettings
 from planner.service.store import database as databases
 from planner.service.store.backup import back_up, restore_backup
-from planner.service.store.database_watch import STALE_S, DatabaseWatch
+from planner.service.store.database_watch import STALE_S, DatabaseWatch, TokenCache
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import REVOCATIONS_FOLDER, Revocation
 from tests.service.conftest import bearer

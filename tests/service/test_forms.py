@@ -15,7 +15,7 @@ from planner.farm.inventory import FarmFile, read_example_farm_text
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
-from planner.service.jobs.job_requests import PLAN_OPTIONS
+from planner.service.jobs.input_files import PLAN_OPTIONS
 from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.readings import read_day_form, read_farm_form
 from strategies.names import STRATEGY_NAMES

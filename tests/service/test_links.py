@@ -27,7 +27,7 @@ from planner.fleet.session.clients import FrameOutbox
 from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.fleet_twins import FleetTwins
 from planner.fleet.session.state_recorder import format_log_csv
-from planner.service.access.one_time_links import LOGIN_COOKIE, BrowserLogins
+from planner.service.access.browsers import LOGIN_COOKIE, BrowserLogins
 from planner.service.fleets import fleet_socket
 from planner.service.fleets.fleet_routes import build_asyncapi_document
 from planner.service.fleets.fleet_sessions import FleetSessions

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from planner.service.access import token_cache
-from planner.service.access.token_cache import TokenCache
 from planner.service.errors import TokenError
 from planner.service.settings import ServiceSettings
+from planner.service.store import database_watch
+from planner.service.store.database_watch import TokenCache
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 
@@ -111,11 +111,11 @@ def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> Non
 
 @pytest.mark.slow
 def test_a_database_that_hangs_holds_up_nobody_who_is_known(lost: Lost, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(token_cache, "REFRESH_TIMEOUT_S", 0.8)
+    monkeypatch.setattr(database_watch, "REFRESH_TIMEOUT_S", 0.8)
     text = lost.store.create_token_text("office", "operator")
     book = TokenCache(lost)  # type: ignore[arg-type]
     book.start()
-    lost.wait_s = 3 * token_cache.REFRESH_TIMEOUT_S
+    lost.wait_s = 3 * database_watch.REFRESH_TIMEOUT_S
     with pytest.raises(TokenError):  # waits for a reading that does not end
         asyncio.run(book.identify_token("hl_unknown"))
     begin = time.monotonic()
@@ -123,7 +123,7 @@ def test_a_database_that_hangs_holds_up_nobody_who_is_known(lost: Lost, monkeypa
     begin = time.monotonic()
     with pytest.raises(TokenError):
         asyncio.run(book.identify_token("hl_unknown"))
-    assert time.monotonic() - begin < 2 * token_cache.REFRESH_TIMEOUT_S
+    assert time.monotonic() - begin < 2 * database_watch.REFRESH_TIMEOUT_S
     book.close()
 
 

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.service.access.browser_policy import CONTENT_SECURITY_POLICY, build_page_policy
+from planner.service.access.browsers import CONTENT_SECURITY_POLICY, build_page_policy
 from planner.service.errors import ServiceError
 from planner.service.fleets.fleet_sessions import FleetLabel
 from planner.service.fleets.video_addresses import VideoAddresses, check_video_address, find_origin

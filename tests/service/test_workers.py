@@ -24,9 +24,8 @@ from planner.cli import main
 from planner.service.errors import BusyError, DatabaseError, NotFoundError, ResultPlaceError, VersionError
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
-from planner.service.store.carried_bytes import RemoteStore
+from planner.service.store.carried_bytes import RemoteStore, ResultPlace, check_result_place
 from planner.service.store.database import Database, migrate_database
-from planner.service.store.result_place import ResultPlace, check_result_place
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
 from tests.service.conftest import wait_until

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page
 
-from reports.sweep.page import render_sweep_page
+from reports.sweep.report import render_sweep_page
 from tests.browsers import BROWSER, open_browser
 from tests.service.accessibility import find_violations
 from tests.sweep.results import build_result

@@ -13,15 +13,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import reports.sweep.page  # noqa: F401
+import reports.sweep.report  # noqa: F401
 from planner.cli.sweep import pick_plan
 from planner.errors import RequestError
 from reports.common.drawing_sizes import ChartAxis
 from reports.common.rendering import ReportError
-from reports.sweep.page import render_sweep_page, render_sweep_png
-from reports.sweep.results import find_front, measure_influences
-from reports.sweep.tables import build_sweep_screen, format_sweep_csv, format_sweep_json, render_sweep_parquet
-from reports.sweep.wording import build_command, compare_with_drive
+from reports.sweep.report import (
+    build_sweep_screen,
+    format_sweep_csv,
+    format_sweep_json,
+    render_sweep_page,
+    render_sweep_parquet,
+    render_sweep_png,
+)
+from reports.sweep.results import build_command, compare_with_drive, find_front, measure_influences
 from tests.printing import print_text
 from tests.sweep.results import build_result
 

@@ -18,7 +18,7 @@ from planner.request.plan_request import PlanRequest
 from planner.task_logs.log_import import import_runs
 from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg
 from planner.task_logs.runs.worked_ground import measure_coverage
-from reports.task_logs.plan_comparison import (
+from reports.task_logs.report import (
     build_comparison_table,
     format_comparison_json,
     list_comparison_rows,

@@ -248,7 +248,7 @@ def test_farm_files_of_all_kinds_are_kept_or_refused(runs: Path, farm: Path) -> 
 
 
 def test_json_of_what_was_taught(runs: Path, farm: Path) -> None:
-    from reports.task_logs.run_tables import format_learned_json
+    from reports.task_logs.report import format_learned_json
 
     lesson = learn_farm_values([runs], farm)
     told = json.loads(format_learned_json(lesson.values, lesson.notes))

@@ -34,9 +34,8 @@ from planner.evaluation.ground.contact_places import ContactPlace, describe_wors
 from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.risk.assessment import add_risk_estimate
 from reports.common.language import mark_text
-from reports.common.plan_drives import PlanDrive
+from reports.common.plan_records import PlanDrive, Remark, Stake
 from reports.common.plan_results import PlanResult
-from reports.common.shortfalls import Remark, Stake
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
 from vehicle.missions.plan import ENTER, LEAVE

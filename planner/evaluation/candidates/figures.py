@@ -25,8 +25,8 @@ from planner.risk.costs import (
     get_price_per_hour,
     measure_driven_times,
 )
+from reports.common.plan_records import PlanFault, Remark, Stake, UnworkedPiece
 from reports.common.plan_results import PlanResult
-from reports.common.shortfalls import PlanFault, Remark, Stake, UnworkedPiece, sort_remarks
 from reports.plan.figures import MEASURES
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
@@ -73,6 +73,8 @@ def measure_candidate(
     times, energy = measure_driven_times(run), measure_energy(context, run)
     hourly, hiring = compute_cost(context, times, energy)
     overhang = measure_overhang(run, context) if is_shown else None
+    remarks = [*_list_missed_remarks(coverage.largest_piece, context), *candidate_run.remarks]
+    remarks += [] if overhang is None else _list_overhang_remarks(overhang, context)
     figures = PlanResult(
         strategy=strategy,
         tractors=tractors,
@@ -104,13 +106,7 @@ def measure_candidate(
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         measured={key: measure(run) for key, measure in MEASURES.items()},
-        remarks=sort_remarks(
-            (
-                *_list_missed_remarks(coverage.largest_piece, context),
-                *candidate_run.remarks,
-                *([] if overhang is None else _list_overhang_remarks(overhang, context)),
-            )
-        ),
+        remarks=tuple(remark.text for remark in sorted(remarks, key=lambda remark: remark.stake)),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),

@@ -19,8 +19,8 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import MODEL_ERROR_SHARE
-from reports.common.shortfalls import Remark, Stake
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
 from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart

@@ -12,7 +12,7 @@ from fields.geometry.field import Field
 from fields.terrain.checks import describe_place
 from fields.terrain.slopes import compute_directional_slopes
 from planner.evaluation.context import PlanningContext
-from reports.common.shortfalls import STUCK, PlanFault, Remark, SlopePlace, Stake
+from reports.common.plan_records import STUCK, PlanFault, Remark, SlopePlace, Stake
 from vehicle.missions.run import RollOverMargin, SimulationRun, Stall
 from vehicle.model.terrain import Terrain
 from vehicle.records import FINISHED, REC_POSE, REC_SPEED

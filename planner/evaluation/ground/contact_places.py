@@ -13,7 +13,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import InteriorCellTable, measure_excursion_m, measure_outside_m
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.site import MAX_OUTSIDE_M
-from reports.common.shortfalls import FENCE, OBSTACLE, OUTLINE, PlanFault
+from reports.common.plan_records import FENCE, OBSTACLE, OUTLINE, PlanFault
 from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun

@@ -18,7 +18,7 @@ from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_pol
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
-from reports.common.shortfalls import UnworkedPiece
+from reports.common.plan_records import UnworkedPiece
 from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun

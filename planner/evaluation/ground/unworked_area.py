@@ -18,8 +18,8 @@ from planner.evaluation.ground.left_out import find_left_out_ground, measure_lef
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.site import recall
 from reports.common.language import mark_text
+from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
-from reports.common.shortfalls import UnworkedPiece
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS

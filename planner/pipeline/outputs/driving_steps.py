@@ -16,7 +16,7 @@ import shapely
 
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
-from reports.common.plan_drives import DriverLeg
+from reports.common.plan_records import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter, name_line
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import (

@@ -32,9 +32,8 @@ from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, b
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
-from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief
+from reports.common.plan_records import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.shortfalls import UnworkedPiece
 from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS, SERVICE_STATE
 from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.line_wishes import name_line

@@ -12,11 +12,10 @@ from starlette.requests import HTTPConnection, Request
 from starlette.routing import BaseRoute
 from starlette.websockets import WebSocket
 
-from planner.service.access.browser_policy import check_origin
-from planner.service.access.one_time_links import BrowserLogins
-from planner.service.access.token_cache import TokenCache
+from planner.service.access.browsers import BrowserLogins, check_origin
 from planner.service.errors import ScopeError, TokenError
 from planner.service.settings import ServiceSettings
+from planner.service.store.database_watch import TokenCache
 from planner.service.store.tables import FileRow, JobRow, Owner, TokenRow
 from planner.service.store.token_table import BROWSER_TOKEN_PREFIX
 

@@ -22,7 +22,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse
 
 from planner.errors import HeadlandError
-from planner.service.access.one_time_links import BrowserLogins
+from planner.service.access.browsers import BrowserLogins
 from planner.service.access.permissions import (
     RIGHTS_BY_SCOPE,
     AdminAccess,
@@ -31,11 +31,10 @@ from planner.service.access.permissions import (
     identify_caller,
     read_bearer,
 )
-from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ServiceError, StorageError
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.gateway.bodies import BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
+from planner.service.gateway.request_gate import BodyBudget
 from planner.service.gateway.responses import (
     ApiRequest,
     ApiRouter,
@@ -52,7 +51,7 @@ from planner.service.gateway.responses import (
     build_refusal_response,
 )
 from planner.service.settings import LIMITS, find_version
-from planner.service.store.database_watch import DatabaseWatch
+from planner.service.store.database_watch import DatabaseWatch, TokenCache
 from planner.service.store.service_store import Store
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"

@@ -24,13 +24,16 @@ from prometheus_client import ProcessCollector
 from sqlalchemy.exc import DBAPIError
 from starlette.routing import BaseRoute
 
-from planner.service.access.browser_policy import SecurityHeadersMiddleware
-from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
-from planner.service.access.token_cache import TokenCache
+from planner.service.access.browsers import LOGIN_PATH, BrowserLogins, OneTimeViews, SecurityHeadersMiddleware
 from planner.service.api import administration
 from planner.service.api.administration import ServiceMetrics, measure_connections, measure_fleets, measure_store
-from planner.service.api.form_routes import form_router
-from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, plans_router
+from planner.service.api.job_routes import (
+    JOB_KIND_BY_PATH,
+    all_jobs_router,
+    build_jobs_router,
+    form_router,
+    plans_router,
+)
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes
@@ -39,9 +42,14 @@ from planner.service.fleets.fleet_socket import PENDING_LIMITS, link_router
 from planner.service.fleets.twin_routes import TwinDiagnosis, twin_router
 from planner.service.fleets.video_addresses import video_router
 from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
-from planner.service.gateway.bodies import BODIES_FOLDER, BodyBudget
 from planner.service.gateway.connection_limits import ConnectionRegistry
-from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
+from planner.service.gateway.request_gate import (
+    BODIES_FOLDER,
+    BodyBudget,
+    RequestGate,
+    list_route_rules,
+    refuse_unknown_query,
+)
 from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
 from planner.service.gateway.responses import add_error_handlers
 from planner.service.jobs.file_reading import FileReader
@@ -51,7 +59,7 @@ from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
 from planner.service.settings import LIMITS, ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
-from planner.service.store.database_watch import DatabaseWatch
+from planner.service.store.database_watch import DatabaseWatch, TokenCache
 from planner.service.store.service_store import Store
 
 DOCS_ASSETS = {
@@ -123,13 +131,11 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
     ProcessCollector("headland_office", lambda: office.pid, registry=app.state.metrics.registry)
     app.router.routes.extend(_build_routes(has_office=False))
 
-    async def flush_recordings(path: str) -> None:
-        await fleet_routes.save_recording_before_read(app.state.hub, path)
-
     async def refresh_tokens(path: str) -> None:
         if path.startswith(TOKENS_PATH):
             await asyncio.to_thread(app.state.book.refresh)
 
+    flush_recordings = partial(fleet_routes.save_recording_before_read, app.state.hub)
     forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens)
     app.router.default = forward
     _add_middleware(app)

@@ -25,14 +25,14 @@ from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, F
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
-from planner.service.store.file_table import (
+from planner.service.store.service_store import (
     BYTES,
     MEDIA_BY_SUFFIX,
     SUFFIXES_BY_KIND,
+    Store,
     build_other_content_error,
     check_suffix,
 )
-from planner.service.store.service_store import Store
 from planner.service.store.store_part import check_name, choose_copy_name, is_found
 from planner.service.store.tables import FileRow
 from vehicle.identification.logs.reader import SAMPLE_LOG, resolve_log_path

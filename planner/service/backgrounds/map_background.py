@@ -6,6 +6,7 @@ Files are of the service's own disk: MBTiles (SQLite) and GeoTIFF.
 from __future__ import annotations
 
 import contextlib
+import io
 import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
@@ -19,7 +20,8 @@ from starlette.concurrency import run_in_threadpool
 
 from fields.geometry.coordinates import MAX_COORDINATE
 from planner.service.access.permissions import ReadAccess
-from planner.service.backgrounds.tile_grid import (
+from planner.service.backgrounds.tile_server import (
+    CACHE_FOLDER,
     HALF_WIDTH_M,
     HIGHEST_ZOOM,
     MEDIA_BY_FORMAT,
@@ -29,13 +31,15 @@ from planner.service.backgrounds.tile_grid import (
     WGS84,
     PlacementInfo,
     Tile,
+    TileAddress,
+    TileCache,
     TileError,
-    encode_png,
+    TileServer,
     identify_tile,
+    is_address,
     place_degrees,
     place_metres,
 )
-from planner.service.backgrounds.tile_server import CACHE_FOLDER, TileAddress, TileCache, TileServer, is_address
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, ApiRouter, document_file
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
@@ -131,6 +135,7 @@ class GeoTiffFile:
 
     def read_tile(self, tile: Tile) -> bytes | None:
         """PNG of a tile, None where the picture does not reach. Raises TileError."""
+        from PIL import Image
         from rasterio.enums import ColorInterp, Resampling
         from rasterio.vrt import WarpedVRT
 
@@ -148,7 +153,10 @@ class GeoTiffFile:
         if not alpha.any():
             return None
         colours = bands[:3] if len(bands) > 3 else np.repeat(bands[:1], 3, axis=0)
-        return encode_png(np.ascontiguousarray(np.moveaxis(np.vstack([colours, alpha[None]]), 0, -1)))
+        pixels = np.ascontiguousarray(np.moveaxis(np.vstack([colours, alpha[None]]), 0, -1))
+        stream = io.BytesIO()
+        Image.fromarray(pixels).save(stream, "PNG", compress_level=3)
+        return stream.getvalue()
 
     def _read_facts(self) -> BackgroundInfo:
         from rasterio.enums import ColorInterp

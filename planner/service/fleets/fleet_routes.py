@@ -28,8 +28,7 @@ from planner.request.validation import describe_fault, format_location
 from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
 from planner.service.errors import BusyError, NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessions, NewFleet, prepare_with_files
-from planner.service.gateway.bodies import BODIES_FOLDER, spool_body
-from planner.service.gateway.request_gate import LARGE_BODY_KEY
+from planner.service.gateway.request_gate import BODIES_FOLDER, LARGE_BODY_KEY, spool_body
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, document_file
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store, open_store

@@ -30,10 +30,10 @@ from planner.fleet.session.fleet_session import MOST_EVENTS, FleetSession
 from planner.fleet.session.fleet_twins import warm_up
 from planner.fleet.session.state_recorder import ROW_COLUMNS, select_rising_rows
 from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
-from planner.service.access.token_cache import TokenCache
 from planner.service.errors import BusyError, NotFoundError
 from planner.service.fleets.video_addresses import VideoAddresses
 from planner.service.settings import LIMITS
+from planner.service.store.database_watch import TokenCache
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
 

@@ -22,9 +22,8 @@ from planner.service.access.permissions import Caller, OperateAccess, ReadAccess
 from planner.service.errors import BusyError, ConflictError, NotFoundError
 from planner.service.fleets.fleet_sessions import FleetSessions, parse_tractor
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList
-from planner.service.jobs.file_reading import FileReader
-from planner.service.jobs.job_requests import DiagnosisJobRequest
-from planner.service.jobs.submission import submit_job
+from planner.service.jobs.file_reading import FileReader, submit_job
+from planner.service.jobs.input_files import DiagnosisJobRequest
 from planner.service.settings import LIMITS
 from planner.service.store.job_queue import DONE, UNFINISHED_STATUSES
 from planner.service.store.service_store import Store

@@ -1,7 +1,7 @@
 """Addresses of real video, one per tractor of a fleet and stored with it; browsers load them, the service never does.
 
 Only hosts that the administrator named count, as a browser reaches more than this service does; the page's content
-security policy allows those in use and no others (access/browser_policy.py).
+security policy allows those in use and no others (access/browsers.py).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from urllib.parse import SplitResult, urlsplit
 from fastapi import Request
 from pydantic import Field
 
-from planner.service.access.browser_policy import STANDARD_PORT
+from planner.service.access.browsers import STANDARD_PORT
 from planner.service.access.permissions import OperateAccess
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.gateway.responses import ApiRequest, ApiRouter

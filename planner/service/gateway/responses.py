@@ -197,22 +197,16 @@ class EventList(ItemList[EventInfo]):
     """Events, the oldest first."""
 
 
-def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Documentation of the refusals of a route, with those that every route has."""
-    return {
-        each: {"model": ErrorInfo, "description": _STATUS_MEANINGS[each]}
-        for each in sorted({*statuses, *COMMON_ERROR_STATUSES})
-    }
-
-
 class ApiRouter(APIRouter):
     """Routes whose refusals are documented by what they are: a path may name nothing, and a change may conflict."""
 
     def add_api_route(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
         """Overrides APIRouter.add_api_route, to which every decorator of a route comes."""
         changes = set(options.get("methods") or ("GET",)) != {"GET"}
-        statuses = (401, 403, 422, *((404,) if changes or "{" in path else ()), *((409,) if changes else ()))
-        options["responses"] = document_errors(*statuses) | (options.get("responses") or {})
+        statuses = {401, 403, 422, *COMMON_ERROR_STATUSES}
+        statuses |= ({404} if changes or "{" in path else set()) | ({409} if changes else set())
+        refusals = {each: {"model": ErrorInfo, "description": _STATUS_MEANINGS[each]} for each in sorted(statuses)}
+        options["responses"] = refusals | (options.get("responses") or {})
         super().add_api_route(path, endpoint, **options)
 
 
@@ -263,10 +257,6 @@ def add_error_handlers(app: FastAPI) -> None:
         sentence = describe_fault(fault, format_location(location) or f"The {fault['loc'][0]}")
         return build_error_response(422, sentence, None, name)
 
-    async def handle_http_exception(request: Request, error: Exception) -> JSONResponse:
-        assert isinstance(error, HTTPException)
-        return _answer_http_exception(app, request, error)
-
     async def handle_lost_database(_request: Request, error: Exception) -> JSONResponse:
         logging.getLogger(__name__).error("The database: %s", error)
         return build_error_response(503, "The database cannot be reached now; try again.")
@@ -284,7 +274,7 @@ def add_error_handlers(app: FastAPI) -> None:
 
     app.add_exception_handler(HeadlandError, handle_headland_error)
     app.add_exception_handler(RequestValidationError, handle_invalid_request)
-    app.add_exception_handler(HTTPException, handle_http_exception)
+    app.add_exception_handler(HTTPException, _answer_http_exception)
     for kind in (OperationalError, InterfaceError, PoolTimeout):
         app.add_exception_handler(kind, handle_lost_database)
     app.add_exception_handler(ClientDisconnect, handle_gone_client)
@@ -292,7 +282,9 @@ def add_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Exception, handle_internal_error)
 
 
-def _answer_http_exception(app: FastAPI, request: Request, error: HTTPException) -> JSONResponse:
+async def _answer_http_exception(request: Request, error: Exception) -> JSONResponse:
+    """What Starlette refuses, and refusals of the gate within a body, in a sentence of the service."""
+    assert isinstance(error, HTTPException)
     headers = {name.lower(): value for name, value in (error.headers or {}).items()}
     if error.status_code == 404:
         return build_error_response(404, "There is nothing at this address; the API is documented at /api/v1/docs.")
@@ -301,7 +293,7 @@ def _answer_http_exception(app: FastAPI, request: Request, error: HTTPException)
         headers["allow"] = ", ".join(
             method
             for method, scope in scopes.items()
-            if any(route.matches(scope)[0] == Match.FULL for route in app.router.routes)
+            if any(route.matches(scope)[0] == Match.FULL for route in request.app.router.routes)
         )
         sentence = f"This address does not take {request.method[:20]}; it takes {headers['allow']}."
         return build_error_response(405, sentence, headers)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import re
 import tempfile
 import threading
 import time
@@ -26,11 +27,21 @@ from starlette.requests import HTTPConnection
 from planner.errors import HeadlandError
 from planner.service.access.permissions import Caller
 from planner.service.errors import BusyError
-from planner.service.jobs.input_files import write_inputs
+from planner.service.jobs.input_files import (
+    DayJobRequest,
+    DiagnosisJobRequest,
+    JobRequest,
+    PlanJobRequest,
+    collect_inputs,
+    write_inputs,
+)
 from planner.service.sandbox.confined_reading import list_readings
 from planner.service.sandbox.reader_processes import ReadOrder, build_refusal, choose_reader, extract_reading_value
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
+from planner.service.store.store_part import LONGEST_NAME_CHARS
+from planner.service.store.tables import JobRow
+from reports.common.wording import get_effect_label
 
 T = TypeVar("T")
 MOST_WAITING_PER_CLIENT = 8
@@ -237,3 +248,39 @@ def compute_reading_memory_limit_bytes() -> int:
     except (AttributeError, ValueError, OSError):
         return LIMITS.most_memory_bytes
     return max(LIMITS.least_memory_bytes, min(LIMITS.most_memory_bytes, total_bytes // 8))
+
+
+SHOWN_LOGS = 3  # in the name of a job
+
+
+async def submit_job(
+    store: Store, reader: FileReader, client: str, kind: str, body: JobRequest, caller: Caller
+) -> JobRow:
+    """Check a request of a client and make it a job; raises HeadlandError, BusyError."""
+    if isinstance(body, DayJobRequest | DiagnosisJobRequest):
+        await run_in_threadpool(body.check_options)
+    values, inputs = await run_in_threadpool(collect_inputs, store, body)
+    await reader.read(client, f"check {kind}", inputs, [values])
+
+    def add_job() -> JobRow:
+        request = body.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
+        row = store.add_job(kind, body.name or _choose_job_name(body), request, inputs, values, caller.owner)
+        store.add_event(None, caller.name, f"{kind} asked for", {"id": row.id, "name": row.name})
+        return row
+
+    return await run_in_threadpool(add_job)
+
+
+def _choose_job_name(body: JobRequest) -> str:
+    """What a job is called by what it reads."""
+    words = "day"
+    if isinstance(body, PlanJobRequest):
+        words = str(dict(body)["field"])
+    elif isinstance(body, DiagnosisJobRequest):
+        more = len(body.logs) - SHOWN_LOGS
+        logs = ", ".join(body.logs[:SHOWN_LOGS]) + (f" and {more} more" if more > 0 else "")
+        if body.demo:
+            logs = f"hidden {get_effect_label(body.hide)}" if body.hide else f"hidden effect (seed {body.seed or 1})"
+        words = f"{logs} against {body.tractor} on {body.ground}"
+    words = re.sub(r"[^\w()+-]+", " ", words).strip(" ()+-_")[:LONGEST_NAME_CHARS].strip()
+    return words or "job"

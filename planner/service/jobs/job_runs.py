@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
@@ -16,18 +17,18 @@ from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import list_candidates
 from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
-from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
+from planner.service.jobs.input_files import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
 from planner.service.sandbox.readings import build_work_order
-from planner.service.store.file_table import MEDIA_BY_SUFFIX
 from planner.service.store.job_queue import ResultFile
+from planner.service.store.service_store import MEDIA_BY_SUFFIX
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
-from reports.day.schedule_results import DayResult
+from reports.day.results import DayResult
 from reports.day.tables import format_day_csv, format_day_json
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json
+from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.plan.map_data import format_maps_json
 from reports.plan.map_figure import draw_plan_map, render_png
-from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.shortfall_wording import list_shortfall_sentences
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect
@@ -104,26 +105,14 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
 
     report_progress(0, 0)
     hidden: HiddenEffect | None = None
+    machine: dict[str, Any] = {"tractor": request.tractor, "ground": request.ground}
+    machine |= {"holdout": request.holdout or None, "progress": report_progress}
     if request.demo:
-        diagnosis, hidden = diagnose_demo(
-            tractor=request.tractor,
-            ground=request.ground,
-            seed=request.seed if request.seed is not None else 1,
-            hidden_effect=request.hide,
-            holdout=request.holdout or None,
-            progress=report_progress,
-        )
+        seed = 1 if request.seed is None else request.seed
+        diagnosis, hidden = diagnose_demo(**machine, seed=seed, hidden_effect=request.hide)
     else:
-        diagnosis = diagnose(
-            request.logs,
-            tractor=request.tractor,
-            ground=request.ground,
-            fixes=request.fix,
-            mapping=request.mapping,
-            use_driven_size=request.as_driven,
-            holdout=request.holdout or None,
-            progress=report_progress,
-        )
+        convert: dict[str, Any] = {"fixes": request.fix, "mapping": request.mapping}
+        diagnosis = diagnose(request.logs, **machine, **convert, use_driven_size=request.as_driven)
     return list(_write_diagnosis_results(diagnosis, hidden))
 
 

@@ -27,10 +27,10 @@ from sqlalchemy.exc import DBAPIError, OperationalError
 
 from planner.errors import HeadlandError, render_refusal
 from planner.service.errors import StorageError
-from planner.service.jobs.input_files import write_inputs
-from planner.service.jobs.job_requests import JobContext, JobFunction
+from planner.service.jobs.input_files import JobContext, JobFunction, write_inputs
 from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import WORK_FOLDER, ServiceSettings
+from planner.service.store.carried_bytes import RemoteStore
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 from planner.service.store.job_queue import JobStore, ResultFile
 from planner.service.store.service_store import Store
@@ -288,3 +288,32 @@ class WorkerSupervisor:
         if slot.is_due:
             slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
             slot.start(self.settings, slot.name, type(self.store))
+
+
+def run_remote_workers(settings: ServiceSettings, report_start: Callable[[], None]) -> None:
+    """Run `settings.workers` jobs at a time until SIGTERM or Ctrl-C; jobs that are under way then are given back.
+
+    Raises DatabaseError where the database cannot be used, VersionError as soon as the service is of another version.
+    """
+    with contextlib.closing(RemoteStore(settings)) as store, _note_end_signals() as is_ending:
+        supervisor = WorkerSupervisor(settings, store)
+        supervisor.start()
+        report_start()
+        try:
+            while not is_ending.wait(SUPERVISE_PERIOD_S):
+                with contextlib.suppress(DBAPIError):  # it may come back
+                    store.check_version()
+        finally:
+            supervisor.stop()
+
+
+@contextlib.contextmanager
+def _note_end_signals() -> Iterator[threading.Event]:
+    """An event that SIGTERM and Ctrl-C set, instead of ending the process at once."""
+    is_ending = threading.Event()
+    previous = {number: signal.signal(number, lambda *_: is_ending.set()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield is_ending
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

@@ -19,7 +19,7 @@ from starlette.types import Scope
 
 from planner.errors import RequestError
 from planner.guide.guide_pages import list_pages, read_attachment, read_page, render_matches, render_page
-from planner.service.store.file_table import SUFFIXES_BY_KIND
+from planner.service.store.service_store import SUFFIXES_BY_KIND
 from reports.common.language import find_language, get_messages
 
 STATIC_FOLDER = Path(__file__).parent / "static"
@@ -61,7 +61,7 @@ class _PageFiles(StaticFiles):
 def mount_pages(app: FastAPI) -> None:
     """Serve the page: / and /static; the part of the address after # selects what it shows.
 
-    Security headers are set by planner.service.access.browser_policy, as for every answer.
+    Security headers are set by planner.service.access.browsers, as for every answer.
     """
 
     async def show_page(_: Request) -> Response:

@@ -25,10 +25,12 @@ from planner.service.sandbox.confinement import confine_process, list_library_fo
 from planner.service.sandbox.readings import build_work_order
 from planner.sweeps.estimates import Points
 from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
+from reports.common.rendering import pick_values
 from reports.common.wording import round_up_to_minute
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
 READY = b"{}\n"
+PLAN_KEYS = ("tractors", "feasible", "reason", "time_s", "finished_s", "done_s", "cost", "worked_pct")
 
 
 def estimate_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> dict[str, Any]:
@@ -68,15 +70,8 @@ def _describe_plan(estimate: OrderEstimate, place: int) -> dict[str, Any]:
     request, plan = estimate.order.request, estimate.plans[place]
     has_clock = request.start_s is not None and plan.done_s is not None
     return {
-        "tractors": plan.tractors,
-        "feasible": plan.feasible,
-        "reason": plan.reason,
-        "time_s": plan.time_s,
-        "finished_s": plan.finished_s,
-        "done_s": plan.done_s,
+        **pick_values(plan, PLAN_KEYS),
         "end": request.format_clock_after(round_up_to_minute(plan.done_s or 0.0)) if has_clock else None,
-        "cost": plan.cost,
-        "worked_pct": plan.worked_pct,
         "in_time": plan.meets_deadline,
     }
 

@@ -113,8 +113,7 @@ def summarize_tractor(file_path: str) -> dict[str, Any]:
     """Every value of a tractor; raises VehicleError."""
     from vehicle.model.tractor import load_tractor
 
-    summary: dict[str, Any] = load_tractor(file_path).model_dump(mode="json")
-    return summary
+    return load_tractor(file_path).model_dump(mode="json")
 
 
 def summarize_farm(file_path: str) -> dict[str, Any]:
@@ -122,9 +121,7 @@ def summarize_farm(file_path: str) -> dict[str, Any]:
     from planner.farm.inventory import load_farm
     from planner.farm.value_sources import format_farm_json
 
-    farm = load_farm(file_path)
-    summary: dict[str, Any] = json.loads(format_farm_json(farm))
-    return summary
+    return dict(json.loads(format_farm_json(load_farm(file_path))))
 
 
 def summarize_log(file_path: str) -> dict[str, Any]:

@@ -7,8 +7,6 @@ from alembic import op
 
 revision = "0001"
 down_revision = None
-branch_labels = None
-depends_on = None
 
 NAME, SHA, TIME, KIND = sa.String(120), sa.String(64), sa.String(32), sa.String(16)
 

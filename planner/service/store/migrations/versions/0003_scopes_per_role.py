@@ -7,8 +7,6 @@ from alembic import op
 
 revision = "0003"
 down_revision = "0002"
-branch_labels = None
-depends_on = None
 
 BOUND = "DELETE FROM tokens WHERE scopes = 'robot' OR expires IS NOT NULL"
 """An earlier version would let these do more, or for longer, than they may."""

@@ -7,8 +7,6 @@ from alembic import op
 
 revision = "0005"
 down_revision = "0004"
-branch_labels = None
-depends_on = None
 
 COLUMNS = {
     "files": (("owner", sa.String(120)), ("changed", sa.String(32))),

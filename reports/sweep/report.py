@@ -1,41 +1,183 @@
-"""A sweep as page, picture and in a notebook: cost over time of all combinations, what matters, what nothing beats."""
+"""A sweep for people and programs: all plans as JSON, CSV and Parquet, a table of the best ones, page and chart."""
 
 from __future__ import annotations
 
+import io
 import shlex
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Group, RenderableType
+
 from reports.common import palette
 from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
-from reports.common.notebook import (
+from reports.common.language import translate, translate_sentence
+from reports.common.plan_results import PlanResult
+from reports.common.rendering import (
+    EXPORT_DECIMALS,
     FIGURE_INCHES,
     NOT_DRAWN,
+    ReportError,
     ResultView,
     build_view,
     create_figure,
     encode_picture,
+    format_entries_csv,
+    format_json,
+    pick_values,
     render_fragment,
+    render_template,
 )
-from reports.common.rendering import ReportError, render_template
-from reports.common.wording import capitalize_first, format_duration, format_tractor_count
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.wording import capitalize_first, format_duration, format_number, format_tractor_count
 from reports.plan.map_figure import escape_figure_formula, render_png
-from reports.sweep.results import SweepResult, SweptPlan
-from reports.sweep.tables import build_front_table, format_sweep_csv, format_sweep_json, list_rows, render_sweep_parquet
-from reports.sweep.wording import (
+from reports.sweep.results import (
     ESTIMATED,
+    SweepResult,
+    SweptPlan,
+    build_command,
     build_query,
     describe_best,
-    describe_influences,
-    describe_refused,
     describe_rows,
     describe_title,
     describe_value,
+    format_value,
     list_option_words,
+    list_remarks,
 )
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+PLAN_KEYS = (
+    "finished_s", "finished_cost", "worked_pct", "fuel_l", "energy_kwh", "uncertainty_pct", "meets_deadline",
+    "feasible", "reason",
+)  # fmt: skip
+
+
+def list_rows(result: SweepResult) -> list[dict[str, Any]]:
+    """All plans as plain values: options as written, figures, `on_front`, `is_best`; with several fields each alone."""
+    keys = [option.key for option in result.options]
+    on_front = {one.numbers for one in result.front}
+    best = None if result.best is None else result.best.numbers
+
+    def build_row(one: SweptPlan) -> dict[str, Any]:
+        options = dict(zip(keys, result.get_values(one), strict=True))
+        marks = {"on_front": one.numbers in on_front, "is_best": one.numbers == best}
+        return {**options, **_list_figures(one.plan), **marks}
+
+    if not result.by_field:
+        return [build_row(one) for one in result.plans]
+    return [{"field": name, **build_row(one)} for name, plans in result.by_field.items() for one in plans]
+
+
+def _list_figures(plan: PlanResult) -> dict[str, Any]:
+    figures = pick_values(plan, PLAN_KEYS)
+    if plan.feasible:
+        figures |= {"finished_s": plan.ranked_s, "finished_cost": plan.ranked_cost}
+    return figures
+
+
+def build_sweep_screen(result: SweepResult) -> RenderableType:
+    """What to take, what matters, and the table of what nothing beats."""
+    parts: list[RenderableType] = [
+        format_title(describe_title(result)),
+        format_sentence(describe_best(result), style="bold"),
+        *map(format_sentence, list_remarks(result)),
+    ]
+    if result.rows:
+        legend = translate("> is the one to take. {rows}", rows=describe_rows(result))
+        parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
+        parts.append(format_sentence(ESTIMATED, style="dim"))
+    return Group(*parts)
+
+
+def build_front_table(result: SweepResult) -> FittedTable:
+    """The rows of `choose_rows` with their numbers, only varied options as columns."""
+    varied = [place for place, option in enumerate(result.options) if len(option.values) > 1]
+    titles = [(capitalize_first(translate_sentence(option.label)), option.unit) for option in result.options]
+    headings = [", ".join(filter(None, titles[place])) for place in varied]
+    rows = result.rows
+    uses_energy = any(one.plan.energy_kwh is not None for one in rows)
+    columns = [
+        TableColumn("Row"),
+        *map(TableColumn, headings),
+        TableColumn("Time"),
+        TableColumn(translate("Cost {currency}", currency=result.currency or "").strip()),
+        TableColumn("± %"),
+        TableColumn("Worked %", drop_order=1),
+        TableColumn("Energy kWh" if uses_energy else "Fuel l", drop_order=2),
+    ]
+    best = None if result.best is None else result.best.numbers
+    cells = [
+        (
+            f"> {number}" if one.numbers == best else str(number),
+            *(format_value(result.get_values(one)[place]) for place in varied),
+            format_duration(one.plan.ranked_s),
+            format_number(one.plan.ranked_cost, 2),
+            format_number(one.plan.uncertainty_pct, 0),
+            format_number(one.plan.worked_pct, 1),
+            format_number(one.plan.energy_kwh if uses_energy else one.plan.fuel_l, 1),
+        )
+        for number, one in enumerate(rows, start=1)
+    ]
+    styles = tuple("bold" if one.numbers == best else "" for one in rows)
+    return FittedTable(tuple(columns), tuple(cells), styles)
+
+
+def format_sweep_csv(result: SweepResult) -> str:
+    """All plans as CSV, a row each."""
+    rows = list_rows(result)
+    return format_entries_csv(list(rows[0]) if rows else [], rows)
+
+
+def format_sweep_json(result: SweepResult) -> str:
+    """The sweep as JSON; the guide on sweeps lists the keys."""
+    best = result.best
+    return format_json(
+        {
+            "field": result.field_name,
+            "area_ha": result.area_ha,
+            "combinations": result.total,
+            "done": len(result.plans),
+            "estimated": True,
+            "currency": result.currency,
+            "prices_assumed": not result.is_priced,
+            "options": {option.key: option.values for option in result.options},
+            "best": None if best is None else {"row": result.rows.index(best) + 1, **list_values(result, best)},
+            "front": [list_values(result, one) for one in result.front],
+            "influences": [
+                {"option": one.option.key, "time_share": one.time_share, "cost_share": one.cost_share}
+                for one in result.influences
+            ],
+            "without_plan": {"count": sum(not one.plan.feasible for one in result.plans), "reason": result.refusal},
+            "plans": list_rows(result),
+        },
+        EXPORT_DECIMALS,
+        is_ascii=False,
+    )
+
+
+def list_values(result: SweepResult, one: SweptPlan) -> dict[str, Any]:
+    """A plan as plain values with its command."""
+    keys = [option.key for option in result.options]
+    options = dict(zip(keys, result.get_values(one), strict=True))
+    return {**options, **_list_figures(one.plan), "command": build_command(result, one)}
+
+
+def render_sweep_parquet(result: SweepResult) -> bytes:
+    """All plans as a Parquet file; raises ReportError without pyarrow."""
+    import pandas as pd
+
+    buffer = io.BytesIO()
+    try:
+        pd.DataFrame(list_rows(result)).to_parquet(buffer, engine="pyarrow", index=False)
+    except ImportError:
+        raise ReportError(
+            "Parquet needs pyarrow, which is not installed; install headland[parquet], or write CSV."
+        ) from None
+    return buffer.getvalue()
+
 
 WHOLE_MINUTES_S = TIME_STEPS_S[TIME_STEPS_S.index(60) :]
 ROOM = 0.04  # of the range of values, beside the first and the last
@@ -46,12 +188,11 @@ def render_sweep_page(result: SweepResult) -> str:
     table, rows = build_front_table(result), result.rows
     plans = [one for one in result.plans if one.plan.feasible]
     places = {one.numbers: place for place, one in enumerate(plans)}
-    sentences = (describe_influences(result), describe_refused(result), ESTIMATED)
     content: dict[str, Any] = {
         "title": describe_title(result),
         "best": describe_best(result),
         "currency": result.currency,
-        "sentences": [text for text in sentences if text],
+        "sentences": [*list_remarks(result), ESTIMATED],
         "chart": _build_chart(result, plans, places) if plans and result.front else None,
         "shares": _list_shares(result),
         "headings": [column.full_title for column in table.columns],
@@ -204,10 +345,8 @@ def build_sweep_view(result: SweepResult) -> ResultView:
 
 def render_sweep_fragment(result: SweepResult) -> str:
     """What to take and what matters, cost over time, and the table of what no other beats."""
-    sentences = [describe_best(result), describe_influences(result), describe_refused(result), ESTIMATED]
-    rows = result.rows
+    sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
     picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
     best = next((place for place, one in enumerate(rows) if one is result.best), None)
     tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
-    shown = [text for text in sentences if text]
-    return render_fragment(describe_title(result), shown, tables, picture, "Cost over time of all combinations")
+    return render_fragment(describe_title(result), sentences, tables, picture, "Cost over time of all combinations")
