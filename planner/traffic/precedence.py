@@ -27,7 +27,7 @@ from vehicle.sim.compile import build_model_record
 
 Floats = npt.NDArray[np.float64]
 
-MOST_TIMETABLES = 24  # tried, of which the quickest is taken
+MOST_TIMETABLES = 8  # tried, of which the quickest is taken
 MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
 
