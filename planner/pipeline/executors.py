@@ -182,22 +182,27 @@ def create_executor(task_count: int, processes: int | None = None) -> Executor:
 class _SharedTasks:
     """Tasks that the processes of a pool take from the front, each one at a time, and the caller from either end.
 
-    A process that has finished gets its next task at once, whatever the caller is doing.
+    A process that has finished gets its next task without waiting for the caller to finish its own.
     """
 
     def __init__(self, pool: LocalPool, function: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> None:
         self._pool, self._function = pool, function
-        self._pending, self._lock = deque(enumerate(arguments)), threading.Lock()
+        self._pending, self._lock = deque(enumerate(arguments)), threading.RLock()
         self._given: dict[Future[Any], int] = {}
-        for _ in range(pool.processes):
+
+    def begin(self) -> None:
+        """Give every process a task."""
+        for _ in range(self._pool.processes):
             self._give()
 
     def _give(self) -> None:
         with self._lock:
             if not self._pending:
                 return
-            index, arguments = self._pending.popleft()
+            index, arguments = self._pending[0]
             future = self._pool.submit(self._function, *arguments)
+            if self._pending:  # not dropped meanwhile
+                self._pending.popleft()
             self._given[future] = index
         future.add_done_callback(self._give_next)
 
@@ -220,9 +225,9 @@ class _SharedTasks:
             return {future: self._given.pop(future) for future in list(self._given) if future.done()}
 
     def list_unfinished(self) -> dict[Future[Any], int]:
-        """The tasks that processes have."""
+        """The tasks that processes are at work on."""
         with self._lock:
-            return dict(self._given)
+            return {future: index for future, index in self._given.items() if not future.done()}
 
     def drop(self) -> None:
         """Give no more."""
@@ -237,11 +242,11 @@ def iter_completed(
     report_work: Callable[[list[int]], None] = lambda indices: None,
     from_both_ends: bool = False,
 ) -> Iterator[tuple[int, T]]:
-    """Yield (index, function(*arguments[index])) as tasks finish; pending tasks are cancelled if the caller stops.
+    """Yield (index, function(*arguments[index])) as tasks finish; those not begun are dropped if the caller stops.
 
     The caller of a `LocalPool` works too; with `from_both_ends` it begins with the last task: each process then finds
     most of what neighbours share itself, and no other does. `report_work` is called with the indices of the tasks at
-    work before one is begun and while all are waited for. Raises WorkerError where processes are lost.
+    work before the caller begins one and while all are waited for. Raises WorkerError where processes are lost.
     """
     try:
         if isinstance(executor, LocalPool):
@@ -262,6 +267,7 @@ def _share_tasks(
     """Work on tasks together with the processes of a pool."""
     tasks = _SharedTasks(pool, function, arguments)
     try:
+        tasks.begin()
         while True:
             yield from ((index, future.result()) for future, index in tasks.take_finished().items())
             task, given = tasks.take(from_both_ends), tasks.list_unfinished()

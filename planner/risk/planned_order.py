@@ -17,7 +17,7 @@ import numpy.typing as npt
 import shapely
 
 from vehicle.arrays import measure_along
-from vehicle.missions.plan import GATE_MARGIN_M, FollowOrder, Leg, LegGate, Mission, Plan
+from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import REC_ANGLE, REC_LEG, REC_POSE, REC_SPEED
@@ -220,7 +220,7 @@ def _find_order_gates(segments: _GroundSegments, plan: Plan) -> dict[tuple[int, 
             continue  # an earlier leg already waits for this
         awaited[waiter, leader] = place
         length = plan.missions[leader].legs[place[0]].length_m
-        gate = LegGate(leader, place[0], max(0.0, min(place[1], length - GATE_MARGIN_M)))
+        gate = LegGate.place(leader, place[0], length, place[1])
         gates.setdefault((waiter, leg), []).append(gate)
     return gates
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fields.units import KMH_PER_MPS
-from vehicle.missions.plan import GATE_MARGIN_M, Leg, LegGate, Plan
+from vehicle.missions.plan import Leg, LegGate, Plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
 from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
 
@@ -199,7 +199,7 @@ def _build_passage_gate(plan: Plan, tractor: int, leg: int, distance_m: float, e
     while distance_m > legs[leg].length_m and not _is_last_turn_leg(legs, leg):
         distance_m -= legs[leg].length_m
         leg += 1
-    return LegGate(tractor, leg, max(0.0, min(distance_m, legs[leg].length_m - GATE_MARGIN_M)))
+    return LegGate.place(tractor, leg, legs[leg].length_m, distance_m)
 
 
 def _build_turn_end_gate(plan: Plan, tractor: int, leg: int) -> LegGate:
@@ -207,7 +207,7 @@ def _build_turn_end_gate(plan: Plan, tractor: int, leg: int) -> LegGate:
     legs = plan.missions[tractor].legs
     while not _is_last_turn_leg(legs, leg):
         leg += 1
-    return LegGate(tractor, leg, max(0.0, legs[leg].length_m - GATE_MARGIN_M))
+    return LegGate.place(tractor, leg, legs[leg].length_m)
 
 
 def _is_last_turn_leg(legs: tuple[Leg, ...], leg: int) -> bool:

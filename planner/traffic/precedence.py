@@ -19,7 +19,14 @@ import numpy.typing as npt
 
 from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
-from planner.traffic.timetable_search import GAP_AHEAD_S, GAP_BEHIND_S, MAX_CHAIN, START_LOSS_S, fill_timetable
+from planner.traffic.timetable_search import (
+    GAP_AHEAD_S,
+    GAP_BEHIND_S,
+    MAX_CHAIN,
+    START_LOSS_S,
+    TIME_TOLERANCE_S,
+    fill_timetable,
+)
 from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.model.tractor import Implement, Tractor
@@ -72,7 +79,7 @@ class PrecedenceSearch:
         return None
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
-        """The quickest of some timetables, or the first in which nobody waits; None if there is none.
+        """The quickest of some timetables, or the first in which the last to finish waits for nobody; None without any.
 
         In each tractors have other leads, drawn around those of the quickest before.
         """
@@ -84,10 +91,10 @@ class PrecedenceSearch:
             most_s = MOST_LEAD_S if number else 0.0
             tried_s = leads_s + [draw.uniform(-most_s, most_s) for _ in range(count)]
             table = self._fill_timetable(tried_s)
-            if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) > _rank_timetable(best[1])):
+            if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) >= _rank_timetable(best[1])):
                 continue
             best, leads_s = table, tried_s
-            if table[1].max() <= bounds.max() + START_LOSS_S:
+            if table[1].max() <= bounds.max() + START_LOSS_S + TIME_TOLERANCE_S:
                 break
         return best
 

@@ -12,14 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.arrays import measure_along
-from vehicle.missions.plan import GATE_MARGIN_M, LegGate, Mission, Plan
+from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import REC_ANGLE, REC_PLACE
 from vehicle.sim.path_conflicts import PosePath, build_poses
 
 POSE_STEP_M = 0.8  # between poses of a trajectory
 MAX_CACHED_POSES = 1_000_000  # of all cached trajectories
-GATE_DIGITS = 6  # of metres: processors differ in the last bits of sums
 TURN_WEIGHT_M = 3.0  # metres of driving that count as much as a radian of turning
 Floats = npt.NDArray[np.float64]
 SoloSimulation = Callable[[Mission], SimulationRun]
@@ -94,8 +93,7 @@ class SoloTrajectory:
             and distance_m < POSE_STEP_M
         ):
             leg, distance_m = leg - 1, mission.legs[leg - 1].length_m
-        after_m = max(0.0, min(distance_m, mission.legs[leg].length_m - GATE_MARGIN_M))
-        return LegGate(tractor, leg, round(after_m, GATE_DIGITS))
+        return LegGate.place(tractor, leg, mission.legs[leg].length_m, distance_m)
 
 
 @dataclass

@@ -19,7 +19,7 @@ from strategies.lines.work_line import cut_line
 from strategies.program.legs import make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
-from vehicle.missions.plan import GATE_MARGIN_M, FollowOrder, Leg, LegGate, Plan
+from vehicle.missions.plan import FollowOrder, Leg, LegGate, Plan
 
 QUEUE_PART = 3  # of a pass: after its way to its place, what it works in formation, and its approach to the queue
 MOVED_ON_GAP_SHARE = 0.8  # share of the gap the tractor in front must have driven
@@ -85,7 +85,7 @@ class RoundDraft:
             self.legs[tractor][leg] = self.legs[tractor][leg].copy_with_gates(gates)
 
     def _build_end_gate(self, tractor: int, leg: int) -> LegGate:
-        return LegGate(tractor, leg, max(0.0, self.legs[tractor][leg].length_m - GATE_MARGIN_M))
+        return LegGate.place(tractor, leg, self.legs[tractor][leg].length_m)
 
 
 QueueRule = Callable[[RoundDraft, int, int], list[LegGate]]

@@ -15,7 +15,6 @@ from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move
 from strategies.programmes.move_estimates import DETOUR_S, NO_MOVE_S
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.ways_home import WayBook
 from strategies.site.site import Site
 from vehicle.missions.plan import Mission
 
@@ -36,7 +35,6 @@ class MoveTable:
         is_estimated: (n + 1, n + 1) which costs are more than guesses by distance.
         excesses_s: by how much moves were dearer than expected, of all that were driven.
         missions: by the nodes of a tour and the moves between them.
-        way_book: their ways.
         clashes: by who says so, the nodes of which no two tractors may begin or end with both, those among them between
             which tours of this search got stuck.
     """
@@ -46,7 +44,6 @@ class MoveTable:
     is_estimated: npt.NDArray[np.bool_] = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
     missions: dict[tuple[Hashable, ...], Mission] = field(default_factory=dict)
-    way_book: WayBook = field(init=False)
     clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _cut: set[tuple[int, int]] = field(default_factory=set)
@@ -61,7 +58,6 @@ class MoveTable:
         costs, is_estimated = self.moves.estimates.near
         self.cost_s, self.is_estimated = costs.copy(), is_estimated.copy()
         self._failures = np.zeros((2, len(costs)))
-        self.way_book = WayBook(self.site.body.guide_m - self.site.axle_m, self.moves.leg_poses)
 
     @property
     def site(self) -> Site:

@@ -18,7 +18,7 @@ from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
 from strategies.programmes.waiting_places import HEADLAND_WAIT_M, StandingCheck, find_clashes
-from strategies.programmes.ways_home import Way
+from strategies.programmes.ways_home import Way, WayBook
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 
@@ -103,12 +103,12 @@ def make_programme(
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
-    clashes = list_clashes(table, stands_in_way, tractors)
+    clashes, book = list_clashes(table, stands_in_way, tractors), WayBook(_measure_back_m(table))
 
     def can_be_driven(tours: list[list[int]]) -> bool:
         if False in [prove_short_runs(table, tour) for tour in tours]:
             return False
-        return clashes is None or stands_in_way is None or not _bar_stuck(table, clashes, stands_in_way, tours)
+        return clashes is None or stands_in_way is None or not _bar_stuck(table, clashes, book, stands_in_way, tours)
 
     best = search_driven_tours(
         table,
@@ -134,10 +134,16 @@ def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -
     return table.clashes[check]
 
 
-def _bar_stuck(table: MoveTable, clashes: Flags, check: StandingCheck, tours: Sequence[Sequence[int]]) -> bool:
+def _measure_back_m(table: MoveTable) -> float:
+    """How far the centre of mass is behind the guided point."""
+    return table.site.body.guide_m - table.site.axle_m
+
+
+def _bar_stuck(
+    table: MoveTable, clashes: Flags, book: WayBook, check: StandingCheck, tours: Sequence[Sequence[int]]
+) -> bool:
     """Bar pairs of nodes where two tours begin or end and never get on, however they wait; whether there were any."""
     connected = [_keep_connected(table, tour) for tour in tours]
-    book = table.way_book
     ways = {number: book.build_way(build_mission(table, tour)) for number, tour in enumerate(connected) if tour}
     sides = [(book.find_stuck_side(ways[a], ways[b], check), a, b) for a, b in combinations(ways, 2)]
     first_side = 1 if table.starts else 0  # those on the field stand where they stand
@@ -262,7 +268,7 @@ def clear_ways(plan: Plan, table: MoveTable, check: StandingCheck) -> Plan:
 
     It stays where it stands if no such place is reached.
     """
-    missions, book = list(plan.missions), table.way_book
+    missions, book = list(plan.missions), WayBook(_measure_back_m(table))
     for number in [number for number, mission in enumerate(missions) if mission.rests]:
         ways = [book.build_way(mission) for place, mission in enumerate(missions) if place != number]
         places = _iter_free_places(missions[number].end, ways, book.back_m, check)

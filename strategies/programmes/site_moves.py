@@ -53,7 +53,6 @@ class SiteMoves:
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
         clashes: by who says so, the nodes (2, n, n) of which no two tractors may begin or end with both.
         legs: by nodes, moves and what is cut off, the legs of a tour.
-        leg_poses: of these legs, those of the centre of mass.
     """
 
     site: Site
@@ -69,7 +68,6 @@ class SiteMoves:
     lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
     clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
     legs: dict[Hashable, tuple[Leg, ...]] = field(default_factory=dict)
-    leg_poses: dict[Leg, Floats] = field(default_factory=dict)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _cut_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)

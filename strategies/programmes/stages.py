@@ -10,7 +10,7 @@ import shapely
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.site.site import Site
-from vehicle.missions.plan import GATE_MARGIN_M, HEADLAND_PASS, SWATH, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegGate, LegTask, Mission, Plan
 
 
 def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
@@ -78,7 +78,7 @@ def add_stage_gates(plan: Plan, first: Collection[LegTask]) -> Plan:
     """
     borders = [_find_border(mission.legs, first) for mission in plan.missions]
     gates = [
-        LegGate(number, border.hold - 1, max(0.0, mission.legs[border.hold - 1].length_m - GATE_MARGIN_M))
+        LegGate.place(number, border.hold - 1, mission.legs[border.hold - 1].length_m)
         for number, (mission, border) in enumerate(zip(plan.missions, borders, strict=True))
         if border.is_awaited and border.hold > 0
     ]
@@ -106,6 +106,6 @@ def stagger_starts(plan: Plan, distance_m: float) -> Plan:
         first = next(place for place, leg in enumerate(before.legs) if leg.implement)
         waits = any(gate.tractor >= number for gate in before.legs[0].gates)
         if not waits:
-            after_m = max(0.0, min(distance_m, before.legs[first].length_m - GATE_MARGIN_M))
-            plan = plan.copy_with_gate(number, 0, LegGate(number - 1, first, after_m))
+            gate = LegGate.place(number - 1, first, before.legs[first].length_m, distance_m)
+            plan = plan.copy_with_gate(number, 0, gate)
     return plan

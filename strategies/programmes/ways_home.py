@@ -46,11 +46,10 @@ class WayBook:
 
     Attributes:
         back_m: how far the centre of mass is behind the guided point.
-        leg_poses: of the legs that missions share, as sampled before.
     """
 
     back_m: float
-    leg_poses: dict[Leg, Floats] = field(default_factory=dict)
+    _leg_poses: dict[Leg, Floats] = field(default_factory=dict)
     _ways: dict[Mission, Way] = field(default_factory=dict)
     _stuck: dict[tuple[Way, Way, StandingCheck], int | None] = field(default_factory=dict)
 
@@ -64,9 +63,9 @@ class WayBook:
         return self._ways[mission]
 
     def _sample_leg(self, leg: Leg) -> Floats:
-        if leg not in self.leg_poses:
-            self.leg_poses[leg] = sample_poses(leg.points, self.back_m, leg.gear)
-        return self.leg_poses[leg]
+        if leg not in self._leg_poses:
+            self._leg_poses[leg] = sample_poses(leg.points, self.back_m, leg.gear)
+        return self._leg_poses[leg]
 
     def find_stuck_side(self, a: Way, b: Way, check: StandingCheck) -> int | None:
         """Where two never get on: 0 where they begin, 1 where they end; None if both get home."""

@@ -86,7 +86,7 @@ def measured(
 ) -> DriveSegment:
     """What the tractor of `rig` would log of a drive over ground and with instruments of this noise.
 
-    Wheel angle and speed are logged without noise; pieces as in replay.drive_programmes, at SPEED_MPS.
+    Wheel angle and speed are logged without noise; pieces as in diagnosis.next_drive, at SPEED_MPS.
     """
     rng, tractor = np.random.default_rng(seed), rig()
     drive = build_command_segment(run, 0.0, pieces, SPEED_MPS, 1.0 / rate_hz)

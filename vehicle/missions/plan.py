@@ -33,6 +33,11 @@ class LegGate:
     leg: int
     after_m: float = 0.0
 
+    @classmethod
+    def place(cls, tractor: int, leg: int, length_m: float, after_m: float = math.inf) -> LegGate:
+        """A gate on a leg of a length, just before its end at the farthest; to the micrometre, as processors differ."""
+        return cls(tractor, leg, round(max(0.0, min(after_m, length_m - GATE_MARGIN_M)), 6))
+
 
 @dataclass(frozen=True)
 class FollowOrder:

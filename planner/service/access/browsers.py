@@ -1,4 +1,6 @@
-"""Addresses that work once: the login address that `headland serve` prints, and views of results in frames.
+"""What browsers may do here: headers of pages, who asks from where, and addresses that work once.
+
+Such are the login address that `headland serve` prints, and views of results in frames.
 
 Whoever sees what `headland serve` prints is at this machine or was shown it. The address that a request comes from does
 not prove that, as a proxy on this machine has it too. A frame of a page cannot send a token, so it gets a view.

@@ -1,7 +1,8 @@
 """Bytes of jobs on their way through PostgreSQL: inputs to workers on other machines, results back to the service.
 
 The folder of the service stays the place of all bytes: it lends inputs with a job, and fetches results when it is done.
-Results may go by a store instead (result_place); the database then holds their addresses.
+Results may go by a store instead, an fsspec URL whose credentials come from the worker's own environment; the database
+then holds their addresses.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Threads that ask the database every second; one tries whether it takes writes."""
+"""Threads that ask the database every second: one keeps all tokens in memory, one tries whether it takes writes."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ JOINT_SHARES, LEAST_NATS = (0.2, 0.85), 20.0
 COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
 STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
 # Of the wheelbase: how near to the front axle; how well that is known, and the least lever.
-NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1
+_AT_AXLE_SHARE, KNOWN_SHARE = 0.15, 0.1
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))
@@ -114,7 +114,7 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
         return OtherTurning(ARTICULATED, words, faked)
     if antenna is None or measure.antenna_error_m > KNOWN_SHARE * base:
         return None
-    is_rear = abs(antenna - ahead_m + base) <= NEAR_SHARE * base
+    is_rear = abs(antenna - ahead_m + base) <= _AT_AXLE_SHARE * base
     words = _REAR_WORDS.format(ahead_m - antenna)
     return OtherTurning(REAR_STEERED, words, _FAKED_BY_REAR_WHEELS) if is_rear else None
 

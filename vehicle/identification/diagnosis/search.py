@@ -36,7 +36,7 @@ from vehicle.model.effects import get_effect
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
-NEAR_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
+WORTHWHILE_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
 MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
@@ -189,7 +189,7 @@ class Searcher:
                  if one.hypothesis not in fit.model and not (hypothesis.place and one.hypothesis.place)]  # fmt: skip
         comparisons: list[PredictiveComparison] = []
         for gain in gains[:MOST_TRIED]:
-            if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):
+            if gain.nats < WORTHWHILE_SHARE * max(gains[0].nats, 1.0):
                 break
             start = self._fit_with(without, gain)
             comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)

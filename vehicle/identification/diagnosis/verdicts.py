@@ -29,8 +29,6 @@ from vehicle.identification.diagnosis.search import (
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
-    DOUBT_SIGMAS,
-    MEASURED_SIGMAS,
     NEARLY_SHARE,
     STRAY_CORRELATION,
     SURE_SIGMAS,
@@ -46,6 +44,8 @@ CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
+LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
+FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 TIME_FIELDS = frozenset({"dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"})
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 
@@ -118,9 +118,9 @@ def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
     widths = np.array([one.width for one in hypothesis.coordinates])
     ends = np.array([[one.low, one.high] for one in hypothesis.coordinates])
     sizes = np.abs(amounts) / widths
-    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > DOUBT_SIGMAS)
+    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > LARGE_END_WIDTHS)
     is_at_end = hypothesis.law == CONSTANT and bool(is_large_end.any())
-    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > MEASURED_SIGMAS)
+    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > FAR_WIDTHS)
 
 
 def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:

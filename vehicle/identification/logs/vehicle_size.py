@@ -31,7 +31,7 @@ _ROUGH_ERROR_SHARE = 1.0 - NEARLY_SHARE  # relative standard error of a ratio fr
 _FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
 _LOCK_SHARE = 1.3  # of the file's lock, and clear steering beyond that: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
-_LARGESTCLEAR_STEERING_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
+_LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
 _MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
 _COMMAND_LAG_SHARE = 0.5  # least apparent gain where the wheels hardly reach the command
 
@@ -160,7 +160,7 @@ def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor
     changed: dict[str, object] = {name: getattr(tractor, name) * scale for name in lengths}
     mass = min(max(tractor.mass_kg * scale**3, _MASSES_KG[0]), _MASSES_KG[1])
     changed["mass_kg"] = mass
-    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGESTCLEAR_STEERING_DEG)
+    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGEST_LOCK_DEG)
     sides = {name: {"right": law.right, "left": law.left} for name, law in tractor.radius.items()}
     changed["radius"] = {
         name: {side: (factor / scale, power) for side, (factor, power) in laws.items()} for name, laws in sides.items()
