@@ -40,6 +40,27 @@ MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from i
 
 
 @dataclass(frozen=True)
+class PrecedenceRule:
+    """How the next tractor is picked: by when it can go on or, the more `eager`, by when it has reached its hold point.
+
+    With `continues` one that must not stop at the next hold point may continue beyond it in one go.
+    """
+
+    eager: float
+    continues: bool
+
+
+SMALL_FLEET_TRACTORS = 4  # in larger fleets the next is picked by the first rule only
+PRECEDENCE_RULES = (
+    PrecedenceRule(0.0, False),
+    PrecedenceRule(0.0, True),
+    PrecedenceRule(0.5, False),
+    PrecedenceRule(0.5, True),
+    PrecedenceRule(1.0, True),
+)
+
+
+@dataclass(frozen=True)
 class Timetable:
     """When each tractor begins each of its segments, when it is done, and the gates before legs that enforce it."""
 
@@ -56,8 +77,9 @@ class Timetable:
 class PrecedenceSearch:
     """Finds a timetable for the trajectories of a plan."""
 
-    def __init__(self, plan: Plan, zones: ConflictZones, slack: float = 1.0) -> None:
-        """For a plan whose tractors keep `slack` times the usual time between each other."""
+    def __init__(self, plan: Plan, zones: ConflictZones, slack: float = 1.0, *, draws: bool = True) -> None:
+        """For a plan whose tractors keep `slack` times the usual time between each other, with leads if it `draws`."""
+        self.draws = draws
         self.plan, self.zones, self.trajectories = plan, zones, zones.trajectories
         self.margins_s = GAP_BEHIND_S * slack, GAP_AHEAD_S * slack
         self.deadlock_avoidance = DeadlockAvoidance(plan, zones)
@@ -79,32 +101,34 @@ class PrecedenceSearch:
         return None
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
-        """The quickest of some timetables, or the first in which the last to finish waits for nobody; None without any.
+        """The quickest of some timetables, one by each rule and others with leads; None without any.
 
-        In each tractors have other leads, drawn around those of the quickest before.
+        Leads are drawn around those of the quickest before, until the last to finish waits for nobody.
         """
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
         bounds = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
-        tries = min(MOST_TIMETABLES, max(1, MOST_EFFORT // (count * len(net.owner))))
+        rules = PRECEDENCE_RULES if count <= SMALL_FLEET_TRACTORS else PRECEDENCE_RULES[:1]
+        tries = min(MOST_TIMETABLES, MOST_EFFORT // (count * len(net.owner))) if self.draws else 0
         draw, best, leads_s = random.Random(1), None, np.zeros(count)
-        for number in range(tries):
-            most_s = MOST_LEAD_S if number else 0.0
+        for number in range(max(tries, len(rules))):
+            most_s = MOST_LEAD_S if number >= len(rules) else 0.0
             tried_s = leads_s + [draw.uniform(-most_s, most_s) for _ in range(count)]
-            table = self._fill_timetable(tried_s)
+            table = self._fill_timetable(rules[number % len(rules)], tried_s)
             if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) >= _rank_timetable(best[1])):
                 continue
             best, leads_s = table, tried_s
-            if table[1].max() <= bounds.max() + START_LOSS_S + TIME_TOLERANCE_S:
+            least_s = bounds.max() + START_LOSS_S + TIME_TOLERANCE_S
+            if number + 1 >= len(rules) and best[1].max() <= least_s:
                 break
         return best
 
-    def _fill_timetable(self, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
+    def _fill_timetable(self, rule: PrecedenceRule, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
         """A timetable in which the earliest possible entry comes next (timetable_search.fill_timetable)."""
         net = self.deadlock_avoidance.net
         max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         is_concerned = net.near | self.deadlock_avoidance.waits_on
-        deep = self.deadlock_avoidance.deep
-        return fill_timetable(net, is_concerned, max_spans, self.margins_s, leads_s, deep)  # type: ignore[no-any-return]
+        how = (rule.eager, rule.continues), leads_s, self.deadlock_avoidance.deep
+        return fill_timetable(net, is_concerned, max_spans, self.margins_s, *how)  # type: ignore[no-any-return]
 
     def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
         """A timetable by tractors, legs and metres from one by numbered places."""
@@ -131,7 +155,8 @@ def _rank_timetable(free_s: Floats) -> tuple[int, int]:
 class TrafficRules:
     """What tractors must keep to: the machines, how near they may come, and how one is simulated alone.
 
-    `cache` holds results for the same rules.
+    `cache` holds results for the same rules. With `draws` timetables with other leads are tried: not where tractors are
+    on their way, which cannot wait where they are.
     """
 
     tractor: Tractor
@@ -140,6 +165,7 @@ class TrafficRules:
     side_clearance_m: float
     simulate_alone: SoloSimulation
     cache: TrajectoryCache = field(default_factory=TrajectoryCache)
+    draws: bool = True
 
 
 def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan | None:
@@ -155,7 +181,7 @@ def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan |
     zones = find_conflict_zones(
         trajectories, models, rules.clearance_m, rules.side_clearance_m, gated_legs, rules.cache
     )
-    precedence = PrecedenceSearch(plan, zones, slack)
+    precedence = PrecedenceSearch(plan, zones, slack, draws=rules.draws)
     table = precedence.find_timetable()
     if table is None:
         return None

@@ -178,7 +178,10 @@ def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_
 @pytest.mark.slow
 def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
     manager = at(plan, 0.4)
-    manager.obstacles.add(((30.0, 20.0), (33.0, 20.0), (33.0, 23.0), (30.0, 23.0)), "stone", "anna")
+    last = [leg for leg in plan.saved.plan.missions[0].legs if leg.implement][-1]
+    west, south = last.points.mean(axis=0) - 1.5
+    corners = ((west, south), (west + 3.0, south), (west + 3.0, south + 3.0), (west, south + 3.0))
+    manager.obstacles.add(corners, "stone", "anna")
     manager.operators.stop_all("anna", 1.0)
     remaining = extract_remaining_work(manager, [], 100.0)
     manager.update_blocked_legs()

@@ -54,7 +54,7 @@ def build_simulate(context: PlanningContext, rehearsal: IncrementalSimulator) ->
     return simulate
 
 
-def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool) -> Scheduler:
+def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool, draws: bool) -> Scheduler:
     """A scheduler for plans of a context."""
     rules = TrafficRules(
         context.tractor,
@@ -63,6 +63,7 @@ def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool)
         compute_parallel_clearance_m(context, beside),
         solo_runs,
         context.trajectory_cache,
+        draws,
     )
 
     def schedule(plan: Plan, slack: float) -> Plan | None:
@@ -192,13 +193,14 @@ class SoloRuns:
 
 
 class FleetDriver:
-    """Drives plans of a context, beside each other or not; tractors give way to one another."""
+    """Drives plans of a context, beside each other or not; tractors give way to one another, as those on their way can
+    without `draws` (planner.traffic.precedence.TrafficRules)."""
 
-    def __init__(self, context: PlanningContext, beside: bool) -> None:
+    def __init__(self, context: PlanningContext, beside: bool, *, draws: bool = True) -> None:
         rehearsal = build_rehearsal(context, beside)
         self.simulate = build_simulate(context, rehearsal)
         self._alone = SoloRuns(context, rehearsal)
-        self._schedule = build_scheduler(context, self._alone, beside)
+        self._schedule = build_scheduler(context, self._alone, beside, draws)
         self._time_share = context.time_share
 
     def measure_alone_s(self, plan: Plan) -> list[float]:

@@ -32,7 +32,7 @@ class RestDriver:
 
     def __init__(self, remaining: RemainingWork, context: PlanningContext) -> None:
         self._remaining, self._context = remaining, context
-        self._driver = FleetDriver(context, beside=True)
+        self._driver = FleetDriver(context, beside=True, draws=False)
 
     def measure_alone_s(self, missions: Sequence[tuple[Leg, ...]]) -> list[float]:
         """Seconds that every tractor drives with nobody in its way; 0 for one that does not finish."""
