@@ -50,7 +50,7 @@ class PrecedenceRule:
     continues: bool
 
 
-SMALL_FLEET_TRACTORS = 4  # in larger fleets the next is picked by the first rule only
+SMALL_FLEET_TRACTORS = 4  # larger fleets are scheduled by the first rule only, with leads
 PRECEDENCE_RULES = (
     PrecedenceRule(0.0, False),
     PrecedenceRule(0.0, True),
@@ -101,14 +101,16 @@ class PrecedenceSearch:
         return None
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
-        """The quickest of some timetables, one by each rule and others with leads; None without any.
+        """The quickest of some timetables: by each rule in a small fleet, with other leads in a large one; None without
+        any.
 
         Leads are drawn around those of the quickest before, until the last to finish waits for nobody.
         """
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
         bounds = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
-        rules = PRECEDENCE_RULES if count <= SMALL_FLEET_TRACTORS else PRECEDENCE_RULES[:1]
-        tries = min(MOST_TIMETABLES, MOST_EFFORT // (count * len(net.owner))) if self.draws else 0
+        is_small = count <= SMALL_FLEET_TRACTORS
+        rules = PRECEDENCE_RULES if is_small else PRECEDENCE_RULES[:1]
+        tries = min(MOST_TIMETABLES, MOST_EFFORT // (count * len(net.owner))) if self.draws and not is_small else 0
         draw, best, leads_s = random.Random(1), None, np.zeros(count)
         for number in range(max(tries, len(rules))):
             most_s = MOST_LEAD_S if number >= len(rules) else 0.0
