@@ -210,10 +210,8 @@ def _list_limited(model: Hashable) -> tuple[tuple[str, NumberLimits | None, tupl
     """The parameters of a model that have limits or choices, with these."""
     found = []
     for name, annotation in get_type_hints(cast("type", model), include_extras=True).items():
-        option, limits = (
-            find_annotation_metadata(annotation, OptionHelp),
-            find_annotation_metadata(annotation, NumberLimits),
-        )
+        option = find_annotation_metadata(annotation, OptionHelp)
+        limits = find_annotation_metadata(annotation, NumberLimits)
         choices = () if option is None else tuple(option.choices)
         if limits is not None or choices:
             found.append((name, limits, choices))

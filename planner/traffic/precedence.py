@@ -107,7 +107,8 @@ class PrecedenceSearch:
         Leads are drawn around those of the quickest before, until the last to finish waits for nobody.
         """
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
-        bounds = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
+        alone_s = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
+        least_s = alone_s.max() + START_LOSS_S + TIME_TOLERANCE_S
         is_small = count <= SMALL_FLEET_TRACTORS
         rules = PRECEDENCE_RULES if is_small else PRECEDENCE_RULES[:1]
         tries = min(MOST_TIMETABLES, MOST_EFFORT // (count * len(net.owner))) if self.draws and not is_small else 0
@@ -119,8 +120,7 @@ class PrecedenceSearch:
             if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) >= _rank_timetable(best[1])):
                 continue
             best, leads_s = table, tried_s
-            least_s = bounds.max() + START_LOSS_S + TIME_TOLERANCE_S
-            if number + 1 >= len(rules) and best[1].max() <= least_s:
+            if not is_small and best[1].max() <= least_s:
                 break
         return best
 

@@ -56,7 +56,7 @@ def trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
     along = measure_along(part)
     places = locate_at(part, along, np.linspace(0.0, along[-1], 2 + int(along[-1] / LINE_STEP_M)))
     headings = np.arctan2(*np.diff(places, axis=0).T[::-1])
-    back_m = site.body.guide_m - site.axle_m
+    back_m = site.back_m
     return np.column_stack([places[1:] - back_m * np.column_stack([np.cos(headings), np.sin(headings)]), headings])
 
 
@@ -146,7 +146,7 @@ class PassageTracer:
     def _find_blocked(self, begin: Pose, along_m: Floats, passages: Sequence[PassingWay]) -> npt.NDArray[np.bool_]:
         """At which distances along a column from its begin one stands in the way of any passage."""
         x, y, heading = begin
-        ahead_m = along_m - (self.site.body.guide_m - self.site.axle_m)
+        ahead_m = along_m - self.site.back_m
         ways = x + ahead_m * math.cos(heading), y + ahead_m * math.sin(heading)
         u, v = (0.5 * float(way[0] + way[-1]) for way in ways)
         reach_m = self.check.reach_m + 0.5 * abs(float(along_m[-1] - along_m[0]))

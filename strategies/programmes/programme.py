@@ -103,7 +103,7 @@ def make_programme(
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
-    clashes, book = list_clashes(table, stands_in_way, tractors), WayBook(_measure_back_m(table))
+    clashes, book = list_clashes(table, stands_in_way, tractors), WayBook(table.site.back_m)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
         if False in [prove_short_runs(table, tour) for tour in tours]:
@@ -132,11 +132,6 @@ def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -
     if check not in table.clashes:
         table.clashes[check] = find_clashes(table.moves, check).copy()
     return table.clashes[check]
-
-
-def _measure_back_m(table: MoveTable) -> float:
-    """How far the centre of mass is behind the guided point."""
-    return table.site.body.guide_m - table.site.axle_m
 
 
 def _bar_stuck(
@@ -268,7 +263,7 @@ def clear_ways(plan: Plan, table: MoveTable, check: StandingCheck) -> Plan:
 
     It stays where it stands if no such place is reached.
     """
-    missions, book = list(plan.missions), WayBook(_measure_back_m(table))
+    missions, book = list(plan.missions), WayBook(table.site.back_m)
     for number in [number for number, mission in enumerate(missions) if mission.rests]:
         ways = [book.build_way(mission) for place, mission in enumerate(missions) if place != number]
         places = _iter_free_places(missions[number].end, ways, book.back_m, check)

@@ -103,18 +103,14 @@ def build_move(table: MoveTable, following: int, move: Move) -> tuple[Leg, ...]:
     """The legs of a move between lines, named after the line that follows; places to wait where it is long."""
     known, key = table.moves.legs, (following, move)
     if key not in known:
-        known[key] = tuple(_build_move(table, following, move))
+        task = table.lines[following // 2].task
+        if not move.is_work:
+            task = replace(task, kind=ROUTE if move.kind == "route" else TURN)
+        legs = build_move_legs(table.site, move, task)
+        if not move.is_work and move.path.length_m > LONG_MOVE_M:
+            legs = add_wait_points(legs, ROUTE_WAIT_M)
+        known[key] = tuple(legs)
     return known[key]
-
-
-def _build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
-    task = table.lines[following // 2].task
-    if not move.is_work:
-        task = replace(task, kind=ROUTE if move.kind == "route" else TURN)
-    legs = build_move_legs(table.site, move, task)
-    if move.is_work:
-        return legs
-    return add_wait_points(legs, ROUTE_WAIT_M) if move.path.length_m > LONG_MOVE_M else legs
 
 
 def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> tuple[Leg, ...]:
@@ -123,16 +119,12 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
         return ()
     known, key = table.moves.legs, (node, leave_m, join_m)
     if key not in known:
-        known[key] = tuple(_split_work_leg(table, node, leave_m, join_m))
+        whole = table.moves.build_work_leg(node, leave_m, join_m)
+        known[key] = tuple(
+            replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
+            for first, last in pairwise(list_parts_m(table.moves, node, whole.length_m))
+        )
     return known[key]
-
-
-def _split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> list[Leg]:
-    whole = table.moves.build_work_leg(node, leave_m, join_m)
-    return [
-        replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
-        for first, last in pairwise(list_parts_m(table.moves, node, whole.length_m))
-    ]
 
 
 def build_way_in(table: MoveTable, node: int) -> list[Leg]:

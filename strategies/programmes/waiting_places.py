@@ -106,4 +106,4 @@ def _build_part(moves: SiteMoves, side: int, node: int) -> Floats:
     path = moves.lines[node // 2].paths[node % 2]
     parts_m = list_parts_m(moves, node, float(measure_along(path)[-1]))
     points = cut_line(path, *(parts_m[-2:] if side else parts_m[:2]))
-    return sample_poses(points, moves.site.body.guide_m - moves.site.axle_m)
+    return sample_poses(points, moves.site.back_m)

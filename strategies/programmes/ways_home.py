@@ -71,17 +71,11 @@ class WayBook:
         """Where two never get on: 0 where they begin, 1 where they end; None if both get home."""
         key = a, b, check
         if key not in self._stuck:
-            self._stuck[key] = _find_stuck_side(a, b, check)
+            passes = _find_passes(a, b, check), _find_passes(b, a, check).T
+            reached = _spread(*map(np.ascontiguousarray, passes))
+            led_home = _spread(*(np.ascontiguousarray(flags[::-1, ::-1]) for flags in passes))
+            self._stuck[key] = None if reached[-1, -1] else int(reached.sum() > led_home.sum())
         return self._stuck[key]
-
-
-def _find_stuck_side(a: Way, b: Way, check: StandingCheck) -> int | None:
-    passes = _find_passes(a, b, check), _find_passes(b, a, check).T
-    reached = _spread(*map(np.ascontiguousarray, passes))
-    if reached[-1, -1]:
-        return None
-    led_home = _spread(*(np.ascontiguousarray(flags[::-1, ::-1]) for flags in passes))
-    return int(reached.sum() > led_home.sum())
 
 
 def _find_passes(driving: Way, standing: Way, check: StandingCheck) -> Flags:

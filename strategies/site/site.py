@@ -78,6 +78,11 @@ class Site:
     is_alike: bool
     corner_factor: float = MISSED_FACTOR
 
+    @property
+    def back_m(self) -> float:
+        """How far the centre of mass is behind the guided point."""
+        return self.body.guide_m - self.axle_m
+
     def get_body(self, is_folded: bool) -> BodyOutline:
         """The outline of the machine, with its implement folded or not."""
         return self.folded.outline if is_folded and self.folded is not None else self.body

@@ -47,7 +47,7 @@ class Guess:
             metres -= self.lengths[leg]
             leg += 1
             turning = turning or not self.down[leg]
-        return leg, max(0.0, min(metres, self.lengths[leg] - 0.2))
+        return leg, round(max(0.0, min(metres, self.lengths[leg] - 0.2)), 6)
 
 
 @pytest.fixture(scope="module")

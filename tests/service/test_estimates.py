@@ -1,23 +1,31 @@
 """Estimates of plans: what they say, who may ask, how much, and in which process."""
 
+import asyncio
 import time
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import httpx2
 import pytest
 
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
+from planner.service.api.apps import create_app
 from planner.service.errors import BusyError
+from planner.service.gateway.back_office import OfficeForwarder
 from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
 from planner.service.sandbox.readings import build_work_order
+from planner.service.settings import ServiceSettings
 from planner.sweeps import estimates
 from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import name_line
-from tests.service.conftest import Shared, bearer
+from tests.service.conftest import Shared, bearer, wait_until
+from tests.service.watching import serve_app
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
 
@@ -253,3 +261,42 @@ def test_lines_say_who_works_them_and_follow_what_is_wanted(shared: Shared) -> N
     assert by_name[given]["tractor"] == 1
     assert other["plans"][0]["worked_pct"] < plain["plans"][0]["worked_pct"]
     assert ask(shared, leave_out="999")[0] == 422
+
+
+class SlowEstimator:
+    """Answers nobody while the test lasts, and counts what it begins and what ends."""
+
+    def __init__(self) -> None:
+        self.begun = self.ended = 0
+
+    async def estimate(self, *_arguments: Any, **_options: Any) -> dict[str, Any]:
+        self.begun += 1
+        try:
+            await asyncio.sleep(300.0)
+        finally:
+            self.ended += 1
+        return {}
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("is_forwarded", [False, True])
+def test_an_estimate_of_who_has_gone_ends(tmp_path: Path, is_forwarded: bool) -> None:
+    app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
+    estimator = app.state.estimator = SlowEstimator()
+    token = app.state.store.create_token_text("ann", "planner")
+
+    async def pass_by(_path: str) -> None:
+        pass
+
+    with serve_app(app) as base:
+        office = SimpleNamespace(url=base.rstrip("/"), secret="")
+        forward: Any = OfficeForwarder(office, pass_by, pass_by)  # type: ignore[arg-type]
+        with serve_app(forward) if is_forwarded else nullcontext(base) as asked:
+            with pytest.raises(httpx2.ReadTimeout):
+                httpx2.post(
+                    f"{asked}api/v1/estimates", json=VALUES, headers={"authorization": f"Bearer {token}"}, timeout=1.0
+                )
+            wait_until(lambda: estimator.ended == 1)
+    assert estimator.begun == 1

@@ -94,6 +94,18 @@ def test_only_so_much_waits() -> None:
     queue.close()
 
 
+def test_what_nobody_waits_for_does_not_count() -> None:
+    queue, held = FairQueue(slots=1, most_per_client=2, most_waiting=2), Held()
+    queue.submit_work("a", held.work("a"))
+    held.await_begun(1)
+    for _ in range(2):
+        queue.submit_work("a", held.work("left")).cancel()
+    last = queue.submit_work("a", held.work("last"))
+    held.go.set()
+    assert last.result(60) == "last" and held.begun == ["a", "last"]
+    queue.close()
+
+
 def test_what_has_waited_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
     queue, held = FairQueue(slots=1), Held()
     queue.submit_work("a", held.work("a"))

@@ -182,7 +182,7 @@ def test_starts_are_staggered_on_the_first_working_leg() -> None:
 
 def make_moves(lines: Sequence[WorkLine]) -> Any:
     body = SimpleNamespace(guide_m=0.0, reach_m=2.0)
-    site = SimpleNamespace(body=body, axle_m=0.0, rules=RULES, lane=None)
+    site = SimpleNamespace(body=body, back_m=0.0, rules=RULES, lane=None)
     return SimpleNamespace(lines=lines, site=site, gate=2 * len(lines), starts=(), clashes={})
 
 

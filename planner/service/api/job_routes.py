@@ -33,6 +33,8 @@ from planner.service.gateway.responses import (
     StoreAccess,
     ViewInfo,
     document_file,
+    wait_for_disconnect,
+    wait_while_connected,
 )
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key, submit_job
 from planner.service.jobs.input_files import (
@@ -259,12 +261,14 @@ async def estimate_plan(
 ) -> EstimateInfo:
     """Estimate plans without driving them; nothing is stored. It takes what a plan job takes.
 
-    With `at_once` tours of another width or number of tractors are scaled instead of new ones being laid out.
+    Where the client closes the connection before its turn, nothing is computed. With `at_once` tours of another width
+    or number of tractors are scaled instead of new ones being laid out.
     """
     estimator: PlanEstimator = request.app.state.estimator
     values, inputs = await run_in_threadpool(collect_inputs, request.app.state.store, body)
     client = build_client_queue_key(request, caller)
-    return EstimateInfo(**await estimator.estimate(client, values, inputs, at_once=at_once))
+    work = estimator.estimate(client, values, inputs, at_once=at_once)
+    return EstimateInfo(**await wait_while_connected(wait_for_disconnect(request.receive), work))
 
 
 FormKind = Literal["day", "farm"]

@@ -23,7 +23,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
-from planner.service.gateway.responses import build_error_response
+from planner.service.gateway.responses import build_error_response, wait_for_disconnect, wait_while_connected
 from planner.service.kept_process import KeptProcess
 from planner.service.settings import LIMITS, ServiceSettings
 
@@ -96,17 +96,22 @@ class OfficeForwarder:
         if url is None:
             await build_error_response(503, OFFICE_STARTING, TRY_AGAIN)(scope, receive, send)
             return
+        body = _RequestBody(receive)
         try:
-            response = await self._get_client().send(self._build_request(url, scope, receive), stream=True)
+            sent = self._get_client().send(self._build_request(url, scope, body), stream=True)
+            response = await wait_while_connected(body.wait_for_disconnect(), sent)
         except httpx2.InvalidURL:
             await build_error_response(400, UNREADABLE_ADDRESS)(scope, receive, send)
             return
         except (httpx2.TransportError, OSError):
             await build_error_response(503, OFFICE_LOST, TRY_AGAIN)(scope, receive, send)
             return
-        try:
+        except ClientDisconnect:
+            return
+        finally:
             if scope["method"] not in READ_METHODS:
                 await self.after_change(scope["path"])
+        try:
             streamed = StreamingResponse(response.aiter_raw(), response.status_code)
             headers = [(name.lower(), value) for name, value in response.headers.raw]
             streamed.raw_headers = [each for each in headers if each[0] not in UNFORWARDED_HEADERS]
@@ -123,7 +128,7 @@ class OfficeForwarder:
             self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
         return self._client
 
-    def _build_request(self, url: str, scope: Scope, receive: Receive) -> httpx2.Request:
+    def _build_request(self, url: str, scope: Scope, body: _RequestBody) -> httpx2.Request:
         import httpx2
 
         headers = [(name, value) for name, value in scope["headers"] if name.lower() not in UNFORWARDED_HEADERS]
@@ -137,7 +142,7 @@ class OfficeForwarder:
         target = target.replace(b"#", b"%23")  # clients send no fragments, so this belongs to the path
         header_names = {name.lower() for name, _ in headers}
         chunked = any(name.lower() == b"transfer-encoding" for name, _ in scope["headers"])
-        content = _read_body(receive) if chunked or b"content-length" in header_names else None
+        content = body.read() if chunked or b"content-length" in header_names else None
         target_url = httpx2.URL(url).copy_with(raw_path=target)
         return httpx2.Request(scope["method"], target_url, headers=headers, content=content)
 
@@ -168,15 +173,28 @@ def _get_address(scope: Scope) -> str:
     return str((scope.get("client") or ("",))[0])
 
 
-async def _read_body(receive: Receive) -> AsyncIterator[bytes]:
-    while True:
-        message: Message = await receive()
-        if message["type"] == "http.disconnect":
-            raise ClientDisconnect
-        if body := message.get("body", b""):
-            yield body
-        if not message.get("more_body", False):
-            return
+class _RequestBody:
+    """The body of a request, and the end of its connection, which comes behind it."""
+
+    def __init__(self, receive: Receive) -> None:
+        self._receive, self._is_read = receive, asyncio.Event()
+
+    async def read(self) -> AsyncIterator[bytes]:
+        """Its parts; raises ClientDisconnect where it ends early."""
+        while True:
+            message: Message = await self._receive()
+            if message["type"] == "http.disconnect":
+                raise ClientDisconnect
+            if body := message.get("body", b""):
+                yield body
+            if not message.get("more_body", False):
+                self._is_read.set()
+                return
+
+    async def wait_for_disconnect(self) -> None:
+        """Wait until the client has gone, which can be told once the whole body is read."""
+        await self._is_read.wait()
+        await wait_for_disconnect(self._receive)
 
 
 class BackOffice:

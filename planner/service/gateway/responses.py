@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
 from fastapi import APIRouter, Depends, FastAPI, Request
@@ -15,6 +16,7 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 from starlette.routing import Match
+from starlette.types import Receive
 
 from planner.errors import HeadlandError, render_refusal, strip_unit
 from planner.request.parameter_names import quote_label
@@ -280,6 +282,26 @@ def add_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(ClientDisconnect, handle_gone_client)
     app.add_exception_handler(OSError, handle_os_error)
     app.add_exception_handler(Exception, handle_internal_error)
+
+
+async def wait_while_connected(gone: Awaitable[None], work: Awaitable[Item]) -> Item:
+    """The result of work, which is cancelled when the client has `gone`; then raises ClientDisconnect."""
+    working = asyncio.ensure_future(work)
+    tasks = working, asyncio.ensure_future(gone)
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            raise ClientDisconnect
+        return await working
+    finally:
+        for task in tasks:
+            task.cancel()
+
+
+async def wait_for_disconnect(receive: Receive) -> None:
+    """Wait until a client whose request is read closes the connection."""
+    while (await receive())["type"] != "http.disconnect":
+        pass
 
 
 async def _answer_http_exception(request: Request, error: Exception) -> JSONResponse:

@@ -54,6 +54,8 @@ WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 class FairQueue:
     """Does work in a few threads of its own, at most one piece at a time for each client, the clients in turn.
 
+    A piece whose future is cancelled before its turn is not done, and does not count as waiting.
+
     Args:
         slots: pieces that are done at a time.
         most_per_client: pieces that may wait for one client.
@@ -81,6 +83,7 @@ class FairQueue:
         with self._lock:
             if self._is_closed:
                 raise BusyError(f"No more {self._pieces} are taken, as the service is ending; ask again when it runs.")
+            self._drop_cancelled()
             if len(self._waiting.get(client, ())) >= self._most_per_client:
                 raise BusyError(
                     f"{self._most_per_client} {self._pieces} of yours are waiting already; ask again when some are "
@@ -101,6 +104,14 @@ class FairQueue:
             self._threads.shutdown(wait=False)
         for future in dropped:
             future.cancel()
+
+    def _drop_cancelled(self) -> None:
+        """Forget what nobody waits for any more; to be called with the lock."""
+        for client, pieces in list(self._waiting.items()):
+            if kept := deque(piece for piece in pieces if not piece[1].cancelled()):
+                self._waiting[client] = kept
+            else:
+                del self._waiting[client]
 
     def _start_next(self) -> None:
         """Start the next piece of the client whose turn it is, where a thread is free; to be called with the lock."""

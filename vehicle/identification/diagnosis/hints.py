@@ -26,9 +26,9 @@ from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, SURE_SIGMAS
 from vehicle.model.effects import PATH, get_effect
 
 MOST_HINTS, MOST_TRIED = 4, 3  # chosen: a longer list is of no use to a reader; laws of a scan that are fitted
-# Of the squares of whitened residuals, with noise that is still noise, where eleven clean sets have 1.1 (1.9 where crab
-# is misjudged); and of a limit, from which a part of the noise is part of what is too loud.
-LOUD_TIMES = 1.5
+# Mean square of whitened residuals with noise that is still noise: eleven clean sets have 1.1 (1.9 with misjudged crab).
+LOUD_SQUARE = 1.5
+LOUD_RATIO = 1.5  # of the noise to its limit, from which a part of it is part of what is too loud
 CLUE_TIMES = 2.0  # errors in the third of windows where they are larger over the other: noise shows up to 1.9
 FEWEST_CLUE_WINDOWS = 12  # chosen: ranks of fewer windows show nothing
 DEG = math.radians(1.0)
@@ -195,12 +195,12 @@ def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[H
 
     `ratios` are fitted parts of the noise over their limits.
     """
-    loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_TIMES}
+    loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_SQUARE}
     yield from (hint for channel, hint in LOUD_SENSOR.items() if channel in loud)
     if "pose" in loud:
         pairs = list(zip(POSE_PARTS, ratios["pose"], strict=True))
         of = {name: max(float(ratio) for part, ratio in pairs if part.shown_by == name) for name in LOUD_POSE}
-        if min(of["speed"], of["heading"]) > LOUD_TIMES:
+        if min(of["speed"], of["heading"]) > LOUD_RATIO:
             of["position"] = math.inf
         yield LOUD_POSE[max(of, key=lambda name: of[name])]
 
