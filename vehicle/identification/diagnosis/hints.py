@@ -26,7 +26,7 @@ from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, SURE_SIGMAS
 from vehicle.model.effects import PATH, get_effect
 
 MOST_HINTS, MOST_TRIED = 4, 3  # chosen: a longer list is of no use to a reader; laws of a scan that are fitted
-# Mean square of whitened residuals with noise that is still noise: eleven clean sets have 1.1 (1.9 with misjudged crab).
+# Mean square of whitened residuals with noise that is still noise: eleven clean sets have 1.1, 1.9 with misjudged crab.
 LOUD_SQUARE = 1.5
 LOUD_RATIO = 1.5  # of the noise to its limit, from which a part of it is part of what is too loud
 CLUE_TIMES = 2.0  # errors in the third of windows where they are larger over the other: noise shows up to 1.9
