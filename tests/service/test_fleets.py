@@ -244,3 +244,15 @@ def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written
     asyncio.run(ended())
     assert [event.what for event in store.list_events()].count("seen once") == 1
     store.close()
+
+
+def test_an_order_in_the_moment_of_the_end_keeps_nothing_from_ending(store: Store) -> None:
+    async def ended() -> None:
+        hub = FleetSessions(store)
+        await hub.start()
+        hub._order_given.set()
+        await asyncio.sleep(0.0)  # who waits for orders is about to be woken
+        await asyncio.wait_for(hub.stop(), 60.0)
+
+    for _ in range(3):
+        asyncio.run(ended())

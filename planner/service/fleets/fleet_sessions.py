@@ -287,8 +287,10 @@ class FleetSessions:
     async def _save_periodically(self) -> None:
         """Save all fleets once a second, and at once after an order: a stop must survive a killed service."""
         while True:
+            # Up to Python 3.11 wait_for drops a cancellation that comes with the order, so that nothing would end this.
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(self._order_given.wait(), SAVE_PERIOD_S)
+                async with asyncio.timeout(SAVE_PERIOD_S):
+                    await self._order_given.wait()
             self._order_given.clear()
             for session in list(self.by_id.values()):
                 try:

@@ -104,7 +104,8 @@ async def link_client(websocket: WebSocket, id: str) -> None:
 
 async def _await_connect(websocket: WebSocket, fleet: str) -> FleetClient:
     """Wait for connect and identify the client. Raises HeadlandError, ValidationError, TimeoutError."""
-    text = await asyncio.wait_for(_receive_text(websocket), CONNECT_TIMEOUT_S)
+    async with asyncio.timeout(CONNECT_TIMEOUT_S):
+        text = await _receive_text(websocket)
     if text is not None and len(text) > LIMITS.longest_connect_chars:
         raise ServiceError(
             f"The connect frame has {len(text)} characters; at most {LIMITS.longest_connect_chars} are allowed."

@@ -68,8 +68,9 @@ class RobotClient:
         self._leaving = True
         self._state_added.set()
         if self._linked:
-            with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._disconnected.wait(), DISCONNECT_TIMEOUT_S)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(DISCONNECT_TIMEOUT_S):
+                    await self._disconnected.wait()
 
     async def _stay_linked(self) -> None:
         """Connect again and again. Raises ServiceError if that is useless."""

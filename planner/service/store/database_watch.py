@@ -170,7 +170,8 @@ class TokenCache(DatabaseThread):
                     with self._lock:
                         self._waiting.append(future)
                     self._refresh_requested.set()
-                    await asyncio.wait_for(asyncio.wrap_future(future), REFRESH_TIMEOUT_S)
+                    async with asyncio.timeout(REFRESH_TIMEOUT_S):
+                        await asyncio.wrap_future(future)
         row = self._rows.get(hash_token(token_text))
         if row is None:
             raise TokenError(UNKNOWN_TOKEN if self.is_fresh else UNREACHABLE_DATABASE, parameter="token")
