@@ -34,7 +34,6 @@ from vehicle.missions.run import SimulationRun
 Floats = npt.NDArray[np.float64]
 
 MOST_NODES = 2000  # of a search for the best deal, whose bound counts
-MOST_ROUNDS = 40  # of searches, each without the circles of the one before
 JOBS = (
     PlanRequest(field="denmark", width_m=6.0, tractors=(2,), strategies=("split-field",)),
     PlanRequest(field="iwamizawa", width_m=3.0, tractors=(2,), strategies=("split-field",)),
@@ -110,7 +109,7 @@ def deal_soonest_s(machines: Sequence[MachineLeft], free: Sequence[LineLeft], tu
     """A time before which machines are not done with their next lines and with all that are free, whole, in any order
     and direction: every move takes as long as in the plan, and no less than the straight way.
 
-    Circles of lines that no machine comes to are cut off while they are found (Dantzig, Fulkerson and Johnson 1954).
+    Lines in circles that no machine comes to are allowed (assignment relaxation), so that machines cannot be quicker.
     """
     nodes = [way for line in free for way in (line, line.turn_round())]
     count, arcs, costs_s = len(nodes), list[tuple[int, int, int]](), list[float]()
@@ -146,37 +145,14 @@ def deal_soonest_s(machines: Sequence[MachineLeft], free: Sequence[LineLeft], tu
             add_row(np.append(is_own * ((enters == node) * 1.0 - (leaves == node)), 0.0), 0.0, 0.0)
         begun_s = sum(line.move_s + line.work_s for line in machine.lines[:1])
         add_row(np.append(is_own * np.array(costs_s), -1.0), -math.inf, -begun_s)
-    bound_s = 0.0
-    for _ in range(MOST_ROUNDS):
-        found = optimize.milp(
-            np.eye(1, len(arcs) + 1, len(arcs))[0],
-            integrality=np.append(np.ones(len(arcs)), 0.0),
-            bounds=optimize.Bounds(0.0, np.append(np.ones(len(arcs)), math.inf)),
-            constraints=optimize.LinearConstraint(sparse.csr_array(np.array(rows, float)), least, most),
-            options={"mip_rel_gap": 0.001, "node_limit": MOST_NODES},
-        )
-        bound_s = max(bound_s, float(found.mip_dual_bound))
-        used = np.array(arcs)[found.x[:-1] > 0.5] if found.x is not None else np.empty((0, 3), int)
-        circles = list_circles([(u, v) for _, u, v in used.tolist()], count)
-        if not circles:
-            break
-        for nodes_in_circle in circles:
-            is_inside = np.isin(leaves, nodes_in_circle) & np.isin(enters, nodes_in_circle)
-            add_row(np.append(is_inside * 1.0, 0.0), 0.0, len({node // 2 for node in nodes_in_circle}) - 1.0)
-    return bound_s
-
-
-def list_circles(arcs: Sequence[tuple[int, int]], gate: int) -> list[list[int]]:
-    """The nodes of each circle of arcs, and their other ways, that does not lead through the gate."""
-    onward, circles = {u: v for u, v in arcs if u != gate}, list[list[int]]()
-    for first in list(onward):
-        circle, node = list[int](), first
-        while node in onward and node != gate:
-            circle.append(node)
-            node = onward.pop(node)
-        if circle and node == first:
-            circles.append(sorted({one for each in circle for one in (each, each ^ 1)}))
-    return circles
+    found = optimize.milp(
+        np.eye(1, len(arcs) + 1, len(arcs))[0],
+        integrality=np.append(np.ones(len(arcs)), 0.0),
+        bounds=optimize.Bounds(0.0, np.append(np.ones(len(arcs)), math.inf)),
+        constraints=optimize.LinearConstraint(sparse.csr_array(np.array(rows, float)), least, most),
+        options={"mip_rel_gap": 0.001, "node_limit": MOST_NODES},
+    )
+    return float(found.mip_dual_bound)
 
 
 def measure_worked_pct(whole: PlanningResult, cut_s: float, rest: PlanningResult) -> float:
