@@ -13,7 +13,7 @@ import pytest
 
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
-from planner.service.api.apps import create_app
+from planner.service.api.apps import ABANDONED_PATHS, create_app
 from planner.service.errors import BusyError
 from planner.service.gateway.back_office import OfficeForwarder
 from planner.service.jobs import plan_estimates
@@ -292,7 +292,7 @@ def test_an_estimate_of_who_has_gone_ends(tmp_path: Path, is_forwarded: bool) ->
 
     with serve_app(app) as base:
         office = SimpleNamespace(url=base.rstrip("/"), secret="")
-        forward: Any = OfficeForwarder(office, pass_by, pass_by)  # type: ignore[arg-type]
+        forward: Any = OfficeForwarder(office, pass_by, pass_by, ABANDONED_PATHS)  # type: ignore[arg-type]
         with serve_app(forward) if is_forwarded else nullcontext(base) as asked:
             with pytest.raises(httpx2.ReadTimeout):
                 httpx2.post(

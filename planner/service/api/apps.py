@@ -81,6 +81,7 @@ DOCS_SCRIPT = (
 docs_router = APIRouter(include_in_schema=False)
 API_PREFIX = "/api/v1"
 TOKENS_PATH = f"{API_PREFIX}/tokens"
+ABANDONED_PATHS = frozenset({f"{API_PREFIX}/estimates"})
 API_DESCRIPTION = (
     "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
 )
@@ -136,7 +137,7 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
             await asyncio.to_thread(app.state.book.refresh)
 
     flush_recordings = partial(fleet_routes.save_recording_before_read, app.state.hub)
-    forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens)
+    forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens, ABANDONED_PATHS)
     app.router.default = forward
     _add_middleware(app)
     return app

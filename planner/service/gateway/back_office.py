@@ -13,7 +13,7 @@ import logging
 import multiprocessing
 import secrets
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection
 from dataclasses import asdict
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
@@ -46,8 +46,9 @@ LOOPBACK_HOST = "127.0.0.1"
 class OfficeForwarder:
     """An ASGI app that forwards requests to the back office and returns its answers.
 
-    `before` is called with the path of each request, `after` with that of one that may have changed something, before
-    its answer is sent.
+    `before_request` is called with the path of each request, `after_change` with that of one that may have changed
+    something, before its answer is sent. At `abandoned_paths` the office is told when a client has gone, and does no
+    more for it: whatever else is asked is counted until it is done.
     """
 
     def __init__(
@@ -55,7 +56,9 @@ class OfficeForwarder:
         office: BackOffice,
         before_request: Callable[[str], Awaitable[None]],
         after_change: Callable[[str], Awaitable[None]],
+        abandoned_paths: Collection[str] = (),
     ) -> None:
+        self._abandoned_paths = abandoned_paths
         self.office, self.before_request, self.after_change = office, before_request, after_change
         self._running_requests: Counter[str] = Counter()
         self._client: httpx2.AsyncClient | None = None
@@ -99,7 +102,8 @@ class OfficeForwarder:
         body = _RequestBody(receive)
         try:
             sent = self._get_client().send(self._build_request(url, scope, body), stream=True)
-            response = await wait_while_connected(body.wait_for_disconnect(), sent)
+            is_abandoned = scope["path"] in self._abandoned_paths
+            response = await (wait_while_connected(body.wait_for_disconnect(), sent) if is_abandoned else sent)
         except httpx2.InvalidURL:
             await build_error_response(400, UNREADABLE_ADDRESS)(scope, receive, send)
             return
@@ -108,10 +112,9 @@ class OfficeForwarder:
             return
         except ClientDisconnect:
             return
-        finally:
+        try:
             if scope["method"] not in READ_METHODS:
                 await self.after_change(scope["path"])
-        try:
             streamed = StreamingResponse(response.aiter_raw(), response.status_code)
             headers = [(name.lower(), value) for name, value in response.headers.raw]
             streamed.raw_headers = [each for each in headers if each[0] not in UNFORWARDED_HEADERS]
