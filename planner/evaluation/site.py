@@ -67,7 +67,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         folded=_build_folded_body(context),
         ground=ground,
         proof_ground=proof_ground,
-        gate_grounds=None if context.gateway is None else build_grounds(_build_lane_ground(context)),
+        gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
         crop_stands=crop_stands,
         kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
@@ -166,7 +166,7 @@ def _measure_half_m(shape: shapely.Geometry) -> float:
     return 0.5 * float(min(east - west, north - south))
 
 
-def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
+def build_lane_ground(context: PlanningContext) -> shapely.Geometry:
     """The strip through the entrance on which a machine comes in from outside; empty without an entrance."""
     lane = context.gateway
     if lane is None:

@@ -43,6 +43,7 @@ from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
 from tests.service.test_replanning import WIDTH_M, at, plan_three
 from tests.service.watching import NARROW, WIDE, WatchedPage, find_overflow, needs_browser
+from vehicle.missions.plan import LEAVE
 
 TIMES = 6.0
 LONGEST_S = 900.0
@@ -129,7 +130,35 @@ def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest
     for name, found in (("list_options", ()), ("list_cut_moves", ()), ("search", None)):
         monkeypatch.setattr(SiteMoves, name, lambda *_, found=found: found)
     with pytest.raises(FleetManagerError, match="Everything is done; tracks and headland sides of"):
-        stop_and_go_on(plan, 0.93, [])
+        stop_and_go_on(plan, 0.6, [])
+
+
+@pytest.mark.slow
+def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_but_not_from_work(plan: FleetPlan) -> None:
+    manager = at(plan, 0.4)
+    manager.operators.stop_all("anna", 1.0)
+    manager.states[1].report = manager.states[1].report._replace(x_m=4.0, y_m=1.5, heading_rad=0.0)
+    proposal = continue_remaining_work(extract_remaining_work(manager, [1], 100.0))
+    assert "The entrance is blocked by tractor 2: who is on the field stays there" in proposal.sentence
+    assert proposal.unreachable_m < 0.05 * proposal.reassigned_m
+    assert not any(leg.task.kind == LEAVE for number in (0, 2) for leg in proposal.plan.timed_missions[number].legs)
+
+
+@pytest.mark.slow
+def test_what_is_released_past_one_that_stands_is_said_and_who_is_caught_can_be_left_out(plan: FleetPlan) -> None:
+    manager = at(plan, 0.3)
+    manager.operators.stop_all("anna", 1.0)
+    caught = manager.states[1]
+    last = caught.mission.legs[max(caught.base_end, caught.leg + 1) - 1]
+    place, before = last.points[-1], last.points[-2]
+    heading_rad = math.atan2(*(place - before)[::-1])
+    manager.states[0].report = manager.states[0].report._replace(
+        x_m=float(place[0]), y_m=float(place[1]), heading_rad=heading_rad
+    )
+    words = "What is released to tractor 2 leads too near tractor 1: clear the way, or leave tractor 2 out as well."
+    with pytest.raises(FleetManagerError, match=re.escape(words)):
+        continue_remaining_work(extract_remaining_work(manager, [0], 100.0))
+    assert continue_remaining_work(extract_remaining_work(manager, [0, 1], 100.0)).reassigned_m > 100.0
 
 
 @pytest.mark.slow

@@ -17,7 +17,7 @@ from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.replanning import from_here
-from planner.fleet.replanning.from_here import _cut_leg
+from planner.fleet.replanning.from_here import cut_leg
 from planner.fleet.replanning.going_on import (
     ReplanProposal,
     _describe_unknown_load,
@@ -142,7 +142,7 @@ def test_a_plan_that_lies_nowhere_is_refused(plan: FleetPlan, place: list[float]
 
 def test_who_stands_for_a_load_does_so_in_the_rest_though_its_place_is_not_known_to_the_centimetre() -> None:
     stands = Leg(np.array([(0.0, 0.0), (30.0, 0.0)]), 1.0, stand_s=STAND_S)
-    assert _cut_leg(stands, 0.3).stand_s == STAND_S and _cut_leg(stands, 5.0).stand_s == 0.0
+    assert cut_leg(stands, 0.3).stand_s == STAND_S and cut_leg(stands, 5.0).stand_s == 0.0
 
 
 @pytest.mark.xfail(

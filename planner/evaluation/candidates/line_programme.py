@@ -167,6 +167,8 @@ def _compose_sketch(
     if may_rest and all(lines[node // 2].is_place for tour in programme.tours for node in tour):
         left = [line for line in lines if not line.is_place]
         count, length_m = len(left), math.fsum(line.length_m for line in left)
+        if not left:
+            raise StrategyError("Everything is done, and nothing is left to plan.")
         raise StrategyError(
             f"Everything is done; tracks and headland sides of {length_m:.0f} m in all remain ({count}), which are not "
             "worth a drive, or to which no way leads."

@@ -71,7 +71,7 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
         if remaining.stays(number, len(legs)):
             missions_from_here.append(Mission((_build_stationary_leg(remaining, number, legs),)))
             continue
-        first_leg = _cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
+        first_leg = cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
         rows = [first_leg, *legs[state.leg + 1 :]]
         missions_from_here.append(Mission(tuple(renumber_leg_gates(leg, remaining, -1) for leg in rows)))
     return Plan(tuple(missions_from_here), {"strategy": "rest"})
@@ -86,8 +86,8 @@ def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg
     return Leg(np.array([(x, y), (x, y) + STUB_LENGTH_M * ahead]), 1.0, ground=legs[0].ground, task=LegTask())
 
 
-def _cut_leg(leg: Leg, done_m: float) -> Leg:
-    """The remaining part of a leg."""
+def cut_leg(leg: Leg, done_m: float) -> Leg:
+    """The part of a leg that remains."""
     line = shapely.LineString(leg.points)
     remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - SHORTEST_LEG_M), line.length)
     stand_s, fold_s = (leg.stand_s, leg.fold_s) if done_m <= STAND_TOLERANCE_M else (0.0, 0.0)  # it may have just come

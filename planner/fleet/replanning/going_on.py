@@ -19,12 +19,12 @@ from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
 from planner.evaluation.context import GoingOn, PlanningContext, Stand
 from planner.evaluation.preparation import prepare_context
-from planner.evaluation.site import build_site, build_site_moves
+from planner.evaluation.site import build_lane_ground, build_site, build_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.replanning.from_here import RestDriver, build_whole_plan
+from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg
 from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates
 from planner.fleet.safety.outlines import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
@@ -43,6 +43,7 @@ from vehicle.missions.run import SimulationRun
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
 OBSTACLE_MARGIN_M = 0.5
 MENTIONED_M = 0.5  # of track that stays unworked
+CLOSED_TEXT = "The entrance is blocked by {causes}: who is on the field stays there, and nobody comes in."
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,15 +98,29 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     helpers.sort(key=lambda helper: (helper.stand is None, helper.number))
     if not helpers:
         raise FleetManagerError("Every tractor is leaving the field already, or is left out; nobody can go on.")
+    is_closed = shapely.intersects(build_lane_ground(whole), taken)
+    if is_closed:
+        helpers = [helper for helper in helpers if helper.stand is not None]
+    if not helpers:
+        causes = _name_causes(remaining)
+        raise FleetManagerError(f"The entrance is blocked by {causes}; clear it, as nobody gets in.")
     context = _leave_done_work(remaining, whole, ends, helpers)
+    if is_closed:
+        field = replace(context.layout.field, entrance=None)
+        context = replace(context, layout=replace(context.layout, field=field))
     context.site_cache[SiteMoves] = moves = build_site_moves(context, build_site(context, taken))
-    driven = _drive_best(remaining, context, ends, helpers)
+    try:
+        driven = _drive_best(remaining, context, ends, helpers)
+    except FleetManagerError as refusal:
+        caught = [helper.number for helper in helpers if _is_caught(remaining, helper.number, taken, half_m)]
+        raise FleetManagerError(" ".join([str(refusal), *_describe_caught(remaining, caught)])) from None
     numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
     blocked_m = shapely.intersection(context.layout.field.due_region, taken).area / context.layout.width_m
     sentences = [
         *_describe_stands(remaining, whole),
+        *([CLOSED_TEXT.format(causes=_name_causes(remaining))] if is_closed else []),
         *_describe_open_work(remaining, left_m, blocked_m),
         *_describe_unknown_load(plan, whole.supply),
     ]
@@ -324,11 +339,33 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
     return f"Tractor {tractor} is on headland pass {task.number}."
 
 
+def _is_caught(remaining: RemainingWork, number: int, taken: shapely.Geometry, half_m: float) -> bool:
+    """Whether what is released to a tractor leads over `taken` ground."""
+    state = remaining.states[number]
+    present, *others = state.mission.legs[state.leg : max(state.base_end, state.leg + 1)]
+    lines = [shapely.LineString(leg.points) for leg in (cut_leg(present, state.leg_m), *others)]
+    return bool(shapely.intersects(shapely.union_all(lines).buffer(half_m), taken))
+
+
+def _describe_caught(remaining: RemainingWork, numbers: Sequence[int]) -> list[str]:
+    """What helps where tractors that stand, or obstacles, are in the way of what is released to these."""
+    causes = _name_causes(remaining)
+    return [
+        f"What is released to tractor {number + 1} leads too near {causes}: clear the way, or leave tractor "
+        f"{number + 1} out as well."
+        for number in numbers
+    ]
+
+
+def _name_causes(remaining: RemainingWork) -> str:
+    """What stands in the way."""
+    causes = [f"tractor {number + 1}" for number in remaining.excluded if not remaining.is_on_road(number)]
+    return " and ".join([*causes, *(["an obstacle"] if remaining.obstacles else [])])
+
+
 def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> list[str]:
     """What remains unworked and why, in a sentence or two; none for nothing."""
-    causes = [f"tractor {number + 1}" for number in remaining.excluded if not remaining.is_on_road(number)]
-    causes += ["an obstacle"] if remaining.obstacles else []
-    sentences, near = [], " and ".join(causes)
+    sentences, near = list[str](), _name_causes(remaining)
     if blocked_m >= MENTIONED_M:
         sentences.append(f"{blocked_m:.0f} m of track are too near {near} and remain unworked.")
     if unreachable_m >= MENTIONED_M:
