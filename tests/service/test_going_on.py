@@ -185,7 +185,7 @@ def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_
     manager = at(plan, 0.4)
     manager.operators.stop_all("anna", 1.0)
     state = manager.states[1]
-    state.report = state.report._replace(speed_mps=speed_mps, mode="stopped")
+    state.report = state.report._replace(speed_mps=speed_mps * state.present_leg.gear, mode="stopped")
     heard = extract_remaining_work(manager, [1], 100.0)
     manager.disconnect_tractor(1, 100.0, False)
     if speed_mps > 0.0:

@@ -112,7 +112,7 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     try:
         driven = _drive_best(remaining, context, ends, helpers)
     except FleetManagerError as refusal:
-        caught = [helper.number for helper in helpers if _is_caught(remaining, helper.number, taken, half_m)]
+        caught = [one.number for one in helpers if _is_caught(remaining, one.number, taken, half_m, reach_m)]
         raise FleetManagerError(" ".join([str(refusal), *_describe_caught(remaining, caught)])) from None
     numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
@@ -339,12 +339,14 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
     return f"Tractor {tractor} is on headland pass {task.number}."
 
 
-def _is_caught(remaining: RemainingWork, number: int, taken: shapely.Geometry, half_m: float) -> bool:
-    """Whether what is released to a tractor leads over `taken` ground."""
+def _is_caught(remaining: RemainingWork, number: int, taken: shapely.Geometry, half_m: float, reach_m: float) -> bool:
+    """Whether a tractor comes over `taken` ground on what is released to it, `reach_m` ahead of its end included."""
     state = remaining.states[number]
     present, *others = state.mission.legs[state.leg : max(state.base_end, state.leg + 1)]
-    lines = [shapely.LineString(leg.points) for leg in (cut_leg(present, state.leg_m), *others)]
-    return bool(shapely.intersects(shapely.union_all(lines).buffer(half_m), taken))
+    points = np.concatenate([leg.points for leg in (cut_leg(present, state.leg_m), *others)])
+    onward = points[-1] - points[-2]
+    end = points[-1] + reach_m * onward / np.hypot(*onward)
+    return bool(shapely.intersects(shapely.LineString([*points, end]).buffer(half_m), taken))
 
 
 def _describe_caught(remaining: RemainingWork, numbers: Sequence[int]) -> list[str]:
