@@ -11,6 +11,7 @@ which tractors go a little earlier or later in the order, and the quickest is ta
 from __future__ import annotations
 
 import random
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -34,30 +35,9 @@ from vehicle.sim.compile import build_model_record
 
 Floats = npt.NDArray[np.float64]
 
-MOST_TIMETABLES = 8  # tried, of which the quickest is taken
+LEAST_TIMETABLES, MOST_TIMETABLES = 2, 8  # tried, with and without going on, of which the quickest is taken
 MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
-
-
-@dataclass(frozen=True)
-class PrecedenceRule:
-    """How the next tractor is picked: by when it can go on or, the more `eager`, by when it has reached its hold point.
-
-    With `continues` one that must not stop at the next hold point may continue beyond it in one go.
-    """
-
-    eager: float
-    continues: bool
-
-
-SMALL_FLEET_TRACTORS = 4  # larger fleets are scheduled by the first rule only, with leads
-PRECEDENCE_RULES = (
-    PrecedenceRule(0.0, False),
-    PrecedenceRule(0.0, True),
-    PrecedenceRule(0.5, False),
-    PrecedenceRule(0.5, True),
-    PrecedenceRule(1.0, True),
-)
 
 
 @dataclass(frozen=True)
@@ -77,9 +57,9 @@ class Timetable:
 class PrecedenceSearch:
     """Finds a timetable for the trajectories of a plan."""
 
-    def __init__(self, plan: Plan, zones: ConflictZones, slack: float = 1.0, *, draws: bool = True) -> None:
-        """For a plan whose tractors keep `slack` times the usual time between each other, with leads if it `draws`."""
-        self.draws = draws
+    def __init__(self, plan: Plan, zones: ConflictZones, slack: float = 1.0, at_once: Collection[int] = ()) -> None:
+        """For a plan whose tractors keep `slack` times the usual time between each other; those `at_once` drive."""
+        self._at_once = np.isin(np.arange(len(plan.missions)), list(at_once))
         self.plan, self.zones, self.trajectories = plan, zones, zones.trajectories
         self.margins_s = GAP_BEHIND_S * slack, GAP_AHEAD_S * slack
         self.deadlock_avoidance = DeadlockAvoidance(plan, zones)
@@ -101,35 +81,32 @@ class PrecedenceSearch:
         return None
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
-        """The quickest of some timetables: by each rule in a small fleet, with other leads in a large one; None without
-        any.
+        """The quickest of some timetables, None without any.
 
         Leads are drawn around those of the quickest before, until the last to finish waits for nobody.
         """
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
         alone_s = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
         least_s = alone_s.max() + START_LOSS_S + TIME_TOLERANCE_S
-        is_small = count <= SMALL_FLEET_TRACTORS
-        rules = PRECEDENCE_RULES if is_small else PRECEDENCE_RULES[:1]
-        tries = min(MOST_TIMETABLES, MOST_EFFORT // (count * len(net.owner))) if self.draws and not is_small else 0
+        tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), LEAST_TIMETABLES))
         draw, best, leads_s = random.Random(1), None, np.zeros(count)
-        for number in range(max(tries, len(rules))):
-            most_s = MOST_LEAD_S if number >= len(rules) else 0.0
+        for number in range(tries):
+            most_s = MOST_LEAD_S if number >= LEAST_TIMETABLES else 0.0
             tried_s = leads_s + [draw.uniform(-most_s, most_s) for _ in range(count)]
-            table = self._fill_timetable(rules[number % len(rules)], tried_s)
+            table = self._fill_timetable(number % LEAST_TIMETABLES > 0, tried_s)
             if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) >= _rank_timetable(best[1])):
                 continue
             best, leads_s = table, tried_s
-            if not is_small and best[1].max() <= least_s:
+            if best[1].max() <= least_s:
                 break
         return best
 
-    def _fill_timetable(self, rule: PrecedenceRule, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
+    def _fill_timetable(self, continues: bool, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
         """A timetable in which the earliest possible entry comes next (timetable_search.fill_timetable)."""
         net = self.deadlock_avoidance.net
         max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         is_concerned = net.near | self.deadlock_avoidance.waits_on
-        how = (rule.eager, rule.continues), leads_s, self.deadlock_avoidance.deep
+        how = continues, leads_s, self._at_once, self.deadlock_avoidance.deep
         return fill_timetable(net, is_concerned, max_spans, self.margins_s, *how)  # type: ignore[no-any-return]
 
     def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
@@ -157,8 +134,8 @@ def _rank_timetable(free_s: Floats) -> tuple[int, int]:
 class TrafficRules:
     """What tractors must keep to: the machines, how near they may come, and how one is simulated alone.
 
-    `cache` holds results for the same rules. With `draws` timetables with other leads are tried: not where tractors are
-    on their way, which cannot wait where they are.
+    `cache` holds results for the same rules. Those `at_once`, by number, are on their way and cannot wait where they
+    are.
     """
 
     tractor: Tractor
@@ -167,7 +144,7 @@ class TrafficRules:
     side_clearance_m: float
     simulate_alone: SoloSimulation
     cache: TrajectoryCache = field(default_factory=TrajectoryCache)
-    draws: bool = True
+    at_once: frozenset[int] = frozenset()
 
 
 def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan | None:
@@ -183,7 +160,7 @@ def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan |
     zones = find_conflict_zones(
         trajectories, models, rules.clearance_m, rules.side_clearance_m, gated_legs, rules.cache
     )
-    precedence = PrecedenceSearch(plan, zones, slack, draws=rules.draws)
+    precedence = PrecedenceSearch(plan, zones, slack, rules.at_once)
     table = precedence.find_timetable()
     if table is None:
         return None

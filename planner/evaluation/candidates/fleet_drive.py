@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,7 +54,7 @@ def build_simulate(context: PlanningContext, rehearsal: IncrementalSimulator) ->
     return simulate
 
 
-def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool, draws: bool) -> Scheduler:
+def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool, at_once: frozenset[int]) -> Scheduler:
     """A scheduler for plans of a context."""
     rules = TrafficRules(
         context.tractor,
@@ -63,7 +63,7 @@ def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool,
         compute_parallel_clearance_m(context, beside),
         solo_runs,
         context.trajectory_cache,
-        draws,
+        at_once=at_once,
     )
 
     def schedule(plan: Plan, slack: float) -> Plan | None:
@@ -193,14 +193,14 @@ class SoloRuns:
 
 
 class FleetDriver:
-    """Drives plans of a context, beside each other or not; tractors give way to one another, as those on their way can
-    without `draws` (planner.traffic.precedence.TrafficRules)."""
+    """Drives plans of a context, beside each other or not; tractors give way to one another, but not those `at_once`
+    where they begin (planner.traffic.precedence.TrafficRules)."""
 
-    def __init__(self, context: PlanningContext, beside: bool, *, draws: bool = True) -> None:
+    def __init__(self, context: PlanningContext, beside: bool, at_once: frozenset[int] = frozenset()) -> None:
         rehearsal = build_rehearsal(context, beside)
         self.simulate = build_simulate(context, rehearsal)
         self._alone = SoloRuns(context, rehearsal)
-        self._schedule = build_scheduler(context, self._alone, beside, draws)
+        self._schedule = build_scheduler(context, self._alone, beside, at_once)
         self._time_share = context.time_share
 
     def measure_alone_s(self, plan: Plan) -> list[float]:
@@ -210,14 +210,9 @@ class FleetDriver:
         runs = map(self._alone, remove_gates(plan).missions)
         return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
 
-    def drive(self, plan: Plan, settle: Callable[[Plan], Plan] | None = None) -> tuple[SimulationRun, str | None]:
-        """The last run of a plan, and why it is not feasible, or None; `settle` moves the gates of a schedule."""
-
-        def schedule(tried_plan: Plan, slack: float) -> Plan | None:
-            scheduled_plan = self._schedule(tried_plan, slack)
-            return scheduled_plan if scheduled_plan is None or settle is None else settle(scheduled_plan)
-
-        return resolve_conflicts(plan, self.simulate, schedule)
+    def drive(self, plan: Plan) -> tuple[SimulationRun, str | None]:
+        """The last run of a plan, and why it is not feasible, or None."""
+        return resolve_conflicts(plan, self.simulate, self._schedule)
 
 
 def compute_planned_s(mission: Mission) -> float:

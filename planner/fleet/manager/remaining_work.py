@@ -43,6 +43,12 @@ class RemainingWork:
         state = self.states[number]
         return state.leg > 0 or state.leg_m > SHORTEST_LEG_M
 
+    def count_base_legs(self, number: int) -> int:
+        """How many legs a tractor cannot be told to wait on, from the present one on: it drives, or they are
+        released."""
+        state = self.states[number]
+        return max(state.base_end - state.leg, 1 if self.has_tractor_driven(number) else 0)
+
     def stays(self, number: int, leg_count: int) -> bool:
         """Whether a tractor drives no more: it is excluded, or at the end of its `leg_count` legs."""
         state = self.states[number]

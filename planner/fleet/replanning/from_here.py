@@ -18,7 +18,7 @@ from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.replanning.gates import move_gates, move_waiting_places, renumber_leg_gates
+from planner.fleet.replanning.gates import renumber_leg_gates
 from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
 from vehicle.missions.plan import Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -32,7 +32,9 @@ class RestDriver:
 
     def __init__(self, remaining: RemainingWork, context: PlanningContext) -> None:
         self._remaining, self._context = remaining, context
-        self._driver = FleetDriver(context, beside=True, draws=False)
+        drivers = (n for n, state in enumerate(remaining.states) if not state.is_standing)
+        self._on_way = frozenset(number for number in drivers if remaining.count_base_legs(number) > 0)
+        self._driver = FleetDriver(context, beside=True, at_once=self._on_way)
 
     def measure_alone_s(self, missions: Sequence[tuple[Leg, ...]]) -> list[float]:
         """Seconds that every tractor drives with nobody in its way; 0 for one that does not finish."""
@@ -43,21 +45,33 @@ class RestDriver:
 
         Raises FleetManagerError if conflicts remain.
         """
-
-        def settle(plan: Plan) -> Plan:
-            return move_gates(self._remaining, plan)[0]
-
         try:
-            run, conflict = self._driver.drive(self._build_plan(missions), settle)
+            run, conflict = self._driver.drive(self._build_plan(missions))
         except HeadlandError as refusal:
             raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
         if conflict is not None or run.outcome != DONE:
             raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
-        run = move_waiting_places(self._remaining, run, self._driver.simulate)
+        self._check_nobody_waits_on_way(run.plan)
         crowding = find_service_conflict(run, self._context.supply)
         if crowding is not None:
             raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
         return run
+
+    def _check_nobody_waits_on_way(self, plan: Plan) -> None:
+        """Raise FleetManagerError, with the tractor to pause, if one that drives would have to wait where it is."""
+        excluded = self._remaining.excluded
+        waiting = [
+            number
+            for number in sorted(self._on_way)
+            if any(gate.tractor not in excluded for gate in plan.missions[number].legs[0].gates)
+        ]
+        if waiting:
+            names = " and ".join(f"tractor {number + 1}" for number in waiting)
+            raise FleetManagerError(
+                f"{names.capitalize()} would have to wait on legs already being driven: pause {names} and replan once "
+                "all paused tractors stand; resume them after you accept the plan.",
+                parameter="without",
+            )
 
     def _build_plan(self, missions: Sequence[tuple[Leg, ...]]) -> Plan:
         plan, supply = _build_plan_from_here(self._remaining, missions), self._context.supply
@@ -73,6 +87,8 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
             continue
         first_leg = cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
         rows = [first_leg, *legs[state.leg + 1 :]]
+        for k in range(remaining.count_base_legs(number)):
+            rows[k] = replace(rows[k], may_wait=False)
         missions_from_here.append(Mission(tuple(renumber_leg_gates(leg, remaining, -1) for leg in rows)))
     return Plan(tuple(missions_from_here), {"strategy": "rest"})
 
