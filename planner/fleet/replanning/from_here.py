@@ -1,4 +1,8 @@
-"""A new plan of a fleet driven from where all tractors are, and joined to what they have driven so far."""
+"""A new plan of a fleet driven from where all tractors are, and joined to what they have driven so far.
+
+A driving tractor has moved on when the plan is accepted, so it waits at the end of its base at the earliest. A tractor
+that stands by order may wait where it stands: the fleet manager holds it until its gates open.
+"""
 
 from __future__ import annotations
 
@@ -58,18 +62,18 @@ class RestDriver:
         return run
 
     def _check_nobody_waits_on_way(self, plan: Plan) -> None:
-        """Raise FleetManagerError, with the tractor to pause, if one that drives would have to wait where it is."""
-        excluded = self._remaining.excluded
-        waiting = [
-            number
-            for number in sorted(self._on_way)
-            if any(gate.tractor not in excluded for gate in plan.missions[number].legs[0].gates)
-        ]
+        """Raise FleetManagerError, with the tractor to pause, if one would have to wait on its base."""
+        remaining, waiting = self._remaining, list[int]()
+        for number, mission in enumerate(plan.missions):
+            first = 0 if number in self._on_way else 1
+            base = mission.legs[first : remaining.count_base_legs(number)]
+            if any(gate.tractor not in remaining.excluded for leg in base for gate in leg.gates):
+                waiting.append(number)
         if waiting:
-            names = " and ".join(f"tractor {number + 1}" for number in waiting)
+            tractor_names = " and ".join(f"tractor {number + 1}" for number in waiting)
             raise FleetManagerError(
-                f"{names.capitalize()} would have to wait on legs already being driven: pause {names} and replan once "
-                "all paused tractors stand; resume them after you accept the plan.",
+                f"{tractor_names.capitalize()} would have to wait on legs already being driven: pause {tractor_names} "
+                "and replan once all paused tractors stand; resume them after you accept the plan.",
                 parameter="without",
             )
 

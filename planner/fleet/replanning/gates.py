@@ -1,9 +1,4 @@
-"""Gates of a replanned plan: which remain, how they count legs, and where tractors wait.
-
-A new plan starts where all tractors are, and may make one wait there. A driving tractor has moved on when the plan is
-accepted, so it waits at the end of its base at the earliest. A tractor that stands by order waits where it stands: the
-fleet manager holds it until its gates open.
-"""
+"""Gates of a replanned plan: which remain, and how they count legs."""
 
 from __future__ import annotations
 
