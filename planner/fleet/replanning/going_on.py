@@ -341,8 +341,10 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
 
 def _is_caught(remaining: RemainingWork, number: int, taken: shapely.Geometry, half_m: float, reach_m: float) -> bool:
     """Whether a tractor comes over `taken` ground on what is released to it, `reach_m` ahead of its end included."""
-    state = remaining.states[number]
-    present, *others = state.mission.legs[state.leg : max(state.base_end, state.leg + 1)]
+    state, count = remaining.states[number], remaining.count_base_legs(number)
+    if count == 0:
+        return False
+    present, *others = state.mission.legs[state.leg : state.leg + count]
     points = np.concatenate([leg.points for leg in (cut_leg(present, state.leg_m), *others)])
     onward = points[-1] - points[-2]
     end = points[-1] + reach_m * onward / np.hypot(*onward)
