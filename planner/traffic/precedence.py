@@ -35,7 +35,10 @@ from vehicle.sim.compile import build_model_record
 
 Floats = npt.NDArray[np.float64]
 
-LEAST_TIMETABLES, MOST_TIMETABLES = 2, 8  # tried, with and without going on, of which the quickest is taken
+RULES = ((0.0, False), (0.0, True), (0.5, False), (0.5, True), (1.0, True))
+"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has reached its hold point;
+and whether one that must not stop at the next hold point may continue beyond it in one go."""
+MOST_TIMETABLES = 12  # tried, of which the quickest is taken
 MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
 
@@ -81,32 +84,32 @@ class PrecedenceSearch:
         return None
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
-        """The quickest of some timetables, None without any.
+        """The quickest of some timetables, by each rule and then with other leads; None without any.
 
         Leads are drawn around those of the quickest before, until the last to finish waits for nobody.
         """
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
         alone_s = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
         least_s = alone_s.max() + START_LOSS_S + TIME_TOLERANCE_S
-        tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), LEAST_TIMETABLES))
-        draw, best, leads_s = random.Random(1), None, np.zeros(count)
+        tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), 1))
+        draw, best, rule, leads_s = random.Random(1), None, RULES[0], np.zeros(count)
         for number in range(tries):
-            most_s = MOST_LEAD_S if number >= LEAST_TIMETABLES else 0.0
+            most_s, tried = (0.0, RULES[number]) if number < len(RULES) else (MOST_LEAD_S, rule)
             tried_s = leads_s + [draw.uniform(-most_s, most_s) for _ in range(count)]
-            table = self._fill_timetable(number % LEAST_TIMETABLES > 0, tried_s)
+            table = self._fill_timetable(tried, tried_s)
             if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) >= _rank_timetable(best[1])):
                 continue
-            best, leads_s = table, tried_s
+            best, rule, leads_s = table, tried, tried_s
             if best[1].max() <= least_s:
                 break
         return best
 
-    def _fill_timetable(self, continues: bool, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
+    def _fill_timetable(self, rule: tuple[float, bool], leads_s: Floats) -> tuple[Floats, Floats, Floats]:
         """A timetable in which the earliest possible entry comes next (timetable_search.fill_timetable)."""
         net = self.deadlock_avoidance.net
         max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         is_concerned = net.near | self.deadlock_avoidance.waits_on
-        how = continues, leads_s, self._at_once, self.deadlock_avoidance.deep
+        how = rule, leads_s, self._at_once, self.deadlock_avoidance.deep
         return fill_timetable(net, is_concerned, max_spans, self.margins_s, *how)  # type: ignore[no-any-return]
 
     def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:

@@ -139,7 +139,7 @@ def _find_earliest_entry(net, state, begun_s, free_s, margins, refused_for, trac
 
 
 @compile_function
-def _pick_next_tractor(net, state, leads_s, entries, tried):  # type: ignore[no-untyped-def]
+def _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried):  # type: ignore[no-untyped-def]
     """The tractor whose entry is to be tried next, of those not tried yet; -1 for none.
 
     It is the one that can begin first, with its lead; among equals the one with most left to do.
@@ -148,7 +148,8 @@ def _pick_next_tractor(net, state, leads_s, entries, tried):  # type: ignore[no-
     for tractor in range(len(state)):
         if tried[tractor] or entries[tractor, 0] <= 0.0:
             continue
-        turn = round_to_tenths(entries[tractor, 1] - leads_s[tractor])
+        waits_s = entries[tractor, 1] - free_s[tractor]
+        turn = round_to_tenths(entries[tractor, 1] - leads_s[tractor] - eager * waits_s)
         remaining = round_to_tenths(
             net.begins_s[net.base[tractor + 1] - 1] - net.begins_s[net.base[tractor] + state[tractor]]
         )
@@ -293,12 +294,11 @@ def _commit_entry(net, state, begun_s, free_s, behind_s, refused, refused_for, t
 
 
 @compile_function
-def fill_timetable(net, is_concerned, max_spans, margins_s, continues, leads_s, at_once, deep):  # type: ignore[no-untyped-def]
+def fill_timetable(net, is_concerned, max_spans, margins_s, rule, leads_s, at_once, deep):  # type: ignore[no-untyped-def]
     """A timetable in which the earliest possible entry comes next that leaves everybody a way home.
 
     `margins_s` are seconds behind and ahead, `leads_s` (n,) by how much earlier a tractor is taken than it can begin,
-    `deep` whether ways home are searched deeply. Where it `continues`, one that must not stop at its next hold point
-    may go on beyond it. Those `at_once` (n,) are on their first segment already. `is_concerned` (n, n) tells whether
+    `deep` whether ways home are searched deeply, `rule` as in precedence.RULES. Those `at_once` (n,) are on their first segment already. `is_concerned` (n, n) tells whether
     what one may do can depend on another, `max_spans` how many spans one entry can depend on.
 
     Returns when each segment is begun (p,), when each tractor stands for good (n,; the first nan if no entry was left),
@@ -334,14 +334,14 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, continues, leads_s, 
                     net, state, begun_s, free_s, margins_s, refused_for, tractor, spans, entries[tractor]
                 )
                 is_current[tractor] = True
-        tractor, length = _pick_next_tractor(net, state, leads_s, entries, tried), 0
+        tractor, length = _pick_next_tractor(net, state, free_s, rule[0], leads_s, entries, tried), 0
         while tractor >= 0:
             length = int(entries[tractor, 0])
             copy_row(entries[tractor], longer_entry)
             while not _stays_deadlock_free(net, state, tractor, length, deep, state_after, reached, unsafe):
                 length += 1
                 while length <= MAX_CHAIN and not (
-                    continues
+                    rule[1]
                     and _can_chain_segments(
                         net, state, begun_s, free_s, margins_s, tractor, length, entries[tractor], spans, longer_entry
                     )
@@ -352,7 +352,7 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, continues, leads_s, 
             if length <= MAX_CHAIN:
                 break
             tried[tractor] = refused[tractor] = True
-            tractor = _pick_next_tractor(net, state, leads_s, entries, tried)
+            tractor = _pick_next_tractor(net, state, free_s, rule[0], leads_s, entries, tried)
         if tractor < 0:
             free_s[0] = np.nan
             break
