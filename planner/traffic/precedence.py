@@ -36,8 +36,8 @@ from vehicle.sim.compile import build_model_record
 Floats = npt.NDArray[np.float64]
 
 RULES = ((0.0, False), (0.0, True), (0.5, False), (0.5, True), (1.0, True))
-"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has reached its hold point;
-and whether one that must not stop at the next hold point may continue beyond it in one go."""
+"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has reached its hold
+point; and whether one that must not stop at the next hold point may continue beyond it in one go."""
 MOST_TIMETABLES = 12  # tried, of which the quickest is taken
 MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it

@@ -298,8 +298,9 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, rule, leads_s, at_on
     """A timetable in which the earliest possible entry comes next that leaves everybody a way home.
 
     `margins_s` are seconds behind and ahead, `leads_s` (n,) by how much earlier a tractor is taken than it can begin,
-    `deep` whether ways home are searched deeply, `rule` as in precedence.RULES. Those `at_once` (n,) are on their first segment already. `is_concerned` (n, n) tells whether
-    what one may do can depend on another, `max_spans` how many spans one entry can depend on.
+    `deep` whether ways home are searched deeply, `rule` as in precedence.RULES. Those `at_once` (n,) are on their first
+    segment already. `is_concerned` (n, n) tells whether what one may do can depend on another, `max_spans` how many
+    spans one entry can depend on.
 
     Returns when each segment is begun (p,), when each tractor stands for good (n,; the first nan if no entry was left),
     and gates (k, 3): before which segment, which other segment, and for how long that must have been begun (s).
