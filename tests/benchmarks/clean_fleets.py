@@ -32,6 +32,7 @@ from tests.benchmarks.honest_robots import EPOCH_S, STEP_S, HonestRobots
 from tests.benchmarks.honest_rows import lay_blocks
 
 LONGEST_SHIFT_S, WHO = 3600.0, "anna"
+SHIFTS_PER_SEED = 1000  # so that seeds next to one another drive other shifts
 LOST_SHARE, HICCUPS_PER_H, HICCUP_S = 0.01, 20.0, (0.2, 0.7)
 AWAY_PER_H, AWAY_S, BACK_S, SILENT_S = 3.0, 5.0, 3.0, 1.0
 PAUSES_PER_H, PAUSE_S, STOPS_PER_H, STOP_S, LOOK_S = 3.0, 25.0, 4.0, 15.0, 10.0
@@ -189,7 +190,7 @@ def main() -> None:
     parser.add_argument("--tractors", type=int, default=50)
     parser.add_argument("--seed", type=int, default=0)
     choice = parser.parse_args()
-    found, driven_h, frames, seed = Counter[str](), 0.0, 0, choice.seed
+    found, driven_h, frames, seed = Counter[str](), 0.0, 0, SHIFTS_PER_SEED * choice.seed
     while driven_h < choice.hours * choice.tractors:
         shift = Shift(seed, choice.tractors)
         shift.run(LONGEST_SHIFT_S, lambda text: print(text, flush=True))
