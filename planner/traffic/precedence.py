@@ -38,6 +38,7 @@ Floats = npt.NDArray[np.float64]
 RULES = ((0.0, False), (0.0, True), (0.5, False), (0.5, True), (1.0, True))
 """How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has reached its hold
 point; and whether one that must not stop at the next hold point may continue beyond it in one go."""
+SMALL_FLEET_TRACTORS = 4  # for whom every rule is tried, however long their plan
 MOST_TIMETABLES = 12  # tried, of which the quickest is taken
 MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
@@ -91,7 +92,8 @@ class PrecedenceSearch:
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
         alone_s = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
         least_s = alone_s.max() + START_LOSS_S + TIME_TOLERANCE_S
-        tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), 1))
+        least = len(RULES) if count <= SMALL_FLEET_TRACTORS else 1
+        tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), least))
         draw, best, rule, leads_s = random.Random(1), None, RULES[0], np.zeros(count)
         for number in range(tries):
             most_s, tried = (0.0, RULES[number]) if number < len(RULES) else (MOST_LEAD_S, rule)

@@ -139,9 +139,20 @@ def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_but_not_from_
     manager.operators.stop_all("anna", 1.0)
     manager.states[1].report = manager.states[1].report._replace(x_m=4.0, y_m=1.5, heading_rad=0.0)
     proposal = continue_remaining_work(extract_remaining_work(manager, [1], 100.0))
-    assert "The entrance is blocked by tractor 2: who is on the field stays there" in proposal.sentence
+    assert "The entrance is blocked by tractor 2: tractors on the field stay there" in proposal.sentence
     assert proposal.unreachable_m < 0.05 * proposal.reassigned_m
     assert not any(leg.task.kind == LEAVE for number in (0, 2) for leg in proposal.plan.timed_missions[number].legs)
+
+
+@pytest.mark.slow
+def test_nobody_comes_in_past_one_that_stands_in_the_entrance(plan: FleetPlan) -> None:
+    manager = at(plan, 0.4)
+    manager.operators.stop_all("anna", 1.0)
+    manager.states[1].report = manager.states[1].report._replace(x_m=4.0, y_m=1.5, heading_rad=0.0)
+    outside = manager.states[2]
+    outside.leg, outside.leg_m, outside.base_end, outside.report = 0, 0.0, 0, None
+    with pytest.raises(FleetManagerError, match="The entrance is blocked by tractor 2; clear it"):
+        continue_remaining_work(extract_remaining_work(manager, [1], 100.0))
 
 
 @pytest.mark.slow

@@ -43,7 +43,7 @@ from vehicle.missions.run import SimulationRun
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
 OBSTACLE_MARGIN_M = 0.5
 MENTIONED_M = 0.5  # of track that stays unworked
-CLOSED_TEXT = "The entrance is blocked by {causes}: who is on the field stays there, and nobody comes in."
+CLOSED_TEXT = "The entrance is blocked by {causes}: tractors on the field stay there, and none can come in."
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +99,9 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     if not helpers:
         raise FleetManagerError("Every tractor is leaving the field already, or is left out; nobody can go on.")
     is_closed = shapely.intersects(build_lane_ground(whole), taken)
-    if is_closed:
-        helpers = [helper for helper in helpers if helper.stand is not None]
-    if not helpers:
+    if is_closed and any(helper.stand is None for helper in helpers):
         causes = _name_causes(remaining)
-        raise FleetManagerError(f"The entrance is blocked by {causes}; clear it, as nobody gets in.")
+        raise FleetManagerError(f"The entrance is blocked by {causes}; clear it: no tractor can get in.")
     context = _leave_done_work(remaining, whole, ends, helpers)
     if is_closed:
         field = replace(context.layout.field, entrance=None)
@@ -113,7 +111,8 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
         driven = _drive_best(remaining, context, ends, helpers)
     except FleetManagerError as refusal:
         caught = [one.number for one in helpers if _is_caught(remaining, one.number, taken, half_m, reach_m)]
-        raise FleetManagerError(" ".join([str(refusal), *_describe_caught(remaining, caught)])) from None
+        sentence = " ".join([str(refusal), *_describe_caught(remaining, caught)])
+        raise FleetManagerError(sentence, parameter=refusal.parameter) from None
     numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
