@@ -129,18 +129,20 @@ def is_growing(sums, kept, count, back, a, b) -> bool:  # type: ignore[no-untype
 
 @compile_function
 def has_set_out(sums, kept, count, back) -> bool:  # type: ignore[no-untyped-def]
-    """Whether positions that moved since `back` entries of `count` had moved before at least half as far as who gains
-    their speed at SPEED_CHANGE_MPS2: a leap has its full rate at once. They had where nothing is known of that time."""
+    """Whether positions that moved since `back` entries of `count` had moved the same way before, at least half as far
+    as who gains their speed at SPEED_CHANGE_MPS2: a leap has its full rate at once, whatever was before it. They had
+    where nothing is known of that time."""
     then = kept[(count - back) % len(kept)]
-    moved_m = math.hypot(sums[POSITION] - then[POSITION], sums[POSITION + 1] - then[POSITION + 1])
+    x_m, y_m = sums[POSITION] - then[POSITION], sums[POSITION + 1] - then[POSITION + 1]
+    moved_m = max(math.hypot(x_m, y_m), 1e-9)
     speed_mps = moved_m / max(sums[TIME] - then[TIME], 1e-9)
     gaining_s = speed_mps / SPEED_CHANGE_MPS2
     while back < min(count, len(kept)):
         back += 1
         before = kept[(count - back) % len(kept)]
         if then[TIME] - before[TIME] >= gaining_s:
-            moved_m = math.hypot(then[POSITION] - before[POSITION], then[POSITION + 1] - before[POSITION + 1])
-            return bool(moved_m >= 0.5 * (0.5 * speed_mps * gaining_s) - 2.0 * PAIR_NOISE_M)
+            along_m = x_m * (then[POSITION] - before[POSITION]) + y_m * (then[POSITION + 1] - before[POSITION + 1])
+            return bool(along_m / moved_m >= 0.5 * (0.5 * speed_mps * gaining_s) - 2.0 * PAIR_NOISE_M)
     return True
 
 
