@@ -154,7 +154,7 @@ def sweep(
     if picked is not None:
         order = swept.build_point_order(picked.numbers)
         _drive(order, result, picked, executor_choice, save, form.is_for_programs)
-    if result.best is None:
+    if not result.has_recommendation:
         raise typer.Exit(NO_RESULT_STATUS)
 
 
@@ -320,9 +320,8 @@ def _show_what_is_done(swept: Sweep, form: AnswerForm) -> Iterator[None]:
         result = swept.build_result()
         if result.plans:
             form.print_answer(result, json=format_sweep_json, csv=format_sweep_csv, screen=build_sweep_screen)
-        error.add_note(
-            f"{swept.done:,} of {swept.total:,} combinations; the same command goes on with it; no file was written"
-        )
+        goes_on = "; the same command goes on with it" if swept.done else ""
+        error.add_note(f"{swept.done:,} of {swept.total:,} combinations{goes_on}; no file was written")
         raise
 
 

@@ -214,7 +214,13 @@ def estimate_requested_moisture(request: PlanRequest) -> MoistureEstimate | None
         return None
     rains_mm, et0s_mm = parse_recent_rain(request.rain_mm, request.et0_mm)
     with attach_parameter("soil"):
-        return estimate_moisture(get_soil_rows(*_find_soil_place(request.soil)), rains_mm, et0s_mm)
+        return estimate_moisture(list_soil_rows(request.soil), rains_mm, et0s_mm)
+
+
+def list_soil_rows(soil: str) -> tuple[Soil, ...]:
+    """The lines of a soil as a request gives it; raises HeadlandError for one that is not known."""
+    with attach_parameter("soil"):
+        return get_soil_rows(*_find_soil_place(soil))
 
 
 def _find_soil_place(soil: str) -> tuple[str, Path | None]:

@@ -22,7 +22,13 @@ from fields.units import MPS_PER_KMH
 from planner.errors import attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
-from planner.evaluation.field_physics import FieldPhysics, adapt_to_ground, build_field_physics, check_fuel_is_known
+from planner.evaluation.field_physics import (
+    FieldPhysics,
+    adapt_to_ground,
+    build_field_physics,
+    check_fuel_is_known,
+    list_soil_rows,
+)
 from planner.evaluation.layout_choice import (
     Report,
     build_effort_rates,
@@ -141,6 +147,14 @@ def prepare_context(
     supplied = replace(context, supply=battery)
     supplied.site_cache.update(context.site_cache)
     return supplied
+
+
+def check_machine_and_soil(order: WorkOrder) -> None:
+    """Whether the tractor and the soil of an order are known, before any field is read; raises HeadlandError."""
+    with attach_parameter("tractor"):
+        resolve_tractor(order.request.tractor if order.tractor is None else order.tractor)
+    if order.request.soil is not None:
+        list_soil_rows(order.request.soil)
 
 
 def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:

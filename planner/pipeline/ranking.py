@@ -25,7 +25,7 @@ from planner.evaluation.ground.unworked_area import (
 )
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
 from planner.evaluation.ground_sentences import describe_ground
-from planner.evaluation.pull_check import compute_pull_figures, describe_pull
+from planner.evaluation.pull_check import check_pull, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import format_clock
@@ -34,7 +34,7 @@ from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
 from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
-from reports.common.plan_records import PullFigures, Shortfall, UnworkedPiece
+from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
 from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
@@ -177,7 +177,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         scenario=export_request(context),
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
-        pull=_compute_pull(context),
+        pull=check_pull(context),
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
     )
@@ -208,12 +208,6 @@ def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     most_pct = 100.0 * most_m2 / requested_m2
     ground = mark_text("the field") if requested_share == 1.0 else mark_text("the ground asked for")
     return f"No recommendation: only {worked_pct:.1f} % of {ground} is worked; {most_pct:.0f} % is {reason}."
-
-
-def _compute_pull(context: PlanningContext) -> PullFigures | None:
-    """What the implement needs at the drawbar and the tractor has there; None if unknown."""
-    farm_tractor = None if context.cost_terms is None else context.cost_terms.tractor
-    return compute_pull_figures(context.request, context.tractor, farm_tractor, context.physics.soil)
 
 
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
@@ -453,7 +447,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
-        *describe_pull(_compute_pull(context), context.request.find_draft_rule(), context.physics.soil),
+        *describe_pull(check_pull(context), context.request.find_draft_rule(), context.physics.soil),
         *describe_ground(context),
         *layout.field.remarks,
     )

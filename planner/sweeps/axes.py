@@ -134,7 +134,14 @@ def _split_text(option: RequestOption, text: str) -> list[Any]:
     if option.parameter == "tractors":
         assert option.parse is not None
         return list(option.parse(text))
-    parts = [part.strip() for part in text.split(",") if part.strip()]
+    parts = [part.strip() for part in text.split(",")]
+    if "" in parts and any(parts):
+        raise RequestError(
+            f"{mark_parameter(option.parameter)} {shorten_value(text)} has two commas with nothing between, or one at "
+            "an end; give values such as 3,4.5,6.",
+            parameter=option.parameter,
+        )
+    parts = [part for part in parts if part]
     if option.type not in (int, float):
         return parts
     return [value for part in parts for value in _read_numbers(option, part)]

@@ -26,6 +26,7 @@ from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.evaluation.layout_choice import compute_covered_share
 from planner.evaluation.preparation import change_terms
+from planner.evaluation.pull_check import check_pull
 from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.parameter_names import UNLAID, WISHES
@@ -362,6 +363,7 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
     finish_s = float(times.tractor_s.max())
     energy = _estimate_energy(context, times)
     hourly, hiring = compute_cost(context, times, energy)
+    pull = check_pull(context)
     figures = PlanResult(
         strategy=STRATEGY.name,
         tractors=len(times.tractor_s),
@@ -379,6 +381,7 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
         headland_passes=context.layout.headland_passes,
         headland_order=timed.order or None,
         is_simulated=False,
+        pull=pull if pull is not None and pull.is_questioned else None,
         **list_energy_figures(context, times, energy),
     )
     return add_clock_times(mark_worked_shares([figures], context)[0], context, finish_s, finish_s * whole)

@@ -42,6 +42,8 @@ def sweep(
     rows follow from that by sums: a row changes a little with what else is swept. `plan` with the values of a row
     drives it. Raises HeadlandError.
     """
+    if not isinstance(request, PlanRequest):
+        raise TypeError(f"sweep() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
     if values.get("tractors") is None:
         values["tractors"] = list(request.tractors)
     axes = read_axes(values)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from hashlib import sha256
 from itertools import groupby
@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 
 from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError, mark_parameter
-from planner.evaluation.preparation import prepare_context
+from planner.evaluation.preparation import check_machine_and_soil, prepare_context
 from planner.evaluation.site import recall
 from planner.evaluation.work_order import WorkOrder, read_requested_field
 from planner.pipeline.executors import collect_answers, create_executor, iter_completed
@@ -138,7 +138,8 @@ def iter_plans(
 def _pack(plan: PlanResult) -> dict[str, Any]:
     """What a plan has other than a plan has by default."""
     values = {name: getattr(plan, name) for name in _DEFAULTS}
-    return {name: value for name, value in values.items() if name == "measured" or value != _DEFAULTS[name]}
+    kept = {name: value for name, value in values.items() if name == "measured" or value != _DEFAULTS[name]}
+    return kept if plan.pull is None else {**kept, "pull": asdict(plan.pull)}
 
 
 def _unpack(content: Mapping[str, Any] | None, count: int) -> list[PlanResult] | None:
@@ -174,6 +175,8 @@ class Sweep:
         self._points = list(list_points(self.axes))
         self._tasks = [build_tasks(self.axes, partial(self.build_order, name)) for name in self.fields]
         self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
+        for reference in {(one.request.tractor, one.request.soil): one for one in self._list_references()}.values():
+            check_machine_and_soil(reference)
         varied = [axis.option.name for axis in self.axes if axis.parameter not in UNLAID and len(axis.values) > 1]
         if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
             several = varied[0].replace("_", " ") if varied else "field"
@@ -181,6 +184,9 @@ class Sweep:
                 f"Every {several} of a sweep numbers its tracks anew, and single tracks are wanted; give one, "
                 f"or none of {', '.join(map(mark_parameter, WISHES))}."
             )
+
+    def _list_references(self) -> Iterator[WorkOrder]:
+        return (task.reference for of_field in self._tasks for task in of_field)
 
     @property
     def total(self) -> int:
@@ -299,6 +305,7 @@ def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s:
         done_s=sums["time_s"],
         worked_pct=worked_ha / math.fsum(areas_ha),
         works_enough=all(plan.works_enough for plan in plans),
+        pull=next((plan.pull for plan in plans if "pull" in plan.lacks), plans[0].pull),
         meets_deadline=None if limit_s is None else sums["time_s"] <= limit_s,
         uncertainty_pct=max(plan.uncertainty_pct for plan in plans if plan.uncertainty_pct is not None),
         fuel_l_by_tractor=None,

@@ -15,6 +15,8 @@ import numpy.typing as npt
 
 from reports.common.rendering import ShownResult
 
+ShortfallKind = Literal["pull", "worked", "rain", "budget", "late"]
+
 
 @dataclass(frozen=True)
 class Shortfall:
@@ -23,7 +25,7 @@ class Shortfall:
     `sentence` says so in English; it is "" for pull and late, which reports word from the figures of the ranking.
     """
 
-    kind: Literal["pull", "worked", "rain", "budget", "late"]
+    kind: ShortfallKind
     sentence: str = ""
 
 

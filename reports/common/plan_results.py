@@ -13,7 +13,7 @@ from operator import attrgetter
 from typing import Any
 
 from reports.common.language import mark_text
-from reports.common.plan_records import PlanFault, PullFigures, Shortfall, SlopePlace, UnworkedPiece
+from reports.common.plan_records import PlanFault, PullFigures, Shortfall, ShortfallKind, SlopePlace, UnworkedPiece
 from reports.common.rendering import ShownResult
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
@@ -74,7 +74,8 @@ class PlanResult(ShownResult):
             the flat shares of a farm; None where neither is known, and for electric tractors.
         energy_kwh, energy_kwh_per_ha: kilowatt-hours from the batteries of electric tractors; None for others.
         uncertainty_pct: what an estimate of a sweep may differ by from its drive in time and cost, percent either way;
-            0 at the speed that was driven, None for other plans.
+            0 at the speed that was driven, None for other plans. `pull`: of an estimate, where its tractor may be too
+            weak; of plans that were driven their ranking has it.
         charges, charging_s: stops to charge or change batteries, and their time; None for tractors without them.
         co2_kg: of the fuel burnt, or of making the electricity; None where that is not known.
         fuel_l_by_tractor, energy_kwh_by_tractor: the same of each tractor, by its load; None where not known.
@@ -154,7 +155,17 @@ class PlanResult(ShownResult):
     charges: int | None = None
     charging_s: float | None = None
     uncertainty_pct: float | None = None
+    pull: PullFigures | None = None
     resting: tuple[int, ...] = ()
+
+    @property
+    def lacks(self) -> tuple[ShortfallKind, ...]:
+        """What an estimated plan lacks of what was asked for; nothing for one that can be recommended."""
+        is_too_weak = self.pull is not None and self.pull.is_infeasible
+        kinds: dict[ShortfallKind, bool] = {
+            "pull": is_too_weak, "worked": not self.works_enough, "late": self.meets_deadline is False,
+        }  # fmt: skip
+        return tuple(kind for kind, is_lacking in kinds.items() if is_lacking)
 
     @property
     def remark(self) -> str | None:
@@ -301,7 +312,7 @@ def find_deciding_reason(plan: PlanResult, quicker: PlanResult) -> str | None:
 
 
 def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_priced: bool = False) -> PlanResult:
-    """The plan to take of some feasible ones, at least one: of those that work enough, if any do.
+    """The plan to take of some feasible ones, at least one: of those pulled that work enough, if any are.
 
     With a deadline it is the cheapest in time, and the quickest if none is; plans that could finish the whole field
     within `allowed_s` come before those that are in time but leave ground. Without one it is that of the knee.
@@ -314,11 +325,11 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
     return _find_cheapest(by_count) if in_time else find_knee(by_count, is_priced)
 
 
-def _rate_lack(plan: PlanResult, allowed_s: float | None) -> tuple[bool, int]:
-    """What a plan lacks of what was asked for, less first: it works too little; it is late, or so with all ground."""
+def _rate_lack(plan: PlanResult, allowed_s: float | None) -> tuple[bool, bool, int]:
+    """What a plan lacks, less first: a strong enough tractor; enough work; being in time, or so with all ground."""
     is_late = plan.meets_deadline is False
     late_with_all = allowed_s is not None and plan.stated_finished_end_s > allowed_s
-    return not plan.works_enough, 2 if is_late else int(late_with_all)
+    return "pull" in plan.lacks, "worked" in plan.lacks, 2 if is_late else int(late_with_all)
 
 
 def find_knee(by_count: Mapping[int, PlanResult], is_priced: bool) -> PlanResult:

@@ -31,6 +31,16 @@ def describe_shortfall(ranking: PlanRanking, shortfall: Shortfall) -> str:
     return translate_sentence(shortfall.sentence)
 
 
+def describe_lacks(plan: PlanResult) -> list[str]:
+    """What an estimated plan lacks of what was asked for, a sentence each, the most serious first."""
+    sentences = {
+        "pull": question_pull(plan.pull),
+        "worked": translate("It works only {worked} % of the field.", worked=format_number(plan.worked_pct, 1)),
+        "late": translate("It is not done in time."),
+    }
+    return [sentences[kind] for kind in plan.lacks]
+
+
 def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) -> str:
     """Asks whether the tractor can pull the implement where it seems too weak, or says that it cannot; else ""."""
     if pull is None or not pull.is_questioned:

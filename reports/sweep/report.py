@@ -39,6 +39,7 @@ from reports.sweep.results import (
     build_query,
     describe_best,
     describe_rows,
+    describe_rows_mark,
     describe_title,
     describe_value,
     format_value,
@@ -51,7 +52,7 @@ if TYPE_CHECKING:
 
 PLAN_KEYS = (
     "finished_s", "finished_cost", "worked_pct", "fuel_l", "energy_kwh", "uncertainty_pct", "meets_deadline",
-    "feasible", "reason",
+    "feasible", "reason", "lacks",
 )  # fmt: skip
 
 
@@ -86,7 +87,7 @@ def build_sweep_screen(result: SweepResult) -> RenderableType:
         *map(format_sentence, list_remarks(result)),
     ]
     if result.rows:
-        legend = translate("> is the one to take. {rows}", rows=describe_rows(result))
+        legend = " ".join(filter(None, [describe_rows_mark(result), describe_rows(result)]))
         parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
         parts.append(format_sentence(ESTIMATED, style="dim"))
     return Group(*parts)
@@ -127,7 +128,7 @@ def build_front_table(result: SweepResult) -> FittedTable:
 
 def format_sweep_csv(result: SweepResult) -> str:
     """All plans as CSV, a row each."""
-    rows = list_rows(result)
+    rows = [{**row, "lacks": " ".join(row["lacks"])} for row in list_rows(result)]
     return format_entries_csv(list(rows[0]) if rows else [], rows)
 
 

@@ -28,6 +28,7 @@ from reports.common.wording import (
     format_width,
 )
 from reports.plan.answer import HEADLAND_ORDERS
+from reports.plan.shortfall_wording import describe_lacks, question_pull
 
 MOST_ROWS = 20  # of a table
 Floats = npt.NDArray[np.float64]
@@ -97,12 +98,8 @@ class SweepResult(ShownResult):
 
     @cached_property
     def usable(self) -> tuple[SweptPlan, ...]:
-        """The plans that can be taken: they work enough of the field, and are in time where there is a deadline."""
-        return tuple(
-            one
-            for one in self.plans
-            if one.plan.feasible and one.plan.works_enough and one.plan.meets_deadline is not False
-        )
+        """The plans that can be taken: they lack nothing of what was asked for."""
+        return tuple(one for one in self.plans if one.plan.feasible and not one.plan.lacks)
 
     @cached_property
     def front(self) -> tuple[SweptPlan, ...]:
@@ -116,12 +113,18 @@ class SweepResult(ShownResult):
 
     @cached_property
     def best(self) -> SweptPlan | None:
-        """The plan to take, by the rule of `headland plan`; None where none is usable."""
+        """The plan to take, by the rule of `headland plan`, or what comes nearest where none is usable; None without a
+        plan."""
         feasible = [one for one in self.plans if one.plan.feasible]
         if not feasible:
             return None
         chosen = choose_plan([one.plan for one in feasible], self.allowed_s, self.is_priced)
         return next(one for one in feasible if one.plan is chosen)
+
+    @property
+    def has_recommendation(self) -> bool:
+        """Whether the best plan lacks nothing."""
+        return self.best is not None and not self.best.plan.lacks
 
     @cached_property
     def rows(self) -> tuple[SweptPlan, ...]:
@@ -252,13 +255,14 @@ def describe_plan(result: SweepResult, one: SweptPlan) -> str:
 
 
 def describe_best(result: SweepResult) -> str:
-    """What to take, or that there is nothing."""
+    """What to take, what comes nearest where nothing does all that was asked for, or that there is nothing."""
     if result.best is None:
         return translate("No combination has a plan.")
     text = translate("{plan}; estimated.", plan=describe_plan(result, result.best))
-    if result.best in result.usable:
+    if result.has_recommendation:
         return text
-    return translate("{plan} No combination does all that was asked for.", plan=text)
+    words = translate("No combination does all that was asked for; the nearest is {plan}", plan=text)
+    return " ".join([words, *describe_lacks(result.best.plan)])
 
 
 def describe_influences(result: SweepResult) -> str:
@@ -289,6 +293,24 @@ def describe_refused(result: SweepResult) -> str:
     )  # fmt: skip
 
 
+def describe_weak(result: SweepResult) -> str:
+    """How many combinations need more power than their tractor has, and what the first needs; "" where none does."""
+    weak = [one.plan for one in result.plans if one.plan.feasible and "pull" in one.plan.lacks]
+    if not weak or not result.has_recommendation:
+        return ""
+    return translate_count(
+        "{count} combination cannot be taken: {reason}", "{count} combinations cannot be taken, the first: {reason}",
+        len(weak), reason=question_pull(weak[0].pull),
+    )  # fmt: skip
+
+
+def describe_rows_mark(result: SweepResult) -> str:
+    """What the marked row of the table is."""
+    if result.has_recommendation:
+        return translate("> is the one to take.")
+    return translate("> comes nearest to what was asked for.")
+
+
 def describe_title(result: SweepResult) -> str:
     """Field, area and how many combinations there are."""
     area, done, total = format_number(result.area_ha, 2), f"{len(result.plans):,}", f"{result.total:,}"
@@ -307,6 +329,8 @@ def describe_title(result: SweepResult) -> str:
 def describe_rows(result: SweepResult) -> str:
     """What the rows of the table are."""
     rows, front = len(result.rows), len(result.front)
+    if not front:
+        return ""
     text = translate("No other combination beats these in time, cost, tractors, ground and fuel together.")
     if front <= rows:
         return text
@@ -371,5 +395,8 @@ def build_query(values: Iterable[tuple[str, Any]]) -> str:
 
 
 def list_remarks(result: SweepResult) -> list[str]:
-    """What matters, and what has no plan."""
-    return [text for text in (describe_influences(result), describe_refused(result)) if text]
+    """What to check of the one to take, what matters, what cannot be pulled, and what has no plan."""
+    best = result.best
+    doubt = question_pull(best.plan.pull) if best is not None and result.has_recommendation else ""
+    remarks = (doubt, describe_influences(result), describe_weak(result), describe_refused(result))
+    return [text for text in remarks if text]

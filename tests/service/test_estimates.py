@@ -58,6 +58,12 @@ def test_an_estimate_answers_every_number_and_follows_start_deadline_and_price(s
     assert timed["plans"][0]["cost"] == pytest.approx(2.0 * one["cost"])
 
 
+def test_an_estimate_says_what_its_tractor_cannot_pull(shared: Shared) -> None:
+    _, possible = ask(shared, width=6, speed_kmh=8, operation="till")
+    _, fast = ask(shared, width=6, speed_kmh=12, operation="till")
+    assert possible["unmet"] is None and "needs about 90 kW at the drawbar at 12 km/h" in fast["unmet"]
+
+
 def test_bad_input_is_refused_in_one_sentence_with_its_parameter(shared: Shared) -> None:
     assert ask(shared, width=-1.0)[0] == 422
     assert ask(shared, width=-1.0)[1]["parameter"] == "width"

@@ -13,6 +13,7 @@ from planner.pipeline.executors import SerialExecutor
 from planner.request.plan_request import PlanRequest
 from planner.sweeps import sweep as sweeps
 from planner.sweeps.axes import read_axes
+from planner.sweeps.frame import sweep
 from tests.cli.conftest import built, headland
 
 __all__ = ["built", "headland"]
@@ -62,12 +63,42 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     ("--width 3,6 --leave-out 2", "Every width of a sweep numbers its tracks anew"),
     ("--json --csv", "choose one"),
     ("--service farm", "give an address such as https://farm.example"),
+    ("--tractor eg105,nosuch", "The tractor 'nosuch' is neither a file nor one of"),
+    ("--soil loam,mudd", "The soil 'mudd' is unknown"),
     ("--html page.txt", "does not end in .html"),
 ])  # fmt: skip
 def test_bad_input(headland: Run, field: Path, words: str, sentence: str) -> None:
     done = headland("sweep", field, "--local", *words.split())
     assert done.status == 2 and done.out == ""
     assert sentence in done.err and len(done.err.strip().splitlines()) == 1
+
+
+def test_what_the_tractor_cannot_pull_is_not_taken(headland: Run, field: Path, tmp_path: Path) -> None:
+    """As `headland plan` says it, whose check is that of the standard; 6 m at 8 km/h can be pulled, at 12 not."""
+    few = ("--local", "--tractors", "1", "--width", "6")
+    plan = headland("plan", field, *few, "--speed-kmh", "12", "--json")
+    assert plan.status == 3
+    unmet = json.loads(plan.out)["unmet"]
+    assert "needs about 90 kW" in unmet
+    swept = ("sweep", field, *few, "--processes", "1")
+    data = json.loads(headland(*swept, "--speed-kmh", "8,12", "--json").out)
+    assert [one["lacks"] for one in data["plans"]] == [[], ["pull"]] and data["best"]["speed_kmh"] == 8.0
+    assert [one["speed_kmh"] for one in data["front"]] == [8.0]
+    assert "1 combination cannot be taken: Not feasible" in headland(*swept, "--speed-kmh", "8,12").out.replace(
+        "\n", " "
+    )
+    alone = headland(*swept, "--speed-kmh", "12")
+    assert alone.status == 3
+    shown = " ".join(alone.out.split())
+    assert "No combination does all that was asked for; the nearest is" in shown and unmet in shown
+    assert "comes nearest to what was asked for" in shown and "is the one to take" not in shown
+    row = headland(*swept, "--speed-kmh", "12", "--csv").out.splitlines()[1]
+    assert ",pull,false,true" in row
+
+
+def test_python_says_what_a_sweep_takes() -> None:
+    with pytest.raises(TypeError, match=r"takes a PlanRequest, such as PlanRequest\(field='denmark'\), not 'denmark'"):
+        sweep("denmark", width=[3.0])  # type: ignore[arg-type]
 
 
 def test_a_row_that_is_not_there_and_several_fields_to_save(headland: Run, field: Path, tmp_path: Path) -> None:

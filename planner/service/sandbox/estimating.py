@@ -27,6 +27,7 @@ from planner.sweeps.estimates import Points
 from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.rendering import pick_values
 from reports.common.wording import round_up_to_minute
+from reports.plan.shortfall_wording import describe_lacks
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
 READY = b"{}\n"
@@ -46,6 +47,7 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
     return {
         "recommended": None if estimate.best is None else estimate.best.tractors,
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
+        "unmet": None if estimate.best is None else " ".join(describe_lacks(estimate.best)) or None,
         "currency": terms.prices.currency,
         "width": request.width_m,
         "bearing": round(estimate.bearing_deg, BEARING_DECIMALS),

@@ -41,6 +41,13 @@ export function answerBox() {
     node,
     kept() {},
     wait() { node.setAttribute("aria-busy", "true"); },
+    /** Without figures, until the next answer. */
+    empty() {
+      values.forEach((value) => say(value, DASH));
+      fill([], {});
+      mark.hidden = place.hidden = true;
+      box.tell("Loading\u2026");
+    },
     tell(words) { say(state, words); },
     show(answer, { isDriven, isLatest, words }) {
       const best = answer.plans.find((plan) => plan.tractors === answer.recommended), texts = best ? [String(best.tractors), ...figuresOf(best, answer)] : [DASH, DASH, DASH, DASH];
@@ -49,13 +56,11 @@ export function answerBox() {
       mark.hidden = isDriven;
       place.hidden = !isDriven;
       if (isDriven) place.href = answer.address;
-      box.tell(best ? words : answer.unmet ?? answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible.");
+      box.tell(answer.unmet ?? (best ? words : answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible."));
       if (isLatest) node.setAttribute("aria-busy", "false");
     },
     refuse(sentence) {
-      values.forEach((value) => say(value, DASH));
-      fill([], {});
-      mark.hidden = place.hidden = true;
+      box.empty();
       box.tell(sentence);
       node.setAttribute("aria-busy", "false");
     },

@@ -15,7 +15,7 @@ const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 `laidOut(answer)` takes every estimate that was laid out, with its lines. */
 export function liveAnswer(laidOut = () => {}) {
   const box = answerBox();
-  let changes = 0, shown = -1, latest = "", resting = 0, speaking = 0, drive = null, closed = false;
+  let changes = 0, shown = -1, latest = "", ground = null, resting = 0, speaking = 0, drive = null, closed = false;
 
   // An answer takes the place of those to earlier changes, and of less exact ones to its own.
   const show = (answer, change, level, words = "") => {
@@ -127,6 +127,8 @@ export function liveAnswer(laidOut = () => {}) {
       end();
       latest = key;
       changes += 1;
+      if (values.field !== ground) box.empty(); // figures of another field are wrong, not just old
+      ground = values.field;
       box.wait();
       answerAtOnce({ values, change: changes, isDriven });
       return true;
