@@ -19,12 +19,14 @@ from planner.evaluation.machine_outlines import (
     folds_at_gate,
     measure_half_m,
 )
+from planner.evaluation.pull_check import compute_pull_figures
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.farm.workday import Workday
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import DecisionCriteria
 from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
+from reports.common.plan_records import PullFigures
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_lane
 from strategies.program.driving_rules import DrivingRules
@@ -114,6 +116,12 @@ class PlanningContext:
         if field.entrance is None or self.request.no_headland or self.free_space.is_empty:
             return None
         return build_entrance_lane(field.original_boundary or field.boundary, self.free_space, field.entrance)
+
+    @property
+    def pull(self) -> PullFigures | None:
+        """What the implement needs at the drawbar and the tractor has there; None if unknown."""
+        farm_tractor = None if self.cost_terms is None else self.cost_terms.tractor
+        return compute_pull_figures(self.request, self.tractor, farm_tractor, self.physics.soil)
 
     @property
     def gate_half_width_m(self) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from fields.units import KMH_PER_MPS
 from planner.farm.machines import FarmTractor
@@ -14,9 +13,6 @@ from vehicle.energy.draft import DraftRule
 from vehicle.energy.load import find_drawbar_share, get_engine_power_kw
 from vehicle.model.soil import Soil, Texture
 from vehicle.model.tractor import Tractor
-
-if TYPE_CHECKING:
-    from planner.evaluation.context import PlanningContext
 
 USUAL_TEXTURE: Texture = "medium"  # where no soil is named
 WIDTH_STEP_M, SPEED_STEP_KMH = 0.5, 0.5
@@ -55,12 +51,6 @@ def compute_pull_figures(
         range_pct=rule.range_pct,
         is_assumed=request.draft is None,
     )
-
-
-def check_pull(context: PlanningContext) -> PullFigures | None:
-    """`compute_pull_figures` of a context."""
-    farm_tractor = None if context.cost_terms is None else context.cost_terms.tractor
-    return compute_pull_figures(context.request, context.tractor, farm_tractor, context.physics.soil)
 
 
 def describe_pull(pull: PullFigures | None, rule: DraftRule | None, soil: Soil | None = None) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ from planner.evaluation.ground.unworked_area import (
 )
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
 from planner.evaluation.ground_sentences import describe_ground
-from planner.evaluation.pull_check import check_pull, describe_pull
+from planner.evaluation.pull_check import describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import format_clock
@@ -177,7 +177,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         scenario=export_request(context),
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
-        pull=check_pull(context),
+        pull=context.pull,
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
     )
@@ -447,7 +447,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
-        *describe_pull(check_pull(context), context.request.find_draft_rule(), context.physics.soil),
+        *describe_pull(context.pull, context.request.find_draft_rule(), context.physics.soil),
         *describe_ground(context),
         *layout.field.remarks,
     )

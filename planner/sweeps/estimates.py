@@ -26,7 +26,6 @@ from planner.evaluation.ground.left_out import measure_left_out_m2
 from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.evaluation.layout_choice import compute_covered_share
 from planner.evaluation.preparation import change_terms
-from planner.evaluation.pull_check import check_pull
 from planner.evaluation.site import build_site, get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.parameter_names import UNLAID, WISHES
@@ -363,7 +362,7 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
     finish_s = float(times.tractor_s.max())
     energy = _estimate_energy(context, times)
     hourly, hiring = compute_cost(context, times, energy)
-    pull = check_pull(context)
+    pull = context.pull
     figures = PlanResult(
         strategy=STRATEGY.name,
         tractors=len(times.tractor_s),

@@ -15,12 +15,13 @@ from datetime import datetime, timedelta
 from typing import TypeVar
 
 from fields.units import DAY_S, FOOT_M
-from reports.common.language import US, get_units, translate, translate_count
+from reports.common.language import US, get_units, mark_text, translate, translate_count
 from reports.common.plan_results import PlanRanking
 from vehicle.model.effects import EFFECTS_BY_ID
 
 ACRE_M2 = 4046.8564224
 NO_VALUE = "-"
+HEADLAND_ORDERS = {"first": mark_text("headland first"), "last": mark_text("headland last")}
 _LEAST_ACRES = 0.1  # less is in square feet
 _LEAST_HA_M2 = 1000.0  # less is in square metres
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import MODEL_ERROR_SHARE, PlanRanking, PlanResult, is_share_different
 from reports.common.wording import (
+    HEADLAND_ORDERS,
     LEAST_COST,
     SURE_SHARE,
     capitalize_first,
@@ -41,7 +42,6 @@ NEXT_TRACTORS = (
     mark_text("a seventh"), mark_text("an eighth"), mark_text("a ninth"), mark_text("a tenth"),
 )  # fmt: skip
 """What one more tractor is, from the second on."""
-HEADLAND_ORDERS = {"first": mark_text("headland first"), "last": mark_text("headland last")}
 REQUIRED_ORDERS = {
     "sow": mark_text("headland last (as sowing asks)"),
     "mow": mark_text("headland first (as mowing asks)"),

@@ -18,6 +18,7 @@ from reports.common.language import mark_text, translate, translate_count, trans
 from reports.common.plan_results import PlanResult, choose_plan
 from reports.common.rendering import ShownResult
 from reports.common.wording import (
+    HEADLAND_ORDERS,
     LEAST_SHARE,
     SPEED,
     format_duration,
@@ -27,7 +28,6 @@ from reports.common.wording import (
     format_tractor_count,
     format_width,
 )
-from reports.plan.answer import HEADLAND_ORDERS
 from reports.plan.shortfall_wording import describe_lacks, question_pull
 
 MOST_ROWS = 20  # of a table
