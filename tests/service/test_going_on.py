@@ -26,7 +26,7 @@ from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_s
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.replanning.going_on import ReplanProposal, _build_taken_area, continue_remaining_work
+from planner.fleet.replanning.going_on import ReplanProposal, _build_taken_ground, continue_remaining_work
 from planner.fleet.safety.compliance import build_area_doubt
 from planner.fleet.session.frame_content import build_report, describe_mission
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
@@ -166,9 +166,10 @@ def test_what_is_released_past_one_that_stands_is_said_and_who_is_caught_can_be_
     manager.states[0].report = manager.states[0].report._replace(
         x_m=float(place[0]), y_m=float(place[1]), heading_rad=heading_rad
     )
-    words = "What is released to tractor 2 leads too near tractor 1: clear the way, or leave tractor 2 out as well."
-    with pytest.raises(FleetManagerError, match=re.escape(words)):
-        continue_remaining_work(extract_remaining_work(manager, [0], 100.0))
+    words = "What tractor 2 keeps leads too near tractor 1: clear the way, or leave tractor 2 out as well."
+    for excluded in ([0], [0, 2]):  # tractor 3 stands elsewhere
+        with pytest.raises(FleetManagerError, match=re.escape(words)):
+            continue_remaining_work(extract_remaining_work(manager, excluded, 100.0))
     assert continue_remaining_work(extract_remaining_work(manager, [0, 1], 100.0)).reassigned_m > 100.0
 
 
@@ -183,7 +184,7 @@ def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(p
     assert "Its place is in doubt: it may be up to 5 m from where it was." in sentence
     left_out = extract_remaining_work(manager, [1], 100.0)
     context = prepare_context(WorkOrder(plan.scenario, plan.field, plan.tractor, plan.implement), physics=plan.physics)
-    taken = _build_taken_area(left_out, context, 1.0)
+    taken = _build_taken_ground(left_out, context, 1.0).area
     place = shapely.Point(manager.states[1].doubt.pose[:2])
     assert taken.contains(place.buffer(5.0)) and taken.area < place.buffer(15.0).area
 
@@ -206,7 +207,7 @@ def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_
     remaining = extract_remaining_work(manager, [1], 100.0)
     check_proposal_still_fits(remaining, manager)
     context = prepare_context(WorkOrder(plan.scenario, plan.field, plan.tractor, plan.implement), physics=plan.physics)
-    taken = _build_taken_area(remaining, context, 1.0)
+    taken = _build_taken_ground(remaining, context, 1.0).area
     last = manager.guard.predict_paths(manager.states, [1])[0, -1]
     nose = shapely.Point(last[:2] + 0.5 * plan.tractor.length_m * np.array([np.cos(last[2]), np.sin(last[2])]))
     assert taken.contains(nose.buffer(plan.scenario.clearance_m))

@@ -52,14 +52,20 @@ class RestDriver:
         try:
             run, conflict = self._driver.drive(self._build_plan(missions))
         except HeadlandError as refusal:
-            raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
+            raise self._refuse(f"The remaining work cannot be planned: {refusal}") from None
         if conflict is not None or run.outcome != DONE:
-            raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
+            raise self._refuse(f"The remaining work cannot be planned: {conflict or run.outcome}.")
         self._check_nobody_waits_on_way(run.plan)
         crowding = find_service_conflict(run, self._context.supply)
         if crowding is not None:
             raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
         return run
+
+    def _refuse(self, sentence: str) -> FleetManagerError:
+        """A refusal, with what may help where tractors drive, as these cannot wait."""
+        names = _name_tractors(sorted(self._on_way))
+        advice = [f"It may help to pause {names}, and to replan once all stand."] if names else []
+        return FleetManagerError(" ".join([sentence, *advice]))
 
     def _check_nobody_waits_on_way(self, plan: Plan) -> None:
         """Raise FleetManagerError, with the tractor to pause, if one would have to wait on its base."""
@@ -70,9 +76,9 @@ class RestDriver:
             if any(gate.tractor not in remaining.excluded for leg in base for gate in leg.gates):
                 waiting.append(number)
         if waiting:
-            tractor_names = " and ".join(f"tractor {number + 1}" for number in waiting)
+            tractor_names = _name_tractors(waiting)
             raise FleetManagerError(
-                f"{tractor_names.capitalize()} would have to wait on legs already being driven: pause {tractor_names} "
+                f"{tractor_names.capitalize()} would have to wait on legs that are kept: pause {tractor_names} "
                 "and replan once all paused tractors stand; resume them after you accept the plan.",
                 parameter="without",
             )
@@ -80,6 +86,10 @@ class RestDriver:
     def _build_plan(self, missions: Sequence[tuple[Leg, ...]]) -> Plan:
         plan, supply = _build_plan_from_here(self._remaining, missions), self._context.supply
         return plan if supply is None else add_service_gates(plan, supply, self._context.request.width_m)
+
+
+def _name_tractors(numbers: Sequence[int]) -> str:
+    return " and ".join(f"tractor {number + 1}" for number in numbers)
 
 
 def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]]) -> Plan:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -73,6 +74,22 @@ class _Helper:
 
 
 @dataclass(frozen=True, eq=False)
+class _TakenGround:
+    """What no machine may touch, by what is there: tractors that are left out by their names, and obstacles."""
+
+    shapes: dict[str, shapely.Geometry]
+
+    @cached_property
+    def area(self) -> shapely.Geometry:
+        """All of it."""
+        return shapely.union_all(list(self.shapes.values()))
+
+    def name_causes(self, place: shapely.Geometry) -> str:
+        """What is there where a place touches it: ``tractor 1 and an obstacle``; "" for a place that does not."""
+        return " and ".join(cause for cause, shape in self.shapes.items() if shapely.intersects(shape, place))
+
+
+@dataclass(frozen=True, eq=False)
 class _DrivenPlan:
     """A plan that was driven from where all tractors are; `missions` have all legs, with those that are kept."""
 
@@ -88,9 +105,9 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     """
     plan, whole = remaining.plan, _prepare_whole(remaining.plan)
     half_m = 0.5 * max(whole.implement.contact_width_m, whole.tractor.width_m)
-    taken = _build_taken_area(remaining, whole, half_m)
+    taken = _build_taken_ground(remaining, whole, half_m)
     reach_m = max(max(abs(rear), abs(front)) for rear, front, _ in whole.driving_rules.boxes)
-    blocked = shapely.buffer(taken, half_m + reach_m)  # a guided point in it may have no way on
+    blocked = shapely.buffer(taken.area, half_m + reach_m)  # a guided point in it may have no way on
     ends = [_count_kept_legs(remaining, number, blocked) for number in range(plan.tractor_count)]
     helpers = [
         _build_helper(remaining, n, ends[n], whole) for n in range(plan.tractor_count) if _can_help(remaining, n)
@@ -98,29 +115,28 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     helpers.sort(key=lambda helper: (helper.stand is None, helper.number))
     if not helpers:
         raise FleetManagerError("Every tractor is leaving the field already, or is left out; nobody can go on.")
-    is_closed = shapely.intersects(build_lane_ground(whole), taken)
-    if is_closed and any(helper.stand is None for helper in helpers):
-        causes = _name_causes(remaining)
+    causes = taken.name_causes(build_lane_ground(whole))
+    if causes and any(helper.stand is None for helper in helpers):
         raise FleetManagerError(f"The entrance is blocked by {causes}; clear it: no tractor can get in.")
     context = _leave_done_work(remaining, whole, ends, helpers)
-    if is_closed:
+    if causes:
         field = replace(context.layout.field, entrance=None)
         context = replace(context, layout=replace(context.layout, field=field))
-    context.site_cache[SiteMoves] = moves = build_site_moves(context, build_site(context, taken))
+    context.site_cache[SiteMoves] = moves = build_site_moves(context, build_site(context, taken.area))
     try:
         driven = _drive_best(remaining, context, ends, helpers)
     except FleetManagerError as refusal:
-        caught = [one.number for one in helpers if _is_caught(remaining, one.number, taken, half_m, reach_m)]
-        sentence = " ".join([str(refusal), *_describe_caught(remaining, caught)])
+        sentence = " ".join([str(refusal), *_describe_caught(remaining, taken, half_m, reach_m)])
         raise FleetManagerError(sentence, parameter=refusal.parameter) from None
     numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
     left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
-    blocked_m = shapely.intersection(context.layout.field.due_region, taken).area / context.layout.width_m
+    due = context.layout.field.due_region
+    blocked_m = shapely.intersection(due, taken.area).area / context.layout.width_m
     sentences = [
         *_describe_stands(remaining, whole),
-        *([CLOSED_TEXT.format(causes=_name_causes(remaining))] if is_closed else []),
-        *_describe_open_work(remaining, left_m, blocked_m),
+        *([CLOSED_TEXT.format(causes=causes)] if causes else []),
+        *_describe_open_work(taken.name_causes(due), left_m, blocked_m),
         *_describe_unknown_load(plan, whole.supply),
     ]
     return ReplanProposal(
@@ -155,16 +171,16 @@ def infer_carried_supply(plan: FleetPlan) -> Supply | None:
     )
 
 
-def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m: float) -> shapely.Geometry:
-    """What no machine may touch: tractors left out, with the clearance round them or where they may be, and obstacles.
+def _build_taken_ground(remaining: RemainingWork, context: PlanningContext, half_m: float) -> _TakenGround:
+    """Tractors left out, with the clearance round them or where they may be, and obstacles.
 
     `half_m` is half the width of a machine. Who is predicted to come nearer than the clearance is stopped, and
     predictions err: plans keep away by that much more.
     """
-    shapes = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    found: dict[str, list[shapely.Geometry]] = {}
     long_m, away_m = context.tractor.length_m, half_m + context.request.clearance_m + PREDICTION_ERROR_M
     for number in remaining.excluded:
-        doubt = remaining.states[number].doubt
+        doubt, shapes = remaining.states[number].doubt, found.setdefault(f"tractor {number + 1}", [])
         if doubt is not None:
             reach_m = doubt.radius_m + long_m + context.implement.hitch_m + away_m
             shapes.append(shapely.Point(doubt.pose[:2]).buffer(reach_m))
@@ -173,7 +189,8 @@ def _build_taken_area(remaining: RemainingWork, context: PlanningContext, half_m
                 ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
                 tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
                 shapes.append(shapely.buffer(shapely.LineString([tail, nose]), away_m))
-    return shapely.union_all(shapes)
+    found["an obstacle"] = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    return _TakenGround({cause: shapely.union_all(shapes) for cause, shapes in found.items()})
 
 
 def _can_help(remaining: RemainingWork, number: int) -> bool:
@@ -338,37 +355,33 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
     return f"Tractor {tractor} is on headland pass {task.number}."
 
 
-def _is_caught(remaining: RemainingWork, number: int, taken: shapely.Geometry, half_m: float, reach_m: float) -> bool:
-    """Whether a tractor comes over `taken` ground on what is released to it, `reach_m` ahead of its end included."""
+def _describe_caught(remaining: RemainingWork, taken: _TakenGround, half_m: float, reach_m: float) -> list[str]:
+    """What helps where what is left out, or an obstacle, is in the way of what tractors keep."""
+    numbers = [number for number in range(len(remaining.states)) if number not in remaining.excluded]
+    causes = [taken.name_causes(_build_kept_way(remaining, number, half_m, reach_m)) for number in numbers]
+    return [
+        f"What tractor {number + 1} keeps leads too near {cause}: clear the way, or leave tractor {number + 1} out as "
+        "well."
+        for number, cause in zip(numbers, causes, strict=True)
+        if cause
+    ]
+
+
+def _build_kept_way(remaining: RemainingWork, number: int, half_m: float, reach_m: float) -> shapely.Geometry:
+    """The ground of a tractor on what it cannot be told to wait on, `reach_m` ahead of its end included."""
     state, count = remaining.states[number], remaining.count_base_legs(number)
     if count == 0:
-        return False
+        return shapely.Polygon()
     present, *others = state.mission.legs[state.leg : state.leg + count]
     points = np.concatenate([leg.points for leg in (cut_leg(present, state.leg_m), *others)])
     onward = points[-1] - points[-2]
     end = points[-1] + reach_m * onward / np.hypot(*onward)
-    return bool(shapely.intersects(shapely.LineString([*points, end]).buffer(half_m), taken))
+    return shapely.LineString([*points, end]).buffer(half_m)
 
 
-def _describe_caught(remaining: RemainingWork, numbers: Sequence[int]) -> list[str]:
-    """What helps where tractors that stand, or obstacles, are in the way of what is released to these."""
-    causes = _name_causes(remaining)
-    return [
-        f"What is released to tractor {number + 1} leads too near {causes}: clear the way, or leave tractor "
-        f"{number + 1} out as well."
-        for number in numbers
-    ]
-
-
-def _name_causes(remaining: RemainingWork) -> str:
-    """What stands in the way."""
-    causes = [f"tractor {number + 1}" for number in remaining.excluded if not remaining.is_on_road(number)]
-    return " and ".join([*causes, *(["an obstacle"] if remaining.obstacles else [])])
-
-
-def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> list[str]:
-    """What remains unworked and why, in a sentence or two; none for nothing."""
-    sentences, near = list[str](), _name_causes(remaining)
+def _describe_open_work(near: str, unreachable_m: float, blocked_m: float) -> list[str]:
+    """What remains unworked and why, such as `near` what, in a sentence or two; none for nothing."""
+    sentences = list[str]()
     if blocked_m >= MENTIONED_M:
         sentences.append(f"{blocked_m:.0f} m of track are too near {near} and remain unworked.")
     if unreachable_m >= MENTIONED_M:

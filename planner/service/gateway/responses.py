@@ -291,11 +291,13 @@ async def wait_while_connected(gone: Awaitable[None], work: Awaitable[Item]) -> 
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         if not working.done():
+            tasks[1].result()
             raise ClientDisconnect
         return await working
     finally:
         for task in tasks:
             task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 async def wait_for_disconnect(receive: Receive) -> None:
