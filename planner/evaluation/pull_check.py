@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from bisect import bisect_left
 
 from fields.units import KMH_PER_MPS
 from planner.farm.machines import FarmTractor
-from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
+from planner.request.plan_request import PlanRequest
 from reports.common.plan_records import PullFigures
 from vehicle.energy.draft import DraftRule
 from vehicle.energy.load import find_drawbar_share, get_engine_power_kw
@@ -95,20 +95,12 @@ def _find_possible_speed_kmh(
         return rule.compute_power_kw(request.width_m, speed_kmh / KMH_PER_MPS, texture) <= available_kw
 
     requested_kmh = KMH_PER_MPS * request.speed_mps
-    possible_kmh = _bisect(needs_less, MIN_SPEED_KMH, requested_kmh)
-    if possible_kmh < requested_kmh:
-        possible_kmh = _round_down(possible_kmh, SPEED_STEP_KMH)
-    return possible_kmh if possible_kmh >= MIN_SUGGESTED_KMH else None
-
-
-def _bisect(is_possible: Callable[[float], bool], low: float, high: float) -> float:
-    """The greatest possible value between two, where all below it are possible; 0 if none is."""
-    if is_possible(high) or not is_possible(low):
-        return high if is_possible(high) else 0.0
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if is_possible(middle) else (low, middle)
-    return low
+    if needs_less(requested_kmh):
+        return requested_kmh if requested_kmh >= MIN_SUGGESTED_KMH else None
+    first, last = round(MIN_SUGGESTED_KMH / SPEED_STEP_KMH), math.ceil(requested_kmh / SPEED_STEP_KMH)
+    steps = range(first, last)
+    possible = bisect_left(steps, True, key=lambda step: not needs_less(step * SPEED_STEP_KMH))
+    return steps[possible - 1] * SPEED_STEP_KMH if possible else None
 
 
 def _round_down(value: float, step: float) -> float:

@@ -137,8 +137,8 @@ def _split_text(option: RequestOption, text: str) -> list[Any]:
     parts = [part.strip() for part in text.split(",")]
     if "" in parts and any(parts):
         raise RequestError(
-            f"{mark_parameter(option.parameter)} {shorten_value(text)} has two commas with nothing between, or one at "
-            "an end; give values such as 3,4.5,6.",
+            f"{mark_parameter(option.parameter)} {shorten_value(text)} has an empty value between commas or at an "
+            "end; give values such as 3,4.5,6.",
             parameter=option.parameter,
         )
     parts = [part for part in parts if part]

@@ -160,7 +160,7 @@ class PlanResult(ShownResult):
 
     @property
     def lacks(self) -> tuple[ShortfallKind, ...]:
-        """What an estimated plan lacks of what was asked for; nothing for one that can be recommended."""
+        """What an estimated plan lacks of what was asked for, if it is feasible; rain and budget are not estimated."""
         is_too_weak = self.pull is not None and self.pull.is_infeasible
         kinds: dict[ShortfallKind, bool] = {
             "pull": is_too_weak, "worked": not self.works_enough, "late": self.meets_deadline is False,

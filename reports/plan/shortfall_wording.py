@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from reports.common.language import translate, translate_sentence
-from reports.common.plan_records import PullFigures, Shortfall
+from reports.common.plan_records import PullFigures, Shortfall, ShortfallKind
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.wording import SPEED, format_deadline, format_number, format_width, group_alike, join_list
 
@@ -31,14 +31,16 @@ def describe_shortfall(ranking: PlanRanking, shortfall: Shortfall) -> str:
     return translate_sentence(shortfall.sentence)
 
 
-def describe_lacks(plan: PlanResult) -> list[str]:
+def describe_lacks(plan: PlanResult, *, suggests_options: bool = True) -> dict[ShortfallKind, str]:
     """What an estimated plan lacks of what was asked for, a sentence each, the most serious first."""
-    sentences = {
-        "pull": question_pull(plan.pull),
-        "worked": translate("It works only {worked} % of the field.", worked=format_number(plan.worked_pct, 1)),
+    sentences: dict[ShortfallKind, str] = {
+        "pull": question_pull(plan.pull, suggests_options=suggests_options),
+        "worked": translate(
+            "Too little of the ground is worked, {worked} % in all.", worked=format_number(plan.worked_pct, 1)
+        ),
         "late": translate("It is not done in time."),
     }
-    return [sentences[kind] for kind in plan.lacks]
+    return {kind: sentences[kind] for kind in plan.lacks}
 
 
 def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) -> str:

@@ -180,6 +180,10 @@ def render_sweep_parquet(result: SweepResult) -> bytes:
     return buffer.getvalue()
 
 
+SHADED_ROW = {
+    True: "The shaded one is the one to take.",
+    False: "The shaded one comes nearest to what was asked for.",
+}
 WHOLE_MINUTES_S = TIME_STEPS_S[TIME_STEPS_S.index(60) :]
 ROOM = 0.04  # of the range of values, beside the first and the last
 
@@ -205,7 +209,8 @@ def render_sweep_page(result: SweepResult) -> str:
             }
             for one, cells in zip(rows, table.rows, strict=True)
         ],
-        "legend": describe_rows(result),
+        "title_of_rows": "Combinations that no other beats" if result.front else "What comes nearest",
+        "legend": f"{describe_rows(result)} {SHADED_ROW[result.has_recommendation]}".strip(),
     }
     return render_template("sweep.html.j2", content)
 

@@ -262,7 +262,7 @@ def describe_best(result: SweepResult) -> str:
     if result.has_recommendation:
         return text
     words = translate("No combination does all that was asked for; the nearest is {plan}", plan=text)
-    return " ".join([words, *describe_lacks(result.best.plan)])
+    return " ".join([words, *describe_lacks(result.best.plan).values()])
 
 
 def describe_influences(result: SweepResult) -> str:

@@ -10,12 +10,14 @@ from typing import Any
 
 import httpx2
 import pytest
+from starlette.requests import ClientDisconnect
 
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.service.api.apps import ABANDONED_PATHS, create_app
 from planner.service.errors import BusyError
 from planner.service.gateway.back_office import OfficeForwarder
+from planner.service.gateway.responses import wait_while_connected
 from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
 from planner.service.sandbox.readings import build_work_order
@@ -285,6 +287,30 @@ class SlowEstimator:
 
     def close(self) -> None:
         pass
+
+
+def test_work_for_who_has_gone_has_ended_before_that_is_said_and_what_fails_is_not_hidden() -> None:
+    ended = list[str]()
+
+    async def work() -> str:
+        try:
+            await asyncio.sleep(60.0)
+        finally:
+            await asyncio.sleep(0.01)
+            ended.append("work")
+        return "done"
+
+    async def go(error: Exception | None = None) -> None:
+        await asyncio.sleep(0.01)
+        if error is not None:
+            raise error
+
+    with pytest.raises(ClientDisconnect):
+        asyncio.run(wait_while_connected(go(), work()))
+    assert ended == ["work"]
+    with pytest.raises(OSError, match="no line"):
+        asyncio.run(wait_while_connected(go(OSError("no line")), work()))
+    assert asyncio.run(wait_while_connected(asyncio.sleep(60.0), asyncio.sleep(0.0, "answer"))) == "answer"
 
 
 @pytest.mark.parametrize("is_forwarded", [False, True])

@@ -138,6 +138,45 @@ def test_who_drives_fast_is_belied_by_its_progress_alone() -> None:
     assert motion.doubt is not None and motion.doubt.suspect == PROGRESS
 
 
+FLOATING = (
+    (-1.0, -64.332, 2.794), (-0.8, -64.309, 2.792), (-0.5, -64.304, 2.759), (-0.2, -64.353, 2.747),
+    (0.0, -64.408, 2.689), (0.2, -64.344, 2.661), (0.5, -64.062, 2.627), (0.7, -63.888, 2.592),
+    (0.9, -63.744, 2.553), (1.1, -63.639, 2.537), (1.3, -63.513, 2.484), (1.5, -63.366, 2.474),
+)  # fmt: skip
+"""Seconds and metres of a fix that goes away by a leap, smoothed, and 0.3 s later back as corrections return."""
+
+
+def test_one_that_stands_as_its_fix_leaps_away_and_back_is_not_doubted() -> None:
+    """The receiver goes over to each fix with a time constant of 2.5 s; both leaps together look like a steady way."""
+    motion, (_, x_m, y_m) = CredibleMotion(0.0, 3.0), FLOATING[0]
+    before = [(0.2 * number - 9.0, x_m, y_m) for number in range(40)]
+    for at_s, east_m, north_m in (*before, *FLOATING):
+        report = TractorReport(east_m, north_m, -math.pi / 2, 0.0, mode=AUTOMATIC)
+        motion.add_report(report, None, at_s, at_s)
+    assert motion.doubt is None
+
+
+@pytest.mark.parametrize("gain_mps2", [0.5, 1.0])
+def test_one_that_says_that_it_stands_from_where_it_turns_back_is_doubted(gain_mps2: float) -> None:
+    """It drives 6 m to and fro at 1 m/s, and gains speed and brakes as tractors do."""
+    motion, rng = CredibleMotion(0.0, 3.0), np.random.default_rng(1)
+    now_s, at_m, speed_mps, way, lied_s = 0.0, 0.0, 0.0, 1.0, 0.0
+    while motion.doubt is None and lied_s < 30.0:
+        ahead_m = 6.0 - at_m if way > 0.0 else at_m
+        brakes = ahead_m <= 0.5 * speed_mps**2 / gain_mps2 + 0.05
+        goal_mps = 0.0 if brakes else way
+        speed_mps += float(np.clip(goal_mps - speed_mps, -0.1 * gain_mps2, 0.1 * gain_mps2))
+        way = -way if brakes and abs(speed_mps) < 1e-9 else way
+        at_m += 0.1 * speed_mps
+        lied_s += 0.1 * (lied_s > 0.0 or way < 0.0)
+        east_m, north_m = rng.normal(0.0, 0.012, 2)
+        told_mps = 0.0 if lied_s > 0.0 else speed_mps
+        now_s += 0.1
+        report = TractorReport(east_m, north_m + at_m, math.pi / 2, told_mps, mode=AUTOMATIC)
+        motion.add_report(report, None, now_s, now_s)
+    assert 1.0 < lied_s <= 4.0
+
+
 @pytest.mark.parametrize("order", ["fail", "leave out"])
 def test_one_in_doubt_that_fails_or_is_left_out_stays_in_doubt_until_an_operator_looked(order: str) -> None:
     fleet = start_fleet(fleet_plan(2, 10))

@@ -103,6 +103,23 @@ def test_an_older_answer_never_replaces_a_newer_one(page: Page) -> None:
     assert seen.json_value() == [] and read_done(page) == "0:30:00"
 
 
+def test_figures_of_another_field_are_gone_at_once_and_do_not_come_back(page: Page) -> None:
+    held = list[Route]()
+    page.route(AT_ONCE, lambda route: held.append(route))
+    page.fill("input[name=width]", "4")
+    until(page, lambda: len(held) == 1)
+    page.locator("select:has(option[value='north field'])").first.select_option("north field")
+    until(page, lambda: read_done(page) == "\u2013")
+    seen = page.evaluate_handle("""() => { const seen = [], done = document.querySelectorAll(".answer .facts dd")[1];
+      new MutationObserver(() => seen.push(done.textContent)).observe(done, { childList: true, subtree: true,
+        characterData: true }); return seen; }""")
+    held[0].continue_()
+    until(page, lambda: len(held) == 2)
+    held[1].continue_()
+    wait_for_done(page, "0:45:00")
+    assert set(seen.json_value()) == {"0:45:00"}
+
+
 def test_an_older_answer_does_not_stop_the_drive_of_a_newer_one(page: Page) -> None:
     held = list[Route]()
 

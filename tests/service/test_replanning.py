@@ -64,7 +64,7 @@ class ForcedWait:
 @pytest.fixture(scope="module")
 def forced_wait(plan_without_entrance: FleetPlan) -> ForcedWait:
     """The first that is found from the middle of the plan on: where it is depends on the order of its work."""
-    told = re.compile(r"Tractor (\d) would have to wait on legs that are kept: pause tractor \1 and replan")
+    told = re.compile(r"Tractor (\d) would have to wait on legs that must be finished: pause tractor \1 and replan")
     for percent in sorted(range(5, 95, 3), key=lambda percent: abs(percent - 41)):
         for failed in range(plan_without_entrance.tractor_count):
             manager = at(plan_without_entrance, 0.01 * percent)

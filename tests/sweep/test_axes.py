@@ -42,8 +42,8 @@ def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
     ({"width": "6:3"}, "holds the range '6:3'"),
     ({"width": "3:6:0"}, "holds the range '3:6:0'"),
     ({"width": ""}, "has no value"),
-    ({"width": "3,,4"}, "has two commas with nothing between"),
-    ({"soil": "loam,"}, "or one at an end"),
+    ({"width": "3,,4"}, "has an empty value between commas"),
+    ({"soil": "loam,"}, "or at an end"),
     ({"width": "1:999:0.1"}, "holds the range"),
     ({"headland_order": "first,middle"}, "middle"),
 ])  # fmt: skip

@@ -86,6 +86,19 @@ def test_the_screen_says_what_to_take_what_matters_and_what_has_no_plan() -> Non
     assert re.search(r"40 0:33:20 (\d+\.\d+) 25 99.0", text), "the row of three tractors is told to be uncertain"
 
 
+def test_what_lacks_something_is_nowhere_called_the_one_to_take() -> None:
+    late = tuple(replace(one, plan=replace(one.plan, meets_deadline=False)) for one in build_result().plans)
+    result = replace(build_result(), plans=late, allowed_s=60.0)
+    screen, page = print_text(build_sweep_screen(result), 200), render_sweep_page(result)
+    for text in (screen, page):
+        assert (
+            "No combination does all that was asked for; the nearest is" in text and "It is not done in time." in text
+        )
+        assert "comes nearest to what was asked for." in text
+        assert "the one to take" not in text and "no other beats" not in text.lower()
+    assert "The shaded one is the one to take." in render_sweep_page(build_result())
+
+
 def test_rows_are_the_front_with_the_best_and_can_be_picked() -> None:
     result = build_result()
     rows = result.rows

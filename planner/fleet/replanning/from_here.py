@@ -63,7 +63,7 @@ class RestDriver:
 
     def _refuse(self, sentence: str) -> FleetManagerError:
         """A refusal, with what may help where tractors drive, as these cannot wait."""
-        names = _name_tractors(sorted(self._on_way))
+        names = _name_tractors(sorted(self._on_way - set(self._remaining.excluded)))
         advice = [f"It may help to pause {names}, and to replan once all stand."] if names else []
         return FleetManagerError(" ".join([sentence, *advice]))
 
@@ -78,7 +78,7 @@ class RestDriver:
         if waiting:
             tractor_names = _name_tractors(waiting)
             raise FleetManagerError(
-                f"{tractor_names.capitalize()} would have to wait on legs that are kept: pause {tractor_names} "
+                f"{tractor_names.capitalize()} would have to wait on legs that must be finished: pause {tractor_names} "
                 "and replan once all paused tractors stand; resume them after you accept the plan.",
                 parameter="without",
             )

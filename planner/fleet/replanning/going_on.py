@@ -357,7 +357,9 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
 
 def _describe_caught(remaining: RemainingWork, taken: _TakenGround, half_m: float, reach_m: float) -> list[str]:
     """What helps where what is left out, or an obstacle, is in the way of what tractors keep."""
-    numbers = [number for number in range(len(remaining.states)) if number not in remaining.excluded]
+    numbers = [
+        number for number, state in enumerate(remaining.states) if not remaining.stays(number, len(state.mission.legs))
+    ]
     causes = [taken.name_causes(_build_kept_way(remaining, number, half_m, reach_m)) for number in numbers]
     return [
         f"What tractor {number + 1} keeps leads too near {cause}: clear the way, or leave tractor {number + 1} out as "

@@ -131,7 +131,7 @@ def is_growing(sums, kept, count, back, a, b) -> bool:  # type: ignore[no-untype
 def has_set_out(sums, kept, count, back) -> bool:  # type: ignore[no-untyped-def]
     """Whether positions that moved since `back` entries of `count` had moved the same way before, at least half as far
     as who gains their speed at SPEED_CHANGE_MPS2: a leap has its full rate at once, whatever was before it. They had
-    where nothing is known of that time."""
+    where nothing is known of that time. Who goes to and fro faster than that is held to FARTHEST_M alone."""
     then = kept[(count - back) % len(kept)]
     x_m, y_m = sums[POSITION] - then[POSITION], sums[POSITION + 1] - then[POSITION + 1]
     moved_m = max(math.hypot(x_m, y_m), 1e-9)

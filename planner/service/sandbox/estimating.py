@@ -47,7 +47,7 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
     return {
         "recommended": None if estimate.best is None else estimate.best.tractors,
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
-        "unmet": None if estimate.best is None else " ".join(describe_lacks(estimate.best)) or None,
+        "unmet": _describe_unmet(estimate),
         "currency": terms.prices.currency,
         "width": request.width_m,
         "bearing": round(estimate.bearing_deg, BEARING_DECIMALS),
@@ -60,6 +60,12 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
         ],
         "outlines": [_round_points(ring) for ring in estimate.outlines],
     }
+
+
+def _describe_unmet(estimate: OrderEstimate) -> str | None:
+    """What is said of the best plan as in the JSON of a plan, where being late has a place of its own."""
+    lacks = {} if estimate.best is None else describe_lacks(estimate.best, suggests_options=False)
+    return " ".join(sentence for kind, sentence in lacks.items() if kind != "late") or None
 
 
 def _round_points(points: Points) -> list[list[float]]:

@@ -1,4 +1,4 @@
-// A box of fixed size with the answer of the moment; its texts change in place.
+// A box with the answer of the moment, of fixed size where it is narrow; its texts change in place.
 import { el, say } from "./dom.js";
 import { t, translate } from "./language.js";
 import { costOf, endOf } from "./planfigures.js";
@@ -37,6 +37,7 @@ export function answerBox() {
     });
     for (const { line } of rows.slice(plans.length)) line.hidden = true;
   };
+  let unmet = "";
   const box = {
     node,
     kept() {},
@@ -56,7 +57,8 @@ export function answerBox() {
       mark.hidden = isDriven;
       place.hidden = !isDriven;
       if (isDriven) place.href = answer.address;
-      box.tell(answer.unmet ?? (best ? words : answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible."));
+      unmet = answer.unmet ?? "";
+      box.tell(unmet || (best ? words : answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible."));
       if (isLatest) node.setAttribute("aria-busy", "false");
     },
     refuse(sentence) {
@@ -65,7 +67,7 @@ export function answerBox() {
       node.setAttribute("aria-busy", "false");
     },
     /** All of it in a sentence. */
-    words: () => (mark.hidden || values[0].textContent === DASH ? state.textContent : t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`),
+    words: () => (mark.hidden || values[0].textContent === DASH ? state.textContent : [t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`, translate(unmet)].filter(Boolean).join(". ")),
   };
   return box;
 }

@@ -127,7 +127,10 @@ export function liveAnswer(laidOut = () => {}) {
       end();
       latest = key;
       changes += 1;
-      if (values.field !== ground) box.empty(); // figures of another field are wrong, not just old
+      if (values.field !== ground) { // figures of another field are wrong, not just old
+        box.empty();
+        shown = LEVELS * changes;
+      }
       ground = values.field;
       box.wait();
       answerAtOnce({ values, change: changes, isDriven });
