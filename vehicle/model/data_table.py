@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fields.text_files import parse_table, read_table
+from fields.text_files import CellTable, parse_table, read_table
 from vehicle.errors import VehicleError
 from vehicle.model.validation_messages import describe_validation_errors
 
@@ -22,10 +23,18 @@ def load_table(path: str | Path | None, own_name: str, row_type: type[Row], noun
     Empty cells count as left out. Raises VehicleError with the line: `noun` says what a line should be ("a soil").
     """
     if path is None:
-        text = (resources.files("vehicle") / "data" / "work" / own_name).read_text(encoding="utf-8")
-        table = parse_table(text, own_name, VehicleError)
-    else:
-        table = read_table(path, "a CSV table", VehicleError)
+        return _load_own_table(own_name, row_type, noun)
+    return _parse_rows(read_table(path, "a CSV table", VehicleError), row_type, noun)
+
+
+@cache
+def _load_own_table(name: str, row_type: type[Row], noun: str) -> tuple[Row, ...]:
+    """The rows of a table of Headland; rows are never changed."""
+    text = (resources.files("vehicle") / "data" / "work" / name).read_text(encoding="utf-8")
+    return _parse_rows(parse_table(text, name, VehicleError), row_type, noun)
+
+
+def _parse_rows(table: CellTable, row_type: type[Row], noun: str) -> tuple[Row, ...]:
     place = table.label
     if not table.rows:
         raise VehicleError(f"The table {place} is empty; give a line of names of columns and a line for {noun}.")
