@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -205,17 +206,19 @@ class AnswerLines:
 
     `sentences` always stand there, the first in bold, shortened with dots if need be. Where lines are lacking, the
     title goes, then all remarks (`faults`) but the first, then the `alternatives` from the last on, then the first
-    remark too.
+    remark too. One that `is_whole` has as many lines as it takes.
     """
 
     sentences: tuple[str, ...]
     alternatives: tuple[str, ...] = ()
     faults: tuple[str, ...] = ()
     title: str = ""
+    is_whole: bool = False
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
         width = min(options.max_width, LINE_COLUMNS)
         most = MOST_ANSWER_LINES if options.max_width >= LEAST_ANSWER_COLUMNS else MOST_NARROW_LINES
+        most = sys.maxsize if self.is_whole else most
         first, *others = self.sentences
         room = max(most - count_lines(others, width) - bool(self.faults), 1)
         while count_lines([first], width) > room:
@@ -230,12 +233,14 @@ class AnswerLines:
             yield format_sentence(note, style="yellow")
 
     def _choose_rest(self, width: int, room: int) -> tuple[tuple[str, ...], str]:
-        """The first alternatives, and of the remarks all, the first with a count, or a count, in so many lines."""
+        """The first alternatives; of the remarks all, the first with a count or alone, or a count; in so many lines."""
         notes = [" ".join(self.faults)]
         if self.faults:
             count = len(self.faults) - 1
             notes += (
-                [translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count)] if count else []
+                [translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count), self.faults[0]]
+                if count
+                else []
             )
             counted = translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count + 1)
         for alternatives in (self.alternatives[:count] for count in range(len(self.alternatives), -1, -1)):

@@ -220,7 +220,7 @@ def build_many_fields_screen(records: Sequence[FieldRow], *, with_next: bool = T
     if with_next:
         notes.append(translate("Add --explain (and why), --html fields.html (maps), --csv (every plan)."))
     return Group(
-        AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults)),
+        AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults), is_whole=not with_next),
         Text(""),
         _build_screen_table(records[:MOST_ROWS]),
         *(format_sentence(text, style="dim") for text in notes),

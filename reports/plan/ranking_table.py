@@ -54,6 +54,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     """What to do in a few lines, the plans to choose from in a table, and what to type next.
 
     The table holds the best plan, then the Pareto front, then others as they are ranked: few, or all with `shows_all`.
+    Without what is next it is the head of an explanation, and nothing is shortened.
     """
     plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
     answer, title = write_answer(ranking), ""
@@ -64,7 +65,8 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     if not ranking.shortfalls:
         name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
         title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
-    parts: list[RenderableType] = [AnswerLines(tuple(filter(None, must)), others, faults, title)]
+    lines = AnswerLines(tuple(filter(None, must)), others, faults, title, is_whole=not with_next)
+    parts: list[RenderableType] = [lines]
     if plans:
         parts += [
             Text(""),

@@ -52,7 +52,7 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
         if not ways:
             return translate("{needs}: check it.", needs=needs)
         return translate("{needs}: check it, or try {ways}.", needs=needs, ways=join_list(ways, "or"))
-    sentences = [translate("Not feasible at this speed. {needs}.", needs=needs)]
+    sentences = [translate("Not feasible at this speed."), translate("{needs}.", needs=needs)]
     sentences.append(
         translate("Feasible: {ways}.", ways=join_list(ways, "or")) if ways else translate("Use a stronger tractor.")
     )

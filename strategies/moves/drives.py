@@ -97,6 +97,12 @@ class MoveDrives:
         return float(np.interp(distance_m, driven_m, time_s))
 
     @property
+    def pace_share(self) -> float:
+        """The mean speed from rest to rest on STRAIGHT_M, as a share of the working speed."""
+        time_s, driven_m = self._straight
+        return float(driven_m[-1] / time_s[-1]) / self.site.rules.work_speed_mps
+
+    @property
     def rest_s(self) -> float:
         """Seconds that a straight line takes longer from rest to rest than at working speed."""
         time_s, _ = self._straight

@@ -63,7 +63,12 @@ def test_an_estimate_answers_every_number_and_follows_start_deadline_and_price(s
 def test_an_estimate_says_what_its_tractor_cannot_pull(shared: Shared) -> None:
     _, possible = ask(shared, width=6, speed_kmh=8, operation="till")
     _, fast = ask(shared, width=6, speed_kmh=12, operation="till")
-    assert possible["unmet"] is None and "needs about 90 kW at the drawbar at 12 km/h" in fast["unmet"]
+    assert possible["caution"] is None and "needs about 90 kW at the drawbar at 12 km/h" in fast["caution"]
+    assert "--" not in fast["caution"], "a page has no options"
+    _, questioned = ask(shared, width=6, speed_kmh=9, operation="till")
+    assert questioned["caution"].endswith(": check it, or try 8.5 km/h or 5 m.")
+    _, late = ask(shared, start="13:00", deadline="13:01")
+    assert late["caution"] == "It is not done in time."
 
 
 def test_bad_input_is_refused_in_one_sentence_with_its_parameter(shared: Shared) -> None:

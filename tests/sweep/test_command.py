@@ -96,6 +96,19 @@ def test_what_the_tractor_cannot_pull_is_not_taken(headland: Run, field: Path, t
     assert ",pull,false,true" in row
 
 
+def test_what_a_tractor_cannot_pull_at_all_is_refused_without_driving_the_field(headland: Run, field: Path) -> None:
+    done = headland("plan", field, *"--local --width 3 --draft plough --soil soft --speed-kmh 8 --tractors 1".split())
+    assert done.status == 3
+    assert "on level ground the tractor works at 2 % of the speed asked for" in " ".join(done.out.split())
+
+
+def test_an_explained_plan_tells_every_remark_and_asks_what_to_check(headland: Run, field: Path) -> None:
+    words = ("plan", field, *"--local --width 6 --speed-kmh 10 --tractors 1".split())
+    shown = [" ".join(headland(*words, *more).out.split()) for more in ((), ("--explain",))]
+    assert all("needs about 70 kW at the drawbar at 10 km/h" in text for text in shown)
+    assert "remarks: --explain" not in shown[1] and "more: --explain" not in shown[1]
+
+
 def test_python_says_what_a_sweep_takes() -> None:
     with pytest.raises(TypeError, match=r"takes a PlanRequest, such as PlanRequest\(field='denmark'\), not 'denmark'"):
         sweep("denmark", width=[3.0])  # type: ignore[arg-type]

@@ -43,6 +43,7 @@ Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
+LEAST_PACE_SHARE = 0.25  # of the working speed on a short straight: who is slower ends no plan in the time it is given
 NO_BETTER = "Worked otherwise the field is done no better."
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
@@ -126,6 +127,12 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
 
     Raises StrategyError where there is none, or the lines do not suffice for that many tractors.
     """
+    pace_share = get_site_moves(context).drives.pace_share
+    if pace_share < LEAST_PACE_SHARE:
+        raise StrategyError(
+            f"on level ground the tractor works at {100.0 * pace_share:.0f} % of the speed asked for, as power or grip "
+            "are too little: use a narrower implement or another tractor"
+        )
     sketch, sketches, refusals = _choose_sketcher(context, strategy, tractors), list[SketchedPlan](), []
     for order in context.request.headland_orders or ("",):
         context.time_share.check()

@@ -245,8 +245,9 @@ class EstimateInfo(ApiModel):
 
     recommended: int | None = Field(description="Number of tractors of the plan to take; null where none is possible.")
     plans: list[EstimatedPlan]
-    unmet: str | None = Field(
-        description="Why the plan to take is no recommendation: a tractor too weak, too little ground."
+    caution: str | None = Field(
+        description="Why the plan to take is no recommendation (a tractor too weak, too little ground, too late), or "
+        "what to check of it."
     )
     currency: str | None
     width: float

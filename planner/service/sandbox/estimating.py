@@ -27,7 +27,7 @@ from planner.sweeps.estimates import Points
 from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.rendering import pick_values
 from reports.common.wording import round_up_to_minute
-from reports.plan.shortfall_wording import describe_lacks
+from reports.plan.shortfall_wording import describe_lacks, question_pull
 
 WARM_UP = {"field": "iwamizawa", "width": 3.0, "tractors": "1-2"}
 READY = b"{}\n"
@@ -47,7 +47,7 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
     return {
         "recommended": None if estimate.best is None else estimate.best.tractors,
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],
-        "unmet": _describe_unmet(estimate),
+        "caution": _describe_caution(estimate),
         "currency": terms.prices.currency,
         "width": request.width_m,
         "bearing": round(estimate.bearing_deg, BEARING_DECIMALS),
@@ -62,10 +62,13 @@ def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
     }
 
 
-def _describe_unmet(estimate: OrderEstimate) -> str | None:
-    """What is said of the best plan as in the JSON of a plan, where being late has a place of its own."""
-    lacks = {} if estimate.best is None else describe_lacks(estimate.best, suggests_options=False)
-    return " ".join(sentence for kind, sentence in lacks.items() if kind != "late") or None
+def _describe_caution(estimate: OrderEstimate) -> str | None:
+    """Why the best plan is no recommendation, else whether its tractor can pull the implement; None without a word."""
+    best = estimate.best
+    if best is None:
+        return None
+    lacks = describe_lacks(best, suggests_options=False).values()
+    return " ".join(lacks) or question_pull(best.pull, suggests_options=False) or None
 
 
 def _round_points(points: Points) -> list[list[float]]:

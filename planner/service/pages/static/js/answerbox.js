@@ -1,6 +1,6 @@
-// A box with the answer of the moment, of fixed size where it is narrow; its texts change in place.
+// A box with the answer of the moment; its texts change in place, and its figures stay where they are.
 import { el, say } from "./dom.js";
-import { t, translate } from "./language.js";
+import { t, translate, translateAll } from "./language.js";
 import { costOf, endOf } from "./planfigures.js";
 import { DASH, chance, doneBy, money, percent, plural } from "./words.js";
 
@@ -14,9 +14,10 @@ export function answerBox() {
   const values = COLUMNS.slice(0, 4).map(() => el("dd", {}, DASH)), figures = el("dl", { class: "facts" }, COLUMNS.slice(0, 4).map((name, k) => el("div", {}, el("dt", {}, name), values[k])));
   const body = el("tbody"), heads = COLUMNS.map((name) => el("th", { scope: "col" }, name));
   const table = el("div", { class: "scroll rows", tabindex: "0", role: "region", "aria-label": "Each number of tractors" }, el("table", {}, el("thead", {}, el("tr", {}, heads)), body));
+  const reason = el("p", { class: "reason", hidden: true });
   const details = el("details", { open: WIDE.matches }, el("summary", {}, "Each number of tractors"), table);
   const head = el("div", { class: "now" }, el("div", { class: "title" }, el("h2", {}, "Answer"), mark), figures, el("div", { class: "line" }, state, place));
-  const node = el("section", { class: "answer", "aria-label": "Answer" }, head, details);
+  const node = el("section", { class: "answer", "aria-label": "Answer" }, head, reason, details);
   mark.hidden = place.hidden = true;
   WIDE.onchange = () => { details.open = WIDE.matches; };
 
@@ -37,7 +38,7 @@ export function answerBox() {
     });
     for (const { line } of rows.slice(plans.length)) line.hidden = true;
   };
-  let unmet = "";
+  const caution = (text) => { say(reason, translateAll(text)); reason.hidden = !text; };
   const box = {
     node,
     kept() {},
@@ -47,6 +48,7 @@ export function answerBox() {
       values.forEach((value) => say(value, DASH));
       fill([], {});
       mark.hidden = place.hidden = true;
+      caution("");
       box.tell("Loading\u2026");
     },
     tell(words) { say(state, words); },
@@ -57,8 +59,8 @@ export function answerBox() {
       mark.hidden = isDriven;
       place.hidden = !isDriven;
       if (isDriven) place.href = answer.address;
-      unmet = answer.unmet ?? "";
-      box.tell(unmet || (best ? words : answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible."));
+      caution(answer.caution ?? "");
+      box.tell(best ? words : answer.plans.find((plan) => plan.reason)?.reason ?? "No plan is possible.");
       if (isLatest) node.setAttribute("aria-busy", "false");
     },
     refuse(sentence) {
@@ -67,7 +69,7 @@ export function answerBox() {
       node.setAttribute("aria-busy", "false");
     },
     /** All of it in a sentence. */
-    words: () => (mark.hidden || values[0].textContent === DASH ? state.textContent : [t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`, translate(unmet)].filter(Boolean).join(". ")),
+    words: () => (mark.hidden || values[0].textContent === DASH ? state.textContent : [t`${plural(Number(values[0].textContent), "tractor")}, done ${values[1].textContent}, cost ${values[2].textContent}, ${translate("estimated")}`, reason.textContent].filter(Boolean).join(". ")),
   };
   return box;
 }

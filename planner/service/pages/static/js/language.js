@@ -33,7 +33,8 @@ function byPattern(text) {
     const values = pattern.exec(text)?.slice(1);
     if (values) return fillIn(to, Object.fromEntries(values.map((value, k) => [names[k], TYPED.has(names[k]) ? value : translateQuoted(value)])));
   }
-  return text;
+  const needs = text.endsWith(".") ? byPattern(text.slice(0, -1)) : ""; // a sentence whose key is its part before the full stop
+  return needs && needs !== text.slice(0, -1) ? fillIn(messages["{needs}."] ?? "{needs}.", { needs }) : text;
 }
 
 // A label in quotes is translated within them.

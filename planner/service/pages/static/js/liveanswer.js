@@ -152,8 +152,8 @@ export function liveAnswer(laidOut = () => {}) {
 }
 
 // A driven plan for each number of tractors, the best of its strategies, in the form of an estimate.
-function drivenAnswer({ plans, best, scenario, currency, unmet }, values, address) {
+function drivenAnswer({ plans, best, scenario, currency, shortfalls = [], pull }, values, address) {
   const byRank = plans.filter((plan) => plan.feasible).sort((one, other) => one.rank - other.rank), counts = [...new Set(plans.map((plan) => plan.tractors))].sort((one, other) => one - other);
   const rows = counts.map((count) => byRank.find((plan) => plan.tractors === count) ?? plans.find((plan) => plan.tractors === count));
-  return { plans: rows, recommended: best?.tractors ?? null, start: scenario?.start ?? values.start, currency, address, unmet };
+  return { plans: rows, recommended: best?.tractors ?? null, start: scenario?.start ?? values.start, currency, address, caution: shortfalls.map((one) => one.sentence).join(" ") || pull?.question };
 }
