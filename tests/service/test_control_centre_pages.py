@@ -155,7 +155,7 @@ def test_video_of_a_host_that_was_set_stands_for_the_drawn_view(watched: Watched
     address.fill(f"{HOST}/tractor-1.mjpg")
     page.click(".view button:text-is('Save')")
     page.wait_for_selector(".view h2:text-is('Video')")
-    page.wait_for_function("document.querySelector('img.camera')?.naturalWidth === 1")
+    page.wait_for_function("() => document.querySelector('img.camera')?.naturalWidth === 1")
     page.click(".view button:text-is('Drawn view')")
     page.wait_for_selector(".view canvas.camera")
     refused: list[str] = page.evaluate(

@@ -125,7 +125,7 @@ def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: WatchedPage, p
     page.fill("input[name=deadline]", "17:00")
     page.click("text=Run the plan")
     page.wait_for_selector("text=width is -1; use metres above 0.")
-    page.wait_for_function("document.activeElement.name === 'width'")
+    page.wait_for_function("() => document.activeElement.name === 'width'")
     page.fill("input[name=width]", "3.5")
     made.requests.clear()
     made.polls = 0
