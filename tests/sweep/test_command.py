@@ -97,13 +97,14 @@ def test_what_the_tractor_cannot_pull_is_not_taken(headland: Run, field: Path, t
 
 
 def test_what_a_tractor_cannot_pull_at_all_is_refused_without_driving_the_field(headland: Run, field: Path) -> None:
-    done = headland("plan", field, *"--local --width 3 --draft plough --soil soft --speed-kmh 8 --tractors 1".split())
+    weak = ("--draft", "plough", "--soil", "soft")
+    done = headland("plan", field, "--local", "--width", "3", *weak, "--speed-kmh", "8", "--tractors", "1")
     assert done.status == 3
     assert "on level ground the tractor works at 2 % of the speed asked for" in " ".join(done.out.split())
 
 
 def test_an_explained_plan_tells_every_remark_and_asks_what_to_check(headland: Run, field: Path) -> None:
-    words = ("plan", field, *"--local --width 6 --speed-kmh 10 --tractors 1".split())
+    words = ("plan", field, "--local", "--width", "6", "--speed-kmh", "10", "--tractors", "1")
     shown = [" ".join(headland(*words, *more).out.split()) for more in ((), ("--explain",))]
     assert all("needs about 70 kW at the drawbar at 10 km/h" in text for text in shown)
     assert "remarks: --explain" not in shown[1] and "more: --explain" not in shown[1]
