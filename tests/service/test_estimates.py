@@ -66,7 +66,7 @@ def test_an_estimate_says_what_its_tractor_cannot_pull(shared: Shared) -> None:
     assert possible["caution"] is None and "needs about 90 kW at the drawbar at 12 km/h" in fast["caution"]
     assert "--" not in fast["caution"], "a page has no options"
     _, questioned = ask(shared, width=6, speed_kmh=9, operation="till")
-    assert questioned["caution"].endswith(": check it, or try 8.5 km/h or 5 m.")
+    assert questioned["caution"].endswith(": check it, or try 8.5 km/h or 5.5 m.")
     _, late = ask(shared, start="13:00", deadline="13:01")
     assert late["caution"] == "It is not done in time."
 
