@@ -5,7 +5,7 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Error, Page, Route
+from playwright.sync_api import Browser, Error, JSHandle, Page, Route
 
 from tests.service.accessibility import find_faults_at_widths
 from tests.service.fake_service import CONTROL, Made
@@ -35,6 +35,13 @@ def slider(page: Page, name: str) -> Any:
 
 def read_done(page: Page) -> str:
     return page.locator(".answer .facts dd").nth(1).inner_text()
+
+
+def watch_done(page: Page) -> JSHandle:
+    """The list of all times that are shown from now on."""
+    return page.evaluate_handle("""() => { const seen = [], done = document.querySelectorAll(".answer .facts dd")[1];
+      new MutationObserver(() => seen.push(done.textContent)).observe(done, { childList: true, subtree: true,
+        characterData: true }); return seen; }""")
 
 
 def wait_for_done(page: Page, done: str) -> None:
@@ -93,9 +100,7 @@ def test_an_older_answer_never_replaces_a_newer_one(page: Page) -> None:
     until(page, lambda: len(held) == 1)
     page.fill("input[name=width]", "6")
     wait_for_done(page, "0:30:00")
-    seen = page.evaluate_handle("""() => { const seen = [], done = document.querySelectorAll(".answer .facts dd")[1];
-      new MutationObserver(() => seen.push(done.textContent)).observe(done, { childList: true, subtree: true,
-        characterData: true }); return seen; }""")
+    seen = watch_done(page)
     held[0].continue_()
     until(page, lambda: len(held) == 2)
     held[1].continue_()
@@ -110,9 +115,7 @@ def test_figures_of_another_field_are_gone_at_once_and_do_not_come_back(page: Pa
     until(page, lambda: len(held) == 1)
     page.locator("select:has(option[value='north field'])").first.select_option("north field")
     until(page, lambda: read_done(page) == "\u2013")
-    seen = page.evaluate_handle("""() => { const seen = [], done = document.querySelectorAll(".answer .facts dd")[1];
-      new MutationObserver(() => seen.push(done.textContent)).observe(done, { childList: true, subtree: true,
-        characterData: true }); return seen; }""")
+    seen = watch_done(page)
     held[0].continue_()
     until(page, lambda: len(held) == 2)
     held[1].continue_()

@@ -127,12 +127,6 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
 
     Raises StrategyError where there is none, or the lines do not suffice for that many tractors.
     """
-    pace_share = get_site_moves(context).drives.pace_share
-    if pace_share < LEAST_PACE_SHARE:
-        raise StrategyError(
-            f"on level ground the tractor works at {100.0 * pace_share:.0f} % of the speed asked for, as power or grip "
-            "are too little: use a narrower implement or another tractor"
-        )
     sketch, sketches, refusals = _choose_sketcher(context, strategy, tractors), list[SketchedPlan](), []
     for order in context.request.headland_orders or ("",):
         context.time_share.check()
@@ -195,6 +189,7 @@ def _compose_sketch(
 
 def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int) -> SketchOrder:
     """What sketches the plan of a strategy with the headland in a given order."""
+    _check_pace(get_site_moves(context))
     rule = strategy.formation
     if rule is None or tractors == 1:
         return _deal_lines(context, strategy, tractors)
@@ -217,6 +212,16 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
         return SketchedPlan(order, tractor_s, compose)
 
     return form_up
+
+
+def _check_pace(moves: SiteMoves) -> None:
+    """Raise StrategyError where no plan ends in time, as the tractor cannot work at anything like its speed."""
+    pace_share = moves.drives.pace_share
+    if pace_share < LEAST_PACE_SHARE:
+        raise StrategyError(
+            f"on level ground the tractor works at {100.0 * pace_share:.0f} % of the speed asked for, as power or grip "
+            "are too little: use a narrower implement or another tractor"
+        )
 
 
 def _require_lines(context: PlanningContext) -> SiteMoves:
