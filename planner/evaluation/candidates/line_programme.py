@@ -43,9 +43,7 @@ Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
-LEAST_PACE_SHARE = (
-    0.1  # of the working speed on a straight from rest to rest: starting and braking alone leave far more
-)
+LEAST_PACE_SHARE = 0.1  # of the working speed on a straight: starting and braking alone leave far more
 NO_BETTER = "Worked otherwise the field is done no better."
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
