@@ -3,6 +3,8 @@
 import itertools
 import math
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,17 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import CRITICAL
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, Hold, MotionDoubt, TractorReport
+from planner.fleet.model.tractor_state import (
+    AUTOMATIC,
+    POSITIONS,
+    PROGRESS,
+    SPEED,
+    STOPPED,
+    Hold,
+    MotionDoubt,
+    TractorReport,
+)
+from planner.fleet.safety.compliance import note_standing
 from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleMotion, compute_doubt_m, compute_limit_m
 from planner.fleet.safety.possible_area import PossibleArea
 from tests.benchmarks import lies
@@ -395,6 +407,26 @@ def test_a_fleet_in_local_metres_beside_one_with_coordinates_stands_until_an_ope
     ground.hood.add("c", "c", FleetManager(third, FleetRules()), lambda: None, ground.now)
     run(3.0)
     assert Hold.UNPLACED in one.manager.states[0].holds, "nobody has answered for this one yet"
+
+
+def test_where_it_stood_before_it_could_hear_the_order_is_not_held_against_it() -> None:
+    """It stood of its own accord as its link went away and the order came, drove on for 6 m, heard it and stood."""
+    report = TractorReport(0.0, 0.0, math.pi / 2, 0.0, mode=AUTOMATIC)
+    state: Any = SimpleNamespace(
+        report=report, standing_ordered=True, stood_at=None, ordered_since_s=None, last_contact_s=99.0, holds=set()
+    )
+    for now in (100.0, 101.0, 104.0):
+        note_standing(state, now)
+    assert state.stood_at is None, "nothing was heard since the order"
+    state.report, state.last_contact_s = report._replace(y_m=6.0, mode=STOPPED), 104.5
+    note_standing(state, 104.5)
+    assert state.stood_at == (0.0, 6.0)
+    state.report = report._replace(y_m=7.0, speed_mps=0.0)
+    note_standing(state, 105.0)
+    assert state.stood_at == (0.0, 6.0), "however slowly it goes from there"
+    state.standing_ordered = False
+    note_standing(state, 106.0)
+    assert state.stood_at is None and state.ordered_since_s is None
 
 
 @pytest.mark.slow

@@ -134,10 +134,10 @@ class TractorState:
     never go back. The first `base_end` legs may be driven. `driving_s` are seconds driven under its own guidance, and
     `planned_driving_s` the planned seconds for the same distance. `delay_s` is how long its last report was under way.
     `disobeying_motion` is set while it moves despite an order to stop, repeated at `stop_repeated_s`; `stood_at` is
-    where it was when it said that it obeys one. `unreadable_s` and `readable_s` are when it last reported an unreadable
-    and a readable obstacle; since `faced_since_s` it stands for an unreadable one, and `cleared_at` is where it stood
-    when an operator had looked. `doubt` is set while its reports contradict each other, and `is_moving_unreported`
-    while its positions move more than its speed says.
+    where it was when it said that it obeys one, which holds since `ordered_since_s`. `unreadable_s` and `readable_s`
+    are when it last reported an unreadable and a readable obstacle; since `faced_since_s` it stands for an unreadable
+    one, and `cleared_at` is where it stood when an operator had looked. `doubt` is set while its reports contradict
+    each other, and `is_moving_unreported` while its positions move more than its speed says.
     """
 
     mission: TimedMission
@@ -163,6 +163,7 @@ class TractorState:
     disobeying_motion: DisobeyingMotion | None = None
     stop_repeated_s: float = -math.inf
     stood_at: tuple[float, float] | None = None
+    ordered_since_s: float | None = None
     unreadable_s: float = -math.inf
     readable_s: float = -math.inf
     faced_since_s: float = -math.inf

@@ -29,16 +29,20 @@ NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 """Holds under which a driver in the seat must stop too."""
 
 
-def note_standing(state: TractorState) -> None:
+def note_standing(state: TractorState, now: float) -> None:
     """Note where a tractor stands that was ordered to, by its own words: it may not be far from there later.
 
-    That it tells a speed now and then changes nothing, unless somebody may drive it.
+    That counts from what it reports once the order has had time to arrive. That it tells a speed now and then changes
+    nothing, unless somebody may drive it.
     """
     report = state.report
     if report is None or not state.standing_ordered:
-        state.stood_at = None
-    elif report.speed_mps < MOVING_MPS:
-        state.stood_at = state.stood_at or (report.x_m, report.y_m)
+        state.stood_at = state.ordered_since_s = None
+        return
+    state.ordered_since_s = now if state.ordered_since_s is None else state.ordered_since_s
+    if report.speed_mps < MOVING_MPS:
+        has_heard = state.last_contact_s > state.ordered_since_s + ORDER_DELAY_S
+        state.stood_at = state.stood_at or ((report.x_m, report.y_m) if has_heard else None)
     elif _may_be_driven(state, report):
         state.stood_at = None
 
@@ -70,7 +74,7 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     reports counts: after a pause of the service or the tractor it is unknown what the tractor had received.
     """
     report = state.report
-    note_standing(state)
+    note_standing(state, now)
     if report is None or not is_driving_on(state):
         state.disobeying_motion = None
         return False
