@@ -214,7 +214,7 @@ def estimate_requested_moisture(request: PlanRequest) -> MoistureEstimate | None
         return None
     rains_mm, et0s_mm = parse_recent_rain(request.rain_mm, request.et0_mm)
     with attach_parameter("soil"):
-        return estimate_moisture(list_soil_rows(request.soil), rains_mm, et0s_mm)
+        return estimate_moisture(get_soil_rows(*_find_soil_place(request.soil)), rains_mm, et0s_mm)
 
 
 def list_soil_rows(soil: str) -> tuple[Soil, ...]:

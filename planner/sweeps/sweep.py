@@ -175,8 +175,9 @@ class Sweep:
         self._points = list(list_points(self.axes))
         self._tasks = [build_tasks(self.axes, partial(self.build_order, name)) for name in self.fields]
         self._found: list[dict[int, PlanResult]] = [{} for _ in self.fields]
-        for reference in {(one.request.tractor, one.request.soil): one for one in self._list_references()}.values():
-            check_machine_and_soil(reference)
+        references = [task.reference for of_field in self._tasks for task in of_field]
+        for one in {(each.request.tractor, each.request.soil): each for each in references}.values():
+            check_machine_and_soil(one)
         varied = [axis.option.name for axis in self.axes if axis.parameter not in UNLAID and len(axis.values) > 1]
         if self._tasks[0][0].reference.request.line_wishes and (varied or len(self.fields) > 1):
             several = varied[0].replace("_", " ") if varied else "field"
@@ -184,9 +185,6 @@ class Sweep:
                 f"Every {several} of a sweep numbers its tracks anew, and single tracks are wanted; give one, "
                 f"or none of {', '.join(map(mark_parameter, WISHES))}."
             )
-
-    def _list_references(self) -> Iterator[WorkOrder]:
-        return (task.reference for of_field in self._tasks for task in of_field)
 
     @property
     def total(self) -> int:
@@ -305,7 +303,6 @@ def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s:
         done_s=sums["time_s"],
         worked_pct=worked_ha / math.fsum(areas_ha),
         works_enough=all(plan.works_enough for plan in plans),
-        pull=next((plan.pull for plan in plans if "pull" in plan.lacks), plans[0].pull),
         meets_deadline=None if limit_s is None else sums["time_s"] <= limit_s,
         uncertainty_pct=max(plan.uncertainty_pct for plan in plans if plan.uncertainty_pct is not None),
         fuel_l_by_tractor=None,

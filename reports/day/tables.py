@@ -89,6 +89,7 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
         (*result.shortfalls, describe_day_end(result), *result.questions, *describe_day_certainty(result)),
         (describe_machine_orders(result.jobs),),
         tuple(describe_unworked_fields(result)),
+        is_whole=not with_next,
     )
     machines = [fleet.name for fleet in result.fleets]
     jobs = sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))

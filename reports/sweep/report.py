@@ -39,7 +39,6 @@ from reports.sweep.results import (
     build_query,
     describe_best,
     describe_rows,
-    describe_rows_mark,
     describe_title,
     describe_value,
     format_value,
@@ -87,7 +86,9 @@ def build_sweep_screen(result: SweepResult) -> RenderableType:
         *map(format_sentence, list_remarks(result)),
     ]
     if result.rows:
-        legend = " ".join(filter(None, [describe_rows_mark(result), describe_rows(result)]))
+        nearest = translate("> comes nearest to what was asked for.")
+        mark = translate("> is the one to take.") if result.has_recommendation else nearest
+        legend = f"{mark} {describe_rows(result)}".strip()
         parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
         parts.append(format_sentence(ESTIMATED, style="dim"))
     return Group(*parts)
@@ -180,10 +181,6 @@ def render_sweep_parquet(result: SweepResult) -> bytes:
     return buffer.getvalue()
 
 
-SHADED_ROW = {
-    True: "The shaded one is the one to take.",
-    False: "The shaded one comes nearest to what was asked for.",
-}
 WHOLE_MINUTES_S = TIME_STEPS_S[TIME_STEPS_S.index(60) :]
 ROOM = 0.04  # of the range of values, beside the first and the last
 
@@ -191,6 +188,7 @@ ROOM = 0.04  # of the range of values, beside the first and the last
 def render_sweep_page(result: SweepResult) -> str:
     """The page as HTML text, in English: a point shows its options, its figures and the command that drives it."""
     table, rows = build_front_table(result), result.rows
+    shaded = "is the one to take" if result.has_recommendation else "comes nearest to what was asked for"
     plans = [one for one in result.plans if one.plan.feasible]
     places = {one.numbers: place for place, one in enumerate(plans)}
     content: dict[str, Any] = {
@@ -210,7 +208,7 @@ def render_sweep_page(result: SweepResult) -> str:
             for one, cells in zip(rows, table.rows, strict=True)
         ],
         "title_of_rows": "Combinations that no other beats" if result.front else "What comes nearest",
-        "legend": f"{describe_rows(result)} {SHADED_ROW[result.has_recommendation]}".strip(),
+        "legend": f"{describe_rows(result)} The shaded one {shaded}.".strip(),
     }
     return render_template("sweep.html.j2", content)
 

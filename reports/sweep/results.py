@@ -304,13 +304,6 @@ def describe_weak(result: SweepResult) -> str:
     )  # fmt: skip
 
 
-def describe_rows_mark(result: SweepResult) -> str:
-    """What the marked row of the table is."""
-    if result.has_recommendation:
-        return translate("> is the one to take.")
-    return translate("> comes nearest to what was asked for.")
-
-
 def describe_title(result: SweepResult) -> str:
     """Field, area and how many combinations there are."""
     area, done, total = format_number(result.area_ha, 2), f"{len(result.plans):,}", f"{result.total:,}"

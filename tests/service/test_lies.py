@@ -413,19 +413,25 @@ def test_where_it_stood_before_it_could_hear_the_order_is_not_held_against_it() 
     """It stood of its own accord as its link went away and the order came, drove on for 6 m, heard it and stood."""
     report = TractorReport(0.0, 0.0, math.pi / 2, 0.0, mode=AUTOMATIC)
     state: Any = SimpleNamespace(
-        report=report, standing_ordered=True, stood_at=None, ordered_since_s=None, last_contact_s=99.0, holds=set()
+        report=report,
+        standing_ordered=True,
+        stood_at=None,
+        ordered_since_s=None,
+        last_contact_s=99.0,
+        delay_s=0.0,
+        holds=set(),
     )
     for now in (100.0, 101.0, 104.0):
-        note_standing(state, now)
+        note_standing(state, now, FleetRules())
     assert state.stood_at is None, "nothing was heard since the order"
     state.report, state.last_contact_s = report._replace(y_m=6.0, mode=STOPPED), 104.5
-    note_standing(state, 104.5)
+    note_standing(state, 104.5, FleetRules())
     assert state.stood_at == (0.0, 6.0)
     state.report = report._replace(y_m=7.0, speed_mps=0.0)
-    note_standing(state, 105.0)
+    note_standing(state, 105.0, FleetRules())
     assert state.stood_at == (0.0, 6.0), "however slowly it goes from there"
     state.standing_ordered = False
-    note_standing(state, 106.0)
+    note_standing(state, 106.0, FleetRules())
     assert state.stood_at is None and state.ordered_since_s is None
 
 

@@ -29,7 +29,7 @@ NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 """Holds under which a driver in the seat must stop too."""
 
 
-def note_standing(state: TractorState, now: float) -> None:
+def note_standing(state: TractorState, now: float, rules: FleetRules) -> None:
     """Note where a tractor stands that was ordered to, by its own words: it may not be far from there later.
 
     That counts from what it reports once the order has had time to arrive. That it tells a speed now and then changes
@@ -41,10 +41,15 @@ def note_standing(state: TractorState, now: float) -> None:
         return
     state.ordered_since_s = now if state.ordered_since_s is None else state.ordered_since_s
     if report.speed_mps < MOVING_MPS:
-        has_heard = state.last_contact_s > state.ordered_since_s + ORDER_DELAY_S
+        has_heard = state.last_contact_s > state.ordered_since_s + _allow_order_s(state, rules)
         state.stood_at = state.stood_at or ((report.x_m, report.y_m) if has_heard else None)
     elif _may_be_driven(state, report):
         state.stood_at = None
+
+
+def _allow_order_s(state: TractorState, rules: FleetRules) -> float:
+    """Seconds for an order to arrive and a report to return, by the age of its reports."""
+    return ORDER_DELAY_S + 2.0 * min(state.delay_s, rules.silence_s)
 
 
 def is_driving_on(state: TractorState) -> bool:
@@ -74,7 +79,7 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     reports counts: after a pause of the service or the tractor it is unknown what the tractor had received.
     """
     report = state.report
-    note_standing(state, now)
+    note_standing(state, now, rules)
     if report is None or not is_driving_on(state):
         state.disobeying_motion = None
         return False
@@ -84,7 +89,7 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     if state.last_contact_s > motion.last_report_s:
         motion.observed_s += min(state.last_contact_s - motion.last_report_s, REPORT_GAP_S)
         motion.last_report_s = state.last_contact_s
-    allowed_s = ORDER_DELAY_S + 2.0 * min(state.delay_s, rules.silence_s)
+    allowed_s = _allow_order_s(state, rules)
     if motion.observed_s <= allowed_s:  # the order may still be under way: it brakes from the speed at which it hears
         motion.speed_mps = max(motion.speed_mps, report.speed_mps)
     if _is_braking(report, motion, rules) and not state.is_moving_unreported:
