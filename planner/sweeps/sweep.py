@@ -83,21 +83,16 @@ def _split_by_tractors(orders: Mapping[int, WorkOrder]) -> Iterator[EstimateTask
         yield EstimateTask(numbers, tuple(orders[number] for number in numbers), middle)
 
 
-def lay_out_ground(reference: WorkOrder, describe_refusal: Callable[[HeadlandError], str] = str) -> bytes | str:
+def lay_out_ground(reference: WorkOrder) -> bytes | HeadlandError:
     """The packed context of an order, or why the ground cannot be laid out."""
     try:
         return pack_context(prepare_context(reference))
     except HeadlandError as refusal:
-        return describe_refusal(refusal)
+        return refusal
 
 
-def estimate_task(orders: Sequence[WorkOrder], ground: bytes | str) -> list[PlanResult]:
-    """The plans of orders on one ground; where that could not be laid out all are refused for its reason."""
-    if isinstance(ground, str):
-        return [
-            PlanResult(STRATEGY.name, one.request.tractors[0], one.request.turn, False, ground, is_simulated=False)
-            for one in orders
-        ]
+def estimate_task(orders: Sequence[WorkOrder], ground: bytes) -> list[PlanResult]:
+    """The plans of orders on one ground."""
     context = unpack_context(ground)
     estimates = recall(context, GroundEstimates, lambda: GroundEstimates(context))
     return [estimates.estimate(one) for one in orders]
@@ -111,10 +106,11 @@ def iter_plans(
 ) -> Iterator[tuple[int, int, PlanResult]]:
     """Yield the plans of all tasks, each with the number of its task and of its combination.
 
-    Those known come at once, others as they are estimated: each ground is laid out once, then its tasks follow.
+    Those known come at once, others as they are estimated: each ground is laid out once, then its tasks follow. Where
+    no ground can be laid out the reason of the first is raised, a HeadlandError.
     """
     keys = [task.hash() for task in tasks]
-    missing = []
+    missing, refusals = list[int](), list[HeadlandError]()
     for place, (task, key) in enumerate(zip(tasks, keys, strict=True)):
         known = _unpack(cache.read(key), len(task.numbers))
         if known is None:
@@ -123,16 +119,30 @@ def iter_plans(
             yield from ((place, number, plan) for number, plan in zip(task.numbers, known, strict=True))
     grounds = [list(group) for _, group in groupby(missing, key=lambda place: id(tasks[place].reference))]
     for first in range(0, len(grounds), MOST_GROUNDS_AT_ONCE):
-        some = grounds[first : first + MOST_GROUNDS_AT_ONCE]
-        references = [(tasks[places[0]].reference, describe_refusal) for places in some]
-        packed = collect_answers(executor, lay_out_ground, references)
-        chosen = [(place, ground) for places, ground in zip(some, packed, strict=True) for place in places]
-        arguments = [(tasks[place].orders, ground) for place, ground in chosen]
+        some, laid_out = grounds[first : first + MOST_GROUNDS_AT_ONCE], list[tuple[int, bytes]]()
+        references = [(tasks[places[0]].reference,) for places in some]
+        for places, ground in zip(some, collect_answers(executor, lay_out_ground, references), strict=True):
+            if isinstance(ground, bytes):
+                laid_out += [(place, ground) for place in places]
+                continue
+            refusals.append(ground)
+            for place in places:
+                yield from ((place, *plan) for plan in _refuse(tasks[place], describe_refusal(ground)))
+        arguments = [(tasks[place].orders, ground) for place, ground in laid_out]
         for number, plans in iter_completed(executor, estimate_task, arguments, from_both_ends=True):
-            place = chosen[number][0]
+            place, _ = laid_out[number]
             cache.write(keys[place], {"plans": [_pack(plan) for plan in plans]})
             numbers = tasks[place].numbers
             yield from ((place, combination, plan) for combination, plan in zip(numbers, plans, strict=True))
+    if refusals and len(missing) == len(tasks) and len(refusals) == len(grounds):
+        raise refusals[0]
+
+
+def _refuse(task: EstimateTask, reason: str) -> Iterator[tuple[int, PlanResult]]:
+    """The combinations of a task whose ground cannot be laid out, each with its refused plan."""
+    for number, order in zip(task.numbers, task.orders, strict=True):
+        count, turn = order.request.tractors[0], order.request.turn
+        yield number, PlanResult(STRATEGY.name, count, turn, False, reason, is_simulated=False)
 
 
 def _pack(plan: PlanResult) -> dict[str, Any]:

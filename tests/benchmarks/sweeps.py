@@ -20,13 +20,14 @@ import headland
 import numpy as np
 
 from fields.units import MPS_PER_KMH
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
-from planner.pipeline.worker_tasks import warm_up_simulation
+from planner.pipeline.worker_tasks import pack_context, warm_up_simulation
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import read_axes
 from planner.sweeps.estimates import UNCERTAINTY_PCT
-from planner.sweeps.sweep import Sweep, build_tasks, estimate_task, lay_out_ground
+from planner.sweeps.sweep import Sweep, build_tasks, estimate_task
 from reports.common.plan_results import PlanResult
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 
@@ -81,7 +82,7 @@ def compare_with_drive(request: PlanRequest) -> Difference | None:
     """An estimate beside the plan to take when the same is driven; None where there is none of either."""
     axes = read_axes({"speed_kmh": list(SPEEDS_KMH), "headland_order": list(HEADLAND_ORDERS)})
     (task,) = build_tasks(axes, lambda parameters: WorkOrder(replace(request, **parameters)))
-    plans = estimate_task(task.orders, lay_out_ground(task.reference))
+    plans = estimate_task(task.orders, pack_context(prepare_context(task.reference)))
     wanted = request.headland_order, round(request.speed_mps / MPS_PER_KMH, 6)
     found = [(one.request.headland_order, round(one.request.speed_mps / MPS_PER_KMH, 6)) for one in task.orders]
     estimate, driven = plans[found.index(wanted)], plan_order(WorkOrder(request)).ranking.best

@@ -65,12 +65,21 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     ("--service farm", "give an address such as https://farm.example"),
     ("--tractor eg105,nosuch", "The tractor 'nosuch' is neither a file nor one of"),
     ("--soil loam,mudd", "The soil 'mudd' is unknown"),
+    ("--width 3,6 --rain noon", "--rain 'noon' is none of"),
+    ("--width 3,6 --swaths contour", "--swaths contour follows contours, and no heights are known"),
     ("--html page.txt", "does not end in .html"),
 ])  # fmt: skip
 def test_bad_input(headland: Run, field: Path, words: str, sentence: str) -> None:
     done = headland("sweep", field, "--local", *words.split())
     assert done.status == 2 and done.out == ""
     assert sentence in done.err and len(done.err.strip().splitlines()) == 1
+
+
+def test_a_value_that_cannot_be_laid_out_leaves_the_others(headland: Run, field: Path) -> None:
+    done = headland("sweep", field, *FEW, "--swaths", "contour,straight", "--json")
+    assert done.status == 0, done.err
+    plans = json.loads(done.out)["plans"]
+    assert {one["swaths"]: one["feasible"] for one in plans} == {"contour": False, "straight": True}
 
 
 def test_what_the_tractor_cannot_pull_is_not_taken(headland: Run, field: Path, tmp_path: Path) -> None:
@@ -159,7 +168,9 @@ def test_ctrl_c_shows_what_is_done_and_the_same_command_goes_on(
 
 def test_every_number_of_tractors_is_progress(field: Path) -> None:
     axes, told = read_axes({"width": "6,9", "tractors": "1-2", "price_per_hour": "30,40"}), list[tuple[int, int]]()
-    swept = sweeps.Sweep(axes, (str(field),), lambda name, each: WorkOrder(replace(PlanRequest(name), **each)))
+    swept = sweeps.Sweep(
+        axes, (str(field),), lambda name, each: WorkOrder(replace(PlanRequest(name, local=True), **each))
+    )
     swept.run(SerialExecutor(), progress=lambda done, total: told.append((done, total)))
     assert told == [(2, 8), (4, 8), (6, 8), (8, 8)]
 

@@ -5,10 +5,12 @@ from typing import Any
 
 import pytest
 
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
+from planner.pipeline.worker_tasks import pack_context
 from planner.request.plan_request import PlanRequest
-from planner.sweeps.sweep import estimate_task, lay_out_ground
+from planner.sweeps.sweep import estimate_task
 
 pytestmark = pytest.mark.slow
 
@@ -25,7 +27,7 @@ pytestmark = pytest.mark.slow
 def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(field: str, tractors: int, values: Any) -> None:
     """Also of eight tractors that wait for each other, and by another strategy than that of sketches."""
     order = WorkOrder(PlanRequest(field, width_m=6.0, speed_mps=2.5, tractors=(tractors,), **values))
-    (estimate,) = estimate_task([order], lay_out_ground(order))
+    (estimate,) = estimate_task([order], pack_context(prepare_context(order)))
     driven = plan_order(order).ranking.best
     assert driven is not None and driven.strategy in values.get("strategies", (driven.strategy,))
     assert estimate.worked_pct == pytest.approx(driven.worked_pct, abs=0.01)
@@ -37,7 +39,7 @@ def test_at_other_speeds_estimates_tell_what_they_may_be_off_by() -> None:
     """The more tractors there are, the more of a plan depends on who meets whom."""
     reference, found = WorkOrder(PlanRequest("iwamizawa", width_m=6.0, speed_mps=2.5, tractors=(1,))), list[float]()
     orders = [WorkOrder(replace(reference.request, speed_mps=2.0, tractors=(tractors,))) for tractors in (1, 2, 3, 4)]
-    for plan in estimate_task(orders, lay_out_ground(reference)):
+    for plan in estimate_task(orders, pack_context(prepare_context(reference))):
         assert plan.uncertainty_pct is not None
         found.append(plan.uncertainty_pct)
     assert 0.0 < found[0] < found[1] < found[2] == found[3]
