@@ -1,7 +1,8 @@
 """Executors that plan in processes of this machine or on a Dask cluster, and how tasks are given to any executor.
 
-The pool starts fresh processes (`spawn`) and never forks, as the caller may have threads; a script that uses it keeps
-its work under `if __name__ == "__main__":`. The cluster (https://distributed.dask.org) needs `headland[cluster]`.
+The pool starts fresh processes (`spawn`) and never forks, as the caller may have threads. They do not run the script of
+the caller: it needs no `if __name__ == "__main__":`. The cluster (https://distributed.dask.org) needs
+`headland[cluster]`.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -16,18 +18,19 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
-from types import TracebackType
+from types import ModuleType, TracebackType
 from typing import Any, TypeVar
 
 from planner.errors import RequestError, WorkerError, mark_parameter
 from planner.pipeline.interrupts import stop_repeating
 
 PATIENCE_S = 10.0
+SCRIPT_LOCK = threading.Lock()  # a process has one main module
 MAX_TRIES = 3  # how often a task is given to another worker when its own has ended
 T = TypeVar("T")
 LOST_WORKER_MESSAGE = (
     "A planning process ended or could not be started, probably out of memory; use fewer "
-    f"({mark_parameter('processes')}), and in a script keep the work under if __name__ == '__main__'."
+    f"({mark_parameter('processes')})."
 )
 KILLED_WORKER_MESSAGE = (
     "The process for this computation was killed, probably for lack of memory; free some memory on this machine and "
@@ -102,7 +105,8 @@ class LocalPool(ProcessPoolExecutor):
     """Fresh processes that end with the process that started them, however that one ends.
 
     In `iter_completed` the caller works too: it runs tasks itself when all processes are busy. Leaving the `with`
-    block by an exception, such as Ctrl-C, stops the running tasks.
+    block by an exception, such as Ctrl-C, stops the running tasks. Functions of tasks are those of modules, not of the
+    script that runs.
     """
 
     def __init__(self, processes: int) -> None:
@@ -115,8 +119,8 @@ class LocalPool(ProcessPoolExecutor):
             self.submit(_preload_modules)
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
-        """Submit a task; a process started for it never receives Ctrl-C."""
-        with _convert_start_failure(), hold_interrupts():
+        """Submit a task; a process started for it never receives Ctrl-C, and does not run the caller's script."""
+        with _convert_start_failure(), hold_interrupts(), _hide_script():
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(
@@ -150,6 +154,17 @@ def hold_interrupts() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
+
+
+@contextmanager
+def _hide_script() -> Iterator[None]:
+    """Processes started in the block would import the script of this one, and run what it does at its top level."""
+    with SCRIPT_LOCK:
+        script, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = script
 
 
 def _initialise_worker(lifeline: Connection) -> None:

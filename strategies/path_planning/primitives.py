@@ -198,7 +198,6 @@ def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # 
 # curvature by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
 COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
 COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
-COST_COUNT = 9
 SLOW_WINDOWS = 3.0  # steering distances driven slowly where two curvatures meet
 
 
@@ -235,7 +234,7 @@ def _compute_steering_loss_s(before, after, base, costs) -> float:  # type: igno
 def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-def]
     """Seconds to drive a primitive (n, 3) or a path of any number of segments between two straight swaths.
 
-    `costs` (COST_COUNT,) are described above. Direction changes at the ends count, and so does slowing down before the
+    `costs` (9,) are described above. Direction changes at the ends count, and so does slowing down before the
     first bend and speeding up after the last.
     """
     forward, acceleration = costs[COST_FORWARD], costs[COST_ACCELERATION]

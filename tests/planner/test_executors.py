@@ -140,15 +140,17 @@ class TestLocalPool:
 
     def test_an_interrupt_ends_the_caller_with_large_tasks_not_yet_handed_over(self, tmp_path: Path) -> None:
         script = tmp_path / "script.py"
-        script.write_text(
-            "import multiprocessing, time\nfrom planner.pipeline.executors import LocalPool, iter_completed\n"
+        (tmp_path / "waiting.py").write_text(
+            "import multiprocessing, time\n"
             "def wait(load):\n"
             "    time.sleep(0.05)\n"
             "    if multiprocessing.parent_process() is None:\n"
             "        raise KeyboardInterrupt\n"
-            "if __name__ == '__main__':\n"
-            "    with LocalPool(2) as pool:\n"
-            "        list(iter_completed(pool, wait, [(bytes(10**7),)] * 40))\n"
+        )
+        script.write_text(
+            "from planner.pipeline.executors import LocalPool, iter_completed\nfrom waiting import wait\n"
+            "with LocalPool(2) as pool:\n"
+            "    list(iter_completed(pool, wait, [(bytes(10**7),)] * 40))\n"
         )
         run = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
                              capture_output=True, text=True, timeout=240)  # fmt: skip
@@ -224,23 +226,18 @@ import json, sys, threading
 from planner import PlanRequest, plan
 
 
-def main():
-    answers = []
-    threads = [threading.Thread(target=lambda: answers.append(plan(question).ranking.best)) for _ in range(2)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(answers) == 2 and answers[0] == answers[1] is not None
-    print("once")
-
-
 field = {"type": "Polygon", "coordinates": [[[0, 0], [40, 0], [40, 70], [0, 70], [0, 0]]]}
 with open("field.geojson", "w") as file:
     json.dump(field, file)
-question = PlanRequest("field.geojson", local=True, tractors=(1,), strategies=("split-field", "interleaved"))
-if __name__ == "__main__":
-    main()
+question = PlanRequest("field.geojson", local=True, tractors=(1, 2), strategies=("split-field", "interleaved"))
+answers = []
+threads = [threading.Thread(target=lambda: answers.append(plan(question).ranking.best)) for _ in range(2)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert len(answers) == 2 and answers[0] == answers[1] is not None
+print("once")
 """
 
 
