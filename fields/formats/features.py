@@ -9,16 +9,25 @@ from itertools import count
 from typing import Any
 
 from fields.errors import MAX_NAMED, FieldError
-from fields.feature_words import LINE_KINDS, OVERHEAD_LINE, find_meaning, find_word_meaning
+from fields.feature_words import (
+    ENTRANCE,
+    GUIDANCE,
+    LINE_KINDS,
+    OBSTACLE,
+    OVERHEAD_LINE,
+    REFILL,
+    find_meaning,
+    find_word_meaning,
+)
 from fields.raw_document import FieldDocument, RawShape
 
 Feature = dict[str, Any]
 ALL_FIELDS = "*"
 """Instead of a key: every field of a file."""
-BOUNDARY, GROUND_ZONE, ENTRANCE, OBSTACLE, BOUNDARY_EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
-REFILL, GUIDANCE, HEADLAND, UNASSIGNED = "refill", "guidance", "headland", "unassigned"
-NON_BOUNDARY_ROLES = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
-"""Roles of polygons that are not boundaries."""
+BOUNDARY, GROUND_ZONE, BOUNDARY_EDGE = "boundary", "ground zone", "edge"
+HEADLAND, UNASSIGNED = "headland", "unassigned"
+NON_BOUNDARY_ROLES = (ENTRANCE, REFILL, GUIDANCE)
+"""Roles of polygons, besides obstacles and headlands, that are not boundaries; of any other role they are."""
 POINT_TYPES = ("Point", "MultiPoint")
 LINE_TYPES = ("LineString", "MultiLineString")
 POLYGON_TYPES = ("Polygon", "MultiPolygon")
@@ -122,7 +131,7 @@ def replace_unprintable(name: str) -> str:
 
 
 def _classify_feature(feature: Feature) -> str:
-    """The use of a feature, "" for none. A polygon with another role is not a boundary."""
+    """The use of a feature, "" for none."""
     geometry_type = get_member_object(feature, "geometry").get("type")
     properties = get_member_object(feature, "properties")
     role = properties.get("role")
@@ -181,7 +190,7 @@ def _explain_no_boundary(features: list[Feature], has_zones: bool, label: str) -
     kinds = Counter(str(get_member_object(feature, "geometry").get("type") or "no geometry") for feature in features)
     found_kinds = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "nothing"
     if has_zones:
-        found_kinds += ", all of its polygons ground zones"
+        found_kinds += "; ground zones are no boundary"
     return f"{label} contains no field boundary (found: {found_kinds}); it needs a Polygon or MultiPolygon."
 
 

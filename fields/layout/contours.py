@@ -96,7 +96,6 @@ def lay_contour_swaths(
     field: Field,
     grid: ElevationGrid,
     width_m: float,
-    headland_m: float,
     headland_passes: int,
     radius_m: float,
     min_spacing_m: float = 0.0,
@@ -109,7 +108,6 @@ def lay_contour_swaths(
         field: the field.
         grid: its heights.
         width_m: working width, the largest spacing of the lines.
-        headland_m: depth of the headland, as in `lay_swaths`.
         headland_passes: worked passes of the headland, 1 or more.
         radius_m: no swath bends more tightly.
         min_spacing_m: smallest spacing of the lines, but at most the width.
@@ -117,7 +115,8 @@ def lay_contour_swaths(
     Raises:
         FieldError: no contour leads through the field, or no swath fits.
     """
-    region = compute_inner_region(field, headland_passes * width_m)
+    depth_m = headland_passes * width_m
+    region = compute_inner_region(field, depth_m)
     rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
     best: tuple[float, GuideCurve, tuple[Swath, ...]] | None = None
     for contour in () if region.is_empty else _iter_contours(grid, region):
@@ -129,12 +128,11 @@ def lay_contour_swaths(
                 best = climb, guide, swaths
     if best is None:
         raise FieldError(
-            f"No contour leads through field '{field.name}' inside a headland of {headland_m:g} m: the ground is "
+            f"No contour leads through field '{field.name}' inside a headland of {depth_m:g} m: the ground is "
             f"level, or its contours close inside the field; leave {mark_parameter('swaths')} straight.",
             parameter="swaths",
         )
     _, guide, swaths = best
-    depth_m = headland_passes * width_m
     bearing_rad = _compute_mean_heading(guide)
     return Layout(field, bearing_rad, width_m, depth_m, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 

@@ -30,7 +30,7 @@ HIDDEN_EFFECTS = {2: "steering_offset=1.5"}
 """An error of the second robot that its twin finds."""
 HEADLAND_COMMAND = (sys.executable, "-c", "from planner.cli.main import main; main()")
 TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of a machine see command lines
-# Longer than a service waits for its office, and that for its workers: who is killed earlier leaves semaphores behind.
+# Longer than a service waits for its office, and that for its workers: one killed earlier leaves semaphores behind.
 TERMINATION_S, STARTUP_S = 60.0, 600.0
 
 demo = create_group("Demonstrations.\n\nExample: headland demo fleet")
@@ -66,14 +66,15 @@ def _run_demo(
 
     plan = folder / "plan.json"
     typer.echo(f"Planning {DEMO_FIELD} for {DEMO_TRACTORS} tractors.")
-    plan.write_text(_make_plan_text(), encoding="utf-8")
+    text = _make_plan_text()
+    plan.write_text(text, encoding="utf-8")
     data = folder / "data"
     token = _create_token(data, "operator", "operator")
     service, url, login = stack.enter_context(_start_service(data, port))
     _wait_for_service(url, service)
     body = {
         "name": f"{DEMO_FIELD} with {DEMO_TRACTORS} robots",
-        "plan": plan.read_text(encoding="utf-8"),
+        "plan": text,
         "times": times,
     }
     fleet_id = request_json(url, "fleets", token, body)["id"]
@@ -199,7 +200,7 @@ def robot(
     tractor: Annotated[int, typer.Option(help="Tractor of the plan, from 1.")] = 1,
     url: Annotated[str, typer.Option(help="Address of the service.")] = "http://127.0.0.1:8765",
     fleet: Annotated[Optional[str], typer.Option(help="Id of the fleet; by default the newest one.")] = None,
-    token: Annotated[Optional[str], typer.Option(envvar="HEADLAND_TOKEN", help=TOKEN_HELP)] = None,
+    token: Annotated[Optional[str], typer.Option(envvar=TOKEN_VARIABLE, help=TOKEN_HELP)] = None,
     hide: Annotated[Optional[list[str]], typer.Option(help=HIDE_HELP)] = None,
     noise_m: Annotated[float, typer.Option("--noise-m", help="Noise of positions, metres.")] = 0.01,
     times: Annotated[float, typer.Option(help="Times faster than real time; the value of the fleet wins.")] = 1.0,
@@ -210,11 +211,11 @@ def robot(
 
     Example: headland robot --plan plan.json --tractor 2 --token hl_...
     """
+    limit_linear_algebra_threads()
     import asyncio
 
     from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
 
-    limit_linear_algebra_threads()
     _check_url(url)
     driver = _build_driver(plan, tractor, hide or [], noise_m, seed, times)
     fleet_id = find_newest_fleet(url, token) if fleet is None else fleet

@@ -85,12 +85,12 @@ def serve(
 
     Example: headland serve --data farm
     """
+    limit_linear_algebra_threads()
     from planner.service.backgrounds.map_background import MapBackground
     from planner.service.errors import ServiceError
     from planner.service.store.carried_bytes import check_result_place
     from planner.service.store.database import hold_service_lock
 
-    limit_linear_algebra_threads()
     settings = build_settings(
         data, database, results=results, host=host, port=port, public_url=public_url.rstrip("/"),
         video_hosts=tuple(video_host or ()), background=background,
@@ -124,11 +124,11 @@ def worker(
 
     Example: headland worker --database postgresql://headland@farm.example/headland --workers 4
     """
+    limit_linear_algebra_threads()
     from planner.service.gateway.request_logs import set_up_logs
     from planner.service.jobs.workers import run_remote_workers
     from planner.service.store.carried_bytes import check_result_place
 
-    limit_linear_algebra_threads()
     with tempfile.TemporaryDirectory(prefix="headland-worker-") as folder:
         settings = build_settings(Path(folder), database, results=results, **_share_cores(workers, least=1))
         check_result_place(settings)

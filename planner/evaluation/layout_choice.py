@@ -33,8 +33,8 @@ from strategies.lines.lay_lines import unite_strips
 from strategies.lines.work_line import WorkLine
 from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.move_table import MoveTable
+from strategies.programmes.programme import sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.sketch import sketch_programme
 from strategies.programmes.stages import list_stages
 from strategies.site.site import Site
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
@@ -113,8 +113,8 @@ def lay_contours(
     max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
     for count in range(max_passes, 1, -1):
         with suppress(FieldError):
-            return lay(headland_m if count == max_passes else count * width, count)
-    return lay(width, 1)
+            return lay(count)
+    return lay(1)
 
 
 def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:

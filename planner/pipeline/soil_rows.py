@@ -89,10 +89,9 @@ def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> Soil:
     """
     if not diagnosis.is_savable:
         raise RequestError(f"{line.path} is left as it is: {lower_first(describe_unsaved(diagnosis))}")
-    levels = {level.id for level in diagnosis.grounds}
     values: dict[str, float] = {}
     for finding in diagnosis.findings:
-        if finding.id in levels or not _is_of_soil(finding):
+        if not _is_of_soil(finding):
             continue
         key = get_effect(finding.id).size.name
         assert finding.value is not None
@@ -104,7 +103,7 @@ def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> Soil:
         likely = [
             get_effect(one.id).label for one in diagnosis.findings if one.id in SOIL_EFFECTS and one.status == LIKELY
         ]
-        raise RequestError(f"{line.path} is left as it is: {_explain_nothing(levels, likely)}")
+        raise RequestError(f"{line.path} is left as it is: {_explain_nothing(likely)}")
     runs = count_noun(len(diagnosis.names), "run")
     source = f"diagnosis of {runs} ({diagnosis.minutes:.0f} min) of {diagnosis.tractor.name}"
     cells = {"name": line.name, "moisture_pct": line.moisture_pct, "ground": diagnosis.ground, "source": source}
@@ -121,9 +120,7 @@ def _is_of_soil(finding: Finding) -> bool:
     return not is_slip or -DRIVE_LINE_SLIP < finding.value["ratio"] < MAX_PLAUSIBLE_SLIP
 
 
-def _explain_nothing(levels: set[str], likely: Sequence[str]) -> str:
-    if levels:
-        return "these logs were made on two grounds; diagnose the runs on each alone."
+def _explain_nothing(likely: Sequence[str]) -> str:
     if likely:
         return f"by these logs {' and '.join(likely)} is likely, and not certain; add more of them, at several speeds."
     known = ", ".join(get_effect(name).label for name in SOIL_EFFECTS)

@@ -14,7 +14,6 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError, mark_parameter
 from planner.evaluation.preparation import check_machine_and_soil, prepare_context
 from planner.evaluation.site import recall
@@ -47,7 +46,7 @@ class EstimateTask:
 
     Attributes:
         numbers: of the combinations.
-        orders: of the combinations.
+        orders: their orders, in the same sequence.
         reference: the order whose layout they share, at a middling speed; the same for all numbers of tractors.
     """
 
@@ -271,9 +270,8 @@ class Sweep:
 
     def _find_limit_s(self, request: PlanRequest, numbers: Sequence[int]) -> float | None:
         """Seconds from the start to the deadline of a combination; None without a deadline."""
-        values = self._get_parameters(numbers)
-        start_s, deadline_s = (values.get(name, getattr(request, name)) for name in ("start_s", "deadline_s"))
-        return None if start_s is None or deadline_s is None else float((deadline_s - start_s) % DAY_S)
+        clock = {name: at for name, at in self._get_parameters(numbers).items() if name in ("start_s", "deadline_s")}
+        return replace(request, **clock).time_limit_s
 
     def _get_parameters(self, numbers: Sequence[int]) -> dict[str, Any]:
         return {axis.parameter: axis.values[number] for axis, number in zip(self.axes, numbers, strict=True)}
@@ -283,14 +281,9 @@ def build_option(axis: Axis) -> SweptOption:
     """An axis as reports know it."""
     option, limits = axis.option, axis.option.limits
     label = option.name.replace("_", " ") if limits is None or not limits.label else limits.label
-    return SweptOption(name_column(axis), option.name, axis.written, label, "" if limits is None else limits.unit)
-
-
-def name_column(axis: Axis) -> str:
-    """What the column of an axis is called in files: the option, with the unit in which it is written."""
-    option = axis.option
-    is_converted = option.limits is not None and option.limits.scale != 1.0
-    return option.name if is_converted or option.parameter.endswith("_s") else option.parameter
+    is_converted = limits is not None and limits.scale != 1.0
+    column = option.name if is_converted or option.parameter.endswith("_s") else option.parameter
+    return SweptOption(column, option.name, axis.written, label, "" if limits is None else limits.unit)
 
 
 def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s: float | None = None) -> PlanResult:

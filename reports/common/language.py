@@ -55,8 +55,13 @@ def choose_language(environment: Mapping[str, str]) -> str:
 
 def find_language(tag: str) -> str:
     """The language with a catalogue that a tag such as ``de_DE.UTF-8`` or ``fr-CA`` names, or English."""
-    language = tag.replace("-", "_").split("_")[0].split(".")[0].lower()
+    language = get_tag_language(tag)
     return language if language in LANGUAGE_NAMES else ENGLISH
+
+
+def get_tag_language(tag: str) -> str:
+    """The code of the language of a tag, whether there is a catalogue or not."""
+    return tag.replace("-", "_").split("_")[0].split(".")[0].lower()
 
 
 def set_reader(reader: Reader) -> None:

@@ -213,7 +213,6 @@ def describe_unsaved_finds(diagnosis: Diagnosis) -> str:
 LIKELY_MEANS = (
     "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
 )
-LEVEL_NAMES = ("first", "second")
 CLEARLY_MORE = 1.3  # chosen, times the noise: less is the scatter of few pieces
 STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
@@ -302,26 +301,6 @@ def describe_next_drive(diagnosis: Diagnosis) -> str:
     alternatives = join_list(map(get_effect_label, drive.separates))
     length = format_count(round(drive.seconds), "second")
     return f"To distinguish {alternatives}: {drive.description} That takes {length}.{doubt}"
-
-
-def describe_two_level_effects(diagnosis: Diagnosis) -> list[str]:
-    """Describe effects that runs had at two levels: the runs at each, and the one in the tractor file."""
-    sentences = []
-    for name in dict.fromkeys(one.id for one in diagnosis.grounds):
-        levels = [one for one in diagnosis.grounds if one.id == name]
-        named_runs = {run for one in levels for run in one.runs}
-        parts = [f"These runs were made on two grounds ({get_effect_label(name)})."]
-        elsewhere = "Elsewhere" if named_runs else "On some runs"
-        parts += [f"{f'On {join_list(one.runs)}' if one.runs else elsewhere}: {one.description}" for one in levels]
-        if named_runs and named_runs < set(diagnosis.names):
-            parts.append("The other runs show neither clearly.")
-        setting = diagnosis.tractor.effects.get(name)
-        saved_levels = [
-            place for place, one in zip(LEVEL_NAMES, levels, strict=False) if setting and one.value == setting.value
-        ]
-        parts += [f"The tractor file gets the {saved_levels[0]}."] if saved_levels else []
-        sentences.append(" ".join(parts))
-    return sentences
 
 
 def list_discrepancy_terms(discrepancy: DiscrepancyModel) -> list[str]:

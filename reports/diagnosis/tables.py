@@ -34,7 +34,6 @@ from reports.diagnosis.sentences import (
     describe_remaining_error,
     describe_saved_effects,
     describe_trusted_range,
-    describe_two_level_effects,
     describe_unlike_runs,
     describe_unsaved,
     describe_unsaved_finds,
@@ -88,7 +87,6 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         "verdict": diagnosis.headline,
         "faults": [pick_values(each, ("id", "run", "from_s", "to_s", "words")) for each in diagnosis.faults],
         "columns": diagnosis.columns,
-        "grounds": [pick_values(one, ("id", "value", "runs")) for one in diagnosis.grounds],
         "error_before": diagnosis.before,
         "error_after": diagnosis.after,
         **pick_values(diagnosis, ("noise_floor", "guilty_block")),
@@ -211,7 +209,6 @@ def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
     yield format_sentence(replace_effect_ids(diagnosis.causes_sentence), style="bold")
     for line in (
         *describe_hints(diagnosis),
-        *describe_two_level_effects(diagnosis),
         *describe_unlike_runs(diagnosis),
         f"{describe_log_size(diagnosis)}.",
     ):

@@ -18,7 +18,6 @@ from strategies.formations.passing import Floats
 from strategies.formations.round_order import DirectedRound
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
-from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, count_clashes
 from strategies.programmes.programme import list_pairs, prove_short_runs
@@ -78,7 +77,7 @@ class _Pieces:
         entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
         backwards = np.arange(2 * len(kept) + 1, len(entries), 2)
         moves: Floats = costs[np.ix_(exits, entries)]
-        moves[backwards], moves[:, backwards] = NO_MOVE_S, NO_MOVE_S
+        moves[backwards], moves[:, backwards] = np.inf, np.inf
         has_lane, speed = table.site.lane is not None, table.site.rules.work_speed_mps
         own_s = np.array([line.own_m2 for line in kept]) * table.site.work_s_per_m2
         allowed = np.ones((tractors, len(kept) + tractors), bool)

@@ -10,9 +10,9 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.move_estimates import NO_MOVE_S
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.order_tours import NO_MOVE_S
 
 Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]

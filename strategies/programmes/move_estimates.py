@@ -14,14 +14,13 @@ from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M
 from strategies.moves.move_costs import compute_move_costs
 from strategies.moves.move_finder import MOVE_MARGIN_M, MoveFinder
 from strategies.path_planning.paths import Pose
-from strategies.programmes.order_tours import POSSIBLE_S
+from strategies.programmes.order_tours import NO_MOVE_S
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
 
 Floats = npt.NDArray[np.float64]
 Pair = tuple[int, int]
 
-NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # of the leads out and in that are tried
 CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left and that begun, for want of room

@@ -5,8 +5,8 @@ Work lines are numbered; node 2 i is line i driven forward, 2 i + 1 backward. Th
     (1 - SUM_SHARE) * the longest tour + SUM_SHARE * the sum of all tours + the value of the lines left,
 
 for one tractor its tour and the lines left. A tour is the way from the entrance, moves, work and the way home; a
-tractor without lines takes no time. Where no move leads NO_MOVE_S is charged, far more than all lines are worth: such a
-line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S.
+tractor without lines takes no time. Where no move leads UNREACHED_S is charged, far more than all lines are worth:
+such a line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S.
 
 Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two
 runs of lines change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no
@@ -34,13 +34,13 @@ from strategies.programmes.order_tours import (
     NO_MOVE_S,
     NO_ROW,
     ONWARD,
-    POSSIBLE_S,
     RULE_S,
     SECOND,
     SIDE_A,
     SIDE_B,
     SUM_SHARE,
     THIRD,
+    UNREACHED_S,
     OrderTables,
     can_make_move,
     clear_pieces,
@@ -104,7 +104,7 @@ class OrderProblem:
             values = getattr(self, name)
             if np.isnan(values).any() or (values < 0.0).any():
                 raise HeadlandError(f"{name} holds {np.nanmin(values)} or no number; give seconds of 0 and more.")
-        limit_s = SUM_SHARE * NO_MOVE_S
+        limit_s = SUM_SHARE * UNREACHED_S
         if not self.work_s.sum() + self.value_s.sum() < limit_s:
             raise HeadlandError(f"Work and value of all lines add up to {limit_s:.0e} s or more; give less.")
 
@@ -135,8 +135,8 @@ class OrderProblem:
         return KICKS + len(self.work_s)
 
     def tabulate_moves(self) -> tuple[Floats, Floats, Floats]:
-        """Seconds of moves, ways in and ways home as they are charged: NO_MOVE_S where there is none, and stages."""
-        charged = [np.where(given < POSSIBLE_S, given, NO_MOVE_S) for given in (self.move_s, self.begin_s, self.end_s)]
+        """Seconds of moves, ways in and ways home as they are charged: UNREACHED_S where there is none, and stages."""
+        charged = [np.where(given < NO_MOVE_S, given, UNREACHED_S) for given in (self.move_s, self.begin_s, self.end_s)]
         stage = np.repeat(self.stage, 2)
         if len(stage) and stage.min() < stage.max():
             charged[0] += self.stage_s * (stage[:, None] > stage[None, :])
@@ -147,7 +147,7 @@ def compute_cost_s(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> flo
     """The cost of tours, node by node: what the search makes small."""
 
     def charge_s(seconds: float) -> float:
-        return float(seconds) if seconds < POSSIBLE_S else NO_MOVE_S
+        return float(seconds) if seconds < NO_MOVE_S else UNREACHED_S
 
     finish_s = []
     for tractor, tour in enumerate(tours):

@@ -15,10 +15,10 @@ import numpy as np
 from vehicle.jit import compile_for_views
 
 SUM_SHARE = 0.1  # of a second of work of a tractor that does not finish last: fuel and wages beside the finish time
-NO_MOVE_S = 1e8  # charged where no move leads: more than all lines are worth, little enough to add up exactly to 1e-4 s
+UNREACHED_S = 1e8  # charged where no move leads: more than all lines are worth, and still adds up exactly to 1e-4 s
 RULE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
-POSSIBLE_S = 1e6  # seconds from which on a move counts as none
-MIN_GAIN_S = 1e-3  # above the rounding of sums of NO_MOVE_S
+NO_MOVE_S = 1e6  # seconds from which on a move counts as none
+MIN_GAIN_S = 1e-3  # above the rounding of sums of UNREACHED_S
 PIECES = 4  # segments of which a move makes a tour
 # NumPy's values: for every Python constant passed on, the called function would be compiled once more.
 ONWARD: Any = np.bool_(False)

@@ -1,4 +1,7 @@
-"""A programme: which lines each tractor works, in which order and direction, by moves that were driven well."""
+"""A programme: which lines each tractor works, in which order and direction, by moves that were driven well.
+
+A sketch is one by moves that are only estimated.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
-from strategies.programmes.driven_search import search_driven_tours
-from strategies.programmes.move_estimates import NO_MOVE_S
+from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
@@ -60,6 +62,21 @@ class Programme:
     def compute_tractor_s(self) -> list[float]:
         """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
         return [compute_tour_s(self.table, tour) for tour in self.tours]
+
+
+@dataclass(frozen=True, eq=False)
+class Sketch:
+    """Tours by moves in closed form: what the best programme is likely to take, nothing is driven.
+
+    Attributes:
+        tours: (per tractor) nodes in order.
+        tractor_s: seconds of every tractor, as driven without stops.
+        cost_s: what the search makes small: seconds with charges for what drivers avoid and for lines that are left.
+    """
+
+    tours: list[list[int]]
+    tractor_s: list[float]
+    cost_s: float
 
 
 def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
@@ -122,6 +139,30 @@ def make_programme(
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
+
+
+def sketch_programme(
+    table: MoveTable,
+    tractors: int,
+    stages: Sequence[int],
+    allowed: npt.NDArray[np.bool_] | None = None,
+    served_s: Floats | None = None,
+    stands_in_way: StandingCheck | None = None,
+) -> Sketch:
+    """The best tours by moves that were estimated, lines in stages; the rest as in `make_programme`."""
+    moves, count = table.moves, len(table.lines)
+    stage = np.array(stages, np.int64)
+    may = np.ones((tractors, count), bool) if allowed is None else allowed
+    extra_s = np.zeros(count) if served_s is None else served_s
+    clashes = list_clashes(table, stands_in_way, tractors)
+    orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(moves.orders)]
+    tours, cost_s = search_estimated_tours(
+        table,
+        lambda costs: pose_problem(moves, costs, stage, may, extra_s, clashes),
+        lambda tours: list_pairs(moves, tours),
+        orders + [[] for _ in range(tractors - len(orders))] if any(len(order) > 1 for order in orders) else None,
+    )
+    return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)
 
 
 def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -> Flags | None:
@@ -202,11 +243,11 @@ def pose_problem(
     own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
     is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
     ends_s = [
-        np.repeat(np.where(is_barred, NO_MOVE_S, row)[None], len(may), axis=0)
+        np.repeat(np.where(is_barred, np.inf, row)[None], len(may), axis=0)
         for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)
     ]
     starts = list(moves.starts)
-    ends_s[0][:, starts], ends_s[0][: len(starts)] = NO_MOVE_S, NO_MOVE_S
+    ends_s[0][:, starts], ends_s[0][: len(starts)] = np.inf, np.inf
     ends_s[0][range(len(starts)), starts] = 0.0
     return OrderProblem(
         move_s=costs[:-1, :-1],

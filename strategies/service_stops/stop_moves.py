@@ -15,8 +15,9 @@ from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
 from strategies.program.legs import MIN_LEG_M
-from strategies.programmes.move_estimates import DETOUR_FACTOR, DETOUR_S, MOST_CUT_SHARE, NO_MOVE_S
+from strategies.programmes.move_estimates import DETOUR_FACTOR, DETOUR_S, MOST_CUT_SHARE
 from strategies.programmes.move_table import MoveTable
+from strategies.programmes.order_tours import NO_MOVE_S
 from strategies.site.site import MISSED_FACTOR
 
 CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin for a better move

@@ -16,7 +16,7 @@ from fields.documents.writer import write_field
 from fields.errors import FieldError
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
-from planner.evaluation.candidates.fleet_drive import build_rehearsal, build_simulate
+from planner.evaluation.candidates.fleet_drive import FleetDriver
 from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks, locate_stall
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, build_field_physics, read_requested_elevation
@@ -109,7 +109,7 @@ def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
     """A plan made for level ground, driven up the plane."""
     level, steep = simulate_candidate(tilt(0.0, 0.0, soil="soft"), ONE), tilt(0.0, 0.45, soil="soft")
     assert level.run is not None
-    run = build_simulate(steep, build_rehearsal(steep, beside=False))(level.run.plan)
+    run = FleetDriver(steep, beside=False).simulate(level.run.plan)
     assert run.stall is not None and locate_stall(run.stall).kind == "stuck"
     reason = describe_stall(run.stall, FIELD)
     assert reason.startswith("tractor 1 gets stuck at x ") and "45 % uphill" in reason

@@ -27,7 +27,6 @@ from vehicle.identification.diagnosis.results import (
     REFUTED,
     Diagnosis,
     Finding,
-    GroundLevel,
     Hint,
     NextDrive,
     PlanGain,
@@ -103,43 +102,6 @@ def page_text(what: Diagnosis, hidden: str | None = None) -> str:
 
 def both(what: Diagnosis) -> list[str]:
     return [flat(printed(what, 100)), page_text(what)]
-
-
-class TestGrounds:
-    LEVELS = (
-        GroundLevel(
-            "side_slip", {"limit_g": 0.77}, get_effect("side_slip").describe({"limit_g": 0.77}), ("a", "b", "c")
-        ),
-        GroundLevel("side_slip", {"limit_g": 0.35}, get_effect("side_slip").describe({"limit_g": 0.35}), ("d",)),
-    )
-
-    def test_each_level_with_its_runs_before_the_figures(self) -> None:
-        said = (
-            "These runs were made on two grounds (side slip). On a, b and c: The tyres slide sideways above 0.77 g of "
-            "lateral acceleration. On d: The tyres slide sideways above 0.35 g of lateral acceleration."
-        )
-        kept = extended(side_slip=EffectSetting(value={"limit_g": 0.77}))
-        for text in both(diagnosis(grounds=self.LEVELS, names=("a", "b", "c", "d"), tractor=kept)):
-            assert f"{said} The tractor file gets the first." in text
-            assert text.index(said) < text.index("5 s")
-
-    def test_only_what_is_known_of_runs_and_file(self) -> None:
-        levels = (self.LEVELS[0], replace(self.LEVELS[1], runs=()))
-        kept = extended(side_slip=EffectSetting(value={"limit_g": 0.35}))
-        for text in both(diagnosis(grounds=levels, names=("a", "b", "c", "d"), tractor=kept)):
-            assert "Elsewhere: The tyres slide sideways above 0.35 g" in text
-            assert "The other runs show neither clearly. The tractor file gets the second." in text
-        for text in both(diagnosis(grounds=self.LEVELS, names=("a", "b", "c", "d"))):
-            assert "do not clearly show" not in text and "The tractor file gets the" not in text
-
-    def test_one_ground_is_not_worth_a_word(self) -> None:
-        assert all("grounds" not in text for text in both(diagnosis()))
-
-    def test_json(self) -> None:
-        assert json.loads(format_diagnosis_json(diagnosis(grounds=self.LEVELS)))["grounds"] == [
-            {"id": "side_slip", "value": {"limit_g": 0.77}, "runs": ["a", "b", "c"]},
-            {"id": "side_slip", "value": {"limit_g": 0.35}, "runs": ["d"]},
-        ]
 
 
 class TestLikely:
@@ -426,7 +388,7 @@ class TestPage:
 
 class TestJson:
     KEYS = (
-        "runs", "rows_used", "rows_gated", "rows_gated_by_reason", "verdict", "faults", "columns", "grounds",
+        "runs", "rows_used", "rows_gated", "rows_gated_by_reason", "verdict", "faults", "columns",
         "error_before", "error_after", "noise_floor", "guilty_block", "effects", "interval_note", "named",
         "unexplained_share", "residual_error", "unexplained_depends_on", "hints", "holdout", "unsaved_reason",
         "next_drive", "calibration", "plan", "residuals", "correlations", "notes", "tractor", "hidden",

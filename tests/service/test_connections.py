@@ -75,6 +75,17 @@ def test_the_address_that_has_the_most_gives_way_whatever_it_asks_without_a_toke
     assert gone == ["b1"]
 
 
+def test_where_the_address_with_the_most_is_busy_another_gives_way() -> None:
+    book, _ = make_book(per_address=5, total=3)
+    gone: list[str] = []
+    for name in ("a1", "a2", "b"):
+        made = book.add_connection(name[0], lambda name=name: gone.append(name))  # type: ignore[misc]
+        assert made is not None
+        book.begin_request(made, is_known=name[0] == "a")
+    assert book.add_connection("c", lambda: None) is not None
+    assert gone == ["b"] and book.closed_by_reason == {"displaced": 1}
+
+
 @pytest.mark.parametrize(
     ("lasted_s", "received", "slow"),
     [(29.0, 0, False), (40.0, 40 * 511, True), (40.0, 40 * 513, False), (1801.0, 10**9, True)],

@@ -15,8 +15,8 @@ from strategies.programmes.order_building import insert_lines
 from strategies.programmes.order_moves import improve_tours
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, count_clashes, search_programmes
 from strategies.programmes.order_tours import (
-    NO_MOVE_S,
     SUM_SHARE,
+    UNREACHED_S,
     OrderTables,
     create_tours,
     push_line,
@@ -114,7 +114,7 @@ def improve_once(tables, tours):  # type: ignore[no-untyped-def]
 def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
     for seed in range(10):
         problem = make_problem(seed, 40, k, no_move_share=0.2, stages=2, clash_share=0.3)
-        near = np.argsort(problem.move_s + NO_MOVE_S * np.eye(80), axis=1, kind="stable")[:, :6]
+        near = np.argsort(problem.move_s + UNREACHED_S * np.eye(80), axis=1, kind="stable")[:, :6]
         tables = OrderTables(
             *problem.tabulate_moves(),
             problem.work_s,

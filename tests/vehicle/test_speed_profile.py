@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from shapely import LineString, Point, distance, line_locate_point, points
 
 from strategies.path_planning.paths import PathSegment, merge_segments
+from vehicle.arrays import Floats, measure_along
 from vehicle.control.speed_profile import (
     MAX_LIMIT_MPS,
     DrivingLimits,
     build_driving_limits,
     compute_correction_speed,
-    compute_speed_limits,
     compute_straight_time_s,
+    limit_by_bends,
+    limit_by_brakes,
 )
 from vehicle.missions.plan import HEADLAND_PASS, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_plan
@@ -36,6 +38,17 @@ def make_line(*pieces: tuple[float, float]) -> np.ndarray:
     segments = [PathSegment(length, curvature, 1) for length, curvature in pieces]
     ((_, line),) = merge_segments((0.0, 0.0, 0.5 * math.pi), segments, "route").sample(STEP_M)
     return line
+
+
+def compute_speed_limits(line: Floats, limits: DrivingLimits) -> Floats:
+    """Largest speeds (n,) at the points of a polyline (n, 2) driven in one gear, braking included."""
+    count = len(line)
+    speeds = np.empty(count)
+    distances = measure_along(line)
+    lateral, length = np.full(count, limits.lateral_mps2), np.full(count, limits.length_m)
+    limit_by_bends(line, distances, lateral, length, limits.steering_mps, limits.window_m, speeds)
+    limit_by_brakes(distances, limits.deceleration_mps2, speeds)
+    return speeds
 
 
 def find_limit(line: np.ndarray, along_m: float, limits: DrivingLimits = LIMITS) -> float:

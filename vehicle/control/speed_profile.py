@@ -21,7 +21,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.arrays import Floats, measure_along
 from vehicle.jit import compile_function
 from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Tractor
@@ -74,17 +73,6 @@ def build_driving_limits(tractor: Tractor, ground: str) -> DrivingLimits:
         length_m,
         BRAKE_SHARE * tractor.speed.max_acceleration_mps2,
     )
-
-
-def compute_speed_limits(points: Floats, limits: DrivingLimits) -> Floats:
-    """Largest speeds (n,) at the points of a polyline (n, 2) driven in one gear, braking included."""
-    count = len(points)
-    speeds = np.empty(count)
-    distances = measure_along(points)
-    lateral, length = np.full(count, limits.lateral_mps2), np.full(count, limits.length_m)
-    limit_by_bends(points, distances, lateral, length, limits.steering_mps, limits.window_m, speeds)
-    limit_by_brakes(distances, limits.deceleration_mps2, speeds)
-    return speeds
 
 
 @compile_function

@@ -23,8 +23,8 @@ from reports.common.language import (
     UNITS_VARIABLE,
     Reader,
     choose_language,
-    find_language,
     get_language,
+    get_tag_language,
     mark_text,
     translate,
 )
@@ -97,9 +97,9 @@ def _choose_language(options: Mapping[str, str], environment: Mapping[str, str])
     tag = options.get(LANGUAGE_OPTION, environment.get(LANGUAGE_VARIABLE) or None)
     if tag is None:
         return choose_language(environment)
-    if find_language(tag) == ENGLISH and not tag.lower().startswith(ENGLISH):
+    if get_tag_language(tag) not in LANGUAGE_NAMES:
         raise RequestError(f"{name} {tag[:40]!r} has no catalogue; use one of {', '.join(LANGUAGE_NAMES)}.")
-    return find_language(tag)
+    return get_tag_language(tag)
 
 
 def _choose_units(options: Mapping[str, str], environment: Mapping[str, str]) -> str:

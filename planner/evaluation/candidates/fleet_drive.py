@@ -13,7 +13,7 @@ from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.request.plan_request import MIN_CLEARANCE_M
 from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
-from planner.traffic.giving_way import Scheduler, Simulate, resolve_conflicts
+from planner.traffic.giving_way import resolve_conflicts
 from planner.traffic.precedence import TrafficRules, schedule_plan
 from planner.traffic.trajectories import compute_mission_key
 from strategies.programmes.waiting_places import StandingCheck
@@ -28,50 +28,6 @@ MAX_PLAN_ROWS = 2_500_000  # larger plans are simulated one tractor after anothe
 ROWS_PER_S = 10.0
 BATCH_SIZE = 8  # tractors simulated in one world, with little overhead; they finish at about the same time
 TIMEOUT_FACTOR = 4.0  # times the seconds at the speeds of the legs: bends are driven more slowly
-
-
-def build_rehearsal(context: PlanningContext, beside: bool) -> IncrementalSimulator:
-    """Simulates the plans of a candidate one after another."""
-    return IncrementalSimulator(
-        context.tractor,
-        context.implement,
-        stop_clearance_m=context.request.clearance_m,
-        beside_clearance_m=compute_parallel_clearance_m(context, beside),
-        terrain=context.physics.terrain,
-        load=context.physics.driven_load,
-        position_errors=context.position_errors,
-        seed=context.request.seed,
-    )
-
-
-def build_simulate(context: PlanningContext, rehearsal: IncrementalSimulator) -> Simulate:
-    """Drives a plan while there is time left for it."""
-
-    def simulate(plan: Plan) -> SimulationRun:
-        context.time_share.check()
-        return rehearsal.simulate(plan, compute_timeout_s(plan))
-
-    return simulate
-
-
-def build_scheduler(context: PlanningContext, solo_runs: SoloRuns, beside: bool, at_once: frozenset[int]) -> Scheduler:
-    """A scheduler for plans of a context."""
-    rules = TrafficRules(
-        context.tractor,
-        context.implement,
-        context.request.clearance_m,
-        compute_parallel_clearance_m(context, beside),
-        solo_runs,
-        context.trajectory_cache,
-        at_once=at_once,
-    )
-
-    def schedule(plan: Plan, slack: float) -> Plan | None:
-        context.time_share.check()
-        solo_runs.expect_plan(plan)
-        return schedule_plan(plan, rules, slack)
-
-    return schedule
 
 
 def build_standing_check(context: PlanningContext, beside: bool) -> StandingCheck:
@@ -197,11 +153,22 @@ class FleetDriver:
     where they begin (planner.traffic.precedence.TrafficRules)."""
 
     def __init__(self, context: PlanningContext, beside: bool, at_once: frozenset[int] = frozenset()) -> None:
-        rehearsal = build_rehearsal(context, beside)
-        self.simulate = build_simulate(context, rehearsal)
-        self._alone = SoloRuns(context, rehearsal)
-        self._schedule = build_scheduler(context, self._alone, beside, at_once)
+        machine, clearance_m = (context.tractor, context.implement), context.request.clearance_m
+        beside_m = compute_parallel_clearance_m(context, beside)
         self._time_share = context.time_share
+        self._rehearsal = IncrementalSimulator(
+            *machine,
+            stop_clearance_m=clearance_m,
+            beside_clearance_m=beside_m,
+            terrain=context.physics.terrain,
+            load=context.physics.driven_load,
+            position_errors=context.position_errors,
+            seed=context.request.seed,
+        )
+        self._alone = SoloRuns(context, self._rehearsal)
+        self._rules = TrafficRules(
+            *machine, clearance_m, beside_m, self._alone, context.trajectory_cache, at_once=at_once
+        )
 
     def measure_alone_s(self, plan: Plan) -> list[float]:
         """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
@@ -213,6 +180,17 @@ class FleetDriver:
     def drive(self, plan: Plan) -> tuple[SimulationRun, str | None]:
         """The last run of a plan, and why it is not feasible, or None."""
         return resolve_conflicts(plan, self.simulate, self._schedule)
+
+    def simulate(self, plan: Plan) -> SimulationRun:
+        """The run of a plan as it is; parts driven before are reused."""
+        self._time_share.check()
+        return self._rehearsal.simulate(plan, compute_timeout_s(plan))
+
+    def _schedule(self, plan: Plan, slack: float) -> Plan | None:
+        """The plan with gates at which tractors wait for one another."""
+        self._time_share.check()
+        self._alone.expect_plan(plan)
+        return schedule_plan(plan, self._rules, slack)
 
 
 def compute_planned_s(mission: Mission) -> float:

@@ -1,7 +1,8 @@
 """Open connections, and which of them are closed when there are too many.
 
 A connection is idle unless it is answering a request with a known token. When there are too many, the address with the
-most loses its oldest idle one, so that a new one (perhaps an order to stop) always gets in.
+most that has an idle one loses the oldest of these, so that a new one (perhaps an order to stop) gets in. An address
+with too many gets another one only in place of an idle one of its own.
 """
 
 from __future__ import annotations
@@ -48,7 +49,6 @@ class OpenConnection:
 
     address: str
     close: Callable[[], None]
-    opened_s: float
     is_idle: bool = True
     begun_s: float | None = None
     received_bytes: int = 0
@@ -59,7 +59,7 @@ class ConnectionLimits:
     """Limits on the number of connections and on how slowly they may send (seconds, bytes per second).
 
     A head takes at most `header_s`. A body may take `body_s`, then it must come at `slowest_bytes_per_s` and end
-    within `longest_body_s`. Who does not take an answer is waited for `stalled_s`.
+    within `longest_body_s`. A client that does not read its answer is given `stalled_s`.
     """
 
     per_address: int = 256
@@ -89,14 +89,15 @@ class ConnectionRegistry:
 
     def add_connection(self, address: str, close: Callable[[], None]) -> OpenConnection | None:
         """A new connection; None where there is no room for it, so that it must be closed."""
-        of_address = self._by_address.get(address, OrderedDict())
-        if len(of_address) >= self.limits.per_address and not self._close_oldest_idle(of_address):
+        crowded, own = [], self._by_address.get(address, OrderedDict())
+        if len(own) >= self.limits.per_address:
+            crowded = [own]
+        elif len(self._open) >= self.limits.total:
+            crowded = sorted(self._by_address.values(), key=len, reverse=True)
+        if crowded and not any(map(self._close_oldest_idle, crowded)):
+            self.closed_by_reason["refused"] += 1
             return None
-        if len(self._open) >= self.limits.total:
-            largest = max(self._by_address.values(), key=len)
-            if not self._close_oldest_idle(largest):
-                return None
-        connection = OpenConnection(address, close, self.clock())
+        connection = OpenConnection(address, close)
         self._open[connection] = None
         self._by_address.setdefault(address, OrderedDict())[connection] = None
         return connection
@@ -116,7 +117,7 @@ class ConnectionRegistry:
 
     def end_request(self, connection: OpenConnection) -> None:
         """The request is answered; the connection now counts as new."""
-        connection.is_idle, connection.begun_s, connection.opened_s = True, None, self.clock()
+        connection.is_idle, connection.begun_s = True, None
         for rows in (self._open, self._by_address.get(connection.address, OrderedDict())):
             if connection in rows:
                 rows.move_to_end(connection)
@@ -149,11 +150,9 @@ class ConnectionRegistry:
     def _close_oldest_idle(self, rows: OrderedDict[OpenConnection, None]) -> bool:
         """Close the oldest idle connection; whether there was one."""
         oldest = next((each for each in rows if each.is_idle), None)
-        if oldest is None:
-            self.closed_by_reason["refused"] += 1
-            return False
-        self.end_connection(oldest, "displaced")
-        return True
+        if oldest is not None:
+            self.end_connection(oldest, "displaced")
+        return oldest is not None
 
 
 def compute_network_key(host: str) -> str:

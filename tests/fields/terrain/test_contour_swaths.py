@@ -28,7 +28,7 @@ def build_grid(heights: Heights) -> ElevationGrid:
 
 def lay(heights: Heights, field: Field | None = None) -> Layout:
     field = field or Field("slope", shapely.box(0.0, 0.0, LENGTH_M, DEPTH_M))
-    return lay_contour_swaths(field, build_grid(heights), WIDTH_M, 2.0 * WIDTH_M, 2, RADIUS_M)
+    return lay_contour_swaths(field, build_grid(heights), WIDTH_M, 2, RADIUS_M)
 
 
 def measure_radius(points: np.ndarray) -> float:
@@ -143,7 +143,7 @@ def test_spacing_of_curved_swaths_is_that_of_their_lines() -> None:
         return -0.08 * np.hypot(x - 80.0, y + 120.0)
 
     field = Field("slope", shapely.box(0.0, 0.0, LENGTH_M, DEPTH_M))
-    layout = lay_contour_swaths(field, build_grid(fall_from_top), WIDTH_M, 2.0 * WIDTH_M, 2, RADIUS_M, 5.0)
+    layout = lay_contour_swaths(field, build_grid(fall_from_top), WIDTH_M, 2, RADIUS_M, 5.0)
     assert all(swath.via_m for swath in layout.swaths)
     radii = {swath.line: float(np.hypot(*(swath.points_m - (80.0, -120.0)).T).mean()) for swath in layout.swaths}
     steps = np.abs(np.diff([radii[line] for line in sorted(radii)]))

@@ -46,7 +46,7 @@ def test_the_headline_says_the_most_that_is_known() -> None:
     hint = Hint("speed", "heading", None, "Errors of the headings go together with speed.")
     assert answer(unexplained_share=0.4, hints=(hint,)).headline.endswith(f"explains these logs. {hint.words}")
     assert answer(calibration={"wheel_slip": {"ratio": 0.1}}).headline.startswith("No cause found")
-    assert answer(notes=("The tractor file already has x; ...",)).headline.startswith("Nothing found beyond")
+    assert answer(file_effects=("wheel_slip",)).headline.startswith("Nothing found beyond")
     assert answer().headline.startswith("Nothing found: ")
 
 

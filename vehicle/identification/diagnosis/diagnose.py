@@ -198,6 +198,7 @@ class _Composer:
             rows_gated_by_reason=count_rows_left_out(self.logs, dataset.rows),
             faults=list_onset_faults(self.logs),
             columns=describe_columns(self.logs, findings),
+            file_effects=tuple(self.tractor.effects),
         )
         notes = (
             *describe_logs(self.logs, dataset),

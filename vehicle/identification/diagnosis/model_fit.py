@@ -179,7 +179,7 @@ class Problem:
             for number, coordinate in enumerate(one.coordinates)
             if one.chains & chains
         }
-        stored = self.changes.setdefault((*name, step if abs(step) > 2.0 * FIT_STEP else math.copysign(0.0, step)), [])
+        stored = self.changes.setdefault((*name, step if abs(step) > 2.0 * FIT_STEP else 0.0), [])
         for other, change in stored:
             if all(abs(point.get(key, 0.0) - other.get(key, 0.0)) <= near for key in point.keys() | other.keys()):
                 return change

@@ -12,7 +12,7 @@ from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.model.tractor import Tractor
 
 # How many likely effects were true causes: tests.benchmarks.diagnosis, third, fifth and sixth reference, seed
-# 345000, none of whose sets was looked at before. 0 of 0 until it is measured.
+# 345000, none of whose sets was looked at before.
 LIKELY_RIGHT, LIKELY_OF = 3, 5
 NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent", "refuted", "not-visible"
 ErrorsByHorizon = dict[float, HorizonError]
@@ -147,16 +147,6 @@ class Finding:
         if law is None or law.kind == CONSTANT_LAW or not law.words or law.words.rstrip(".") in self.description:
             return self.description
         return f"{self.description} {law.words[:1].upper()}{law.words[1:].rstrip('.')}."
-
-
-@dataclass(frozen=True)
-class GroundLevel:
-    """One level of an effect that differs between runs on two grounds: value, description, and its runs."""
-
-    id: str
-    value: dict[str, float]
-    description: str
-    runs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -300,6 +290,7 @@ class Diagnosis:
     `interval_note` says how the error of the model is part of the intervals. `undiagnosed_reason` is a sentence when
     the faults leave nothing to replay, so that nothing but these is known. `known_outside` is a sentence on what
     is known to be wrong and no effect of the catalogue: a vehicle that turns in another way, a compass near iron.
+    `file_effects` are those that the tractor file already had.
     """
 
     names: tuple[str, ...]
@@ -322,7 +313,7 @@ class Diagnosis:
     curve: ResidualPlot | None = None
     notes: tuple[str, ...] = ()
     plan: PlanGain | None = None
-    grounds: tuple[GroundLevel, ...] = ()
+    file_effects: tuple[str, ...] = ()
     pace_mps: float = 0.0
     along_judged: bool = True
     above_noise_s: tuple[float, ...] = ()
@@ -399,7 +390,7 @@ class Diagnosis:
             return f"{unexplained}, and the error depends on none of the quantities examined."
         if self.calibration or self.tractor.discrepancy_model is not None:
             return "No cause found; a discrepancy model without a named cause lowers the error."
-        if any("already" in note for note in self.notes):
+        if self.file_effects:
             return "Nothing found beyond the effects already in the tractor file: see the notes."
         as_file = "the tractor drives as its file says"
         if self.faults:
