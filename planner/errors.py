@@ -6,11 +6,20 @@ otherwise. Any other exception is a bug in Headland and exits with status 1.
 
 from __future__ import annotations
 
-from fields.errors import FieldError, HeadlandError, attach_parameter, mark_parameter, shorten_value, suggest_name
+from fields.errors import (
+    MAX_FAULTS,
+    FieldError,
+    HeadlandError,
+    attach_parameter,
+    make_one_line,
+    mark_parameter,
+    shorten_value,
+    suggest_name,
+)
 
 __all__ = [
-    "FieldError", "HeadlandError", "RequestError", "WorkerError", "attach_parameter", "mark_parameter",
-    "render_refusal", "shorten_value", "strip_unit", "suggest_name",
+    "MAX_FAULTS", "FieldError", "HeadlandError", "RequestError", "WorkerError", "attach_parameter", "make_one_line",
+    "mark_parameter", "render_refusal", "shorten_value", "strip_unit", "suggest_name",
 ]  # fmt: skip
 _OPTION_NAMES = {
     "mass_kg": "mass",

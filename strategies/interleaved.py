@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
+from strategies.rules.driving_rules import DrivingRules
 from strategies.strategy_record import Strategy
 
 NAME = "interleaved"

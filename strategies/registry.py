@@ -18,8 +18,8 @@ from typing import Any
 from fields.errors import HeadlandError, StopError, suggest_name
 from strategies.names import STRATEGY_NAMES, get_package_name, list_entry_points, list_strategy_names
 from strategies.path_planning.errors import StrategyError
-from strategies.program.dealing import DealtLine, LineDeal
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.dealing import DealtLine, LineDeal
+from strategies.rules.driving_rules import DrivingRules
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import LegGate
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 
-from strategies.program.dealing import (
+from strategies.rules.dealing import (
     DealtLine,
     LineDeal,
     cut_balanced_blocks,
     free_other_lines,
     group_swath_lines,
 )
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.driving_rules import DrivingRules
 from strategies.strategy_record import Strategy
 
 NAME = "split-field"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from strategies.formations.compose import FormationRule
-from strategies.program.dealing import DealLines
+from strategies.rules.dealing import DealLines
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,12 @@ from pydantic import (
     model_validator,
 )
 
-from fields.errors import MAX_FAULTS
 from fields.geometry.chosen_places import parse_obstacle_place
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from fields.text_files import explain_parse_error, read_text
 from fields.units import DAY_S
-from planner.errors import RequestError, shorten_value, suggest_name
+from planner.errors import MAX_FAULTS, RequestError, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value

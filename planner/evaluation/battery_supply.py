@@ -12,8 +12,8 @@ from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.field_physics import FieldPhysics
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import locate_service_point
-from strategies.program.battery_supply import ESTIMATE_MARGIN, BatterySupply
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.battery_supply import ESTIMATE_MARGIN, BatterySupply
+from strategies.rules.driving_rules import DrivingRules
 from vehicle.energy.run_energy import build_leg_meter
 from vehicle.model.tractor import Tractor
 

@@ -29,9 +29,9 @@ from planner.traffic.trajectories import TrajectoryCache
 from reports.common.plan_records import PullFigures
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_lane
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.supply import Supply
-from strategies.program.turn_costs import TurnCosts
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.supply import Supply
+from strategies.rules.turn_costs import TurnCosts
 from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor
 

@@ -31,11 +31,11 @@ from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, LEAST_FUEL, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.lines.lay_lines import unite_strips
 from strategies.lines.work_line import WorkLine
-from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import sketch_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import list_stages
+from strategies.rules.driving_rules import DrivingRules
 from strategies.site.site import Site
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
 from vehicle.model.terrain import Terrain

@@ -70,8 +70,8 @@ from strategies.path_planning.turns import (
     compute_headland_m,
     list_allowed_kinds,
 )
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.turn_timing import TurnTimer
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 

@@ -22,7 +22,7 @@ from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Implement, Tractor

@@ -10,10 +10,9 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError, field_validator, model_validator
 
-from fields.errors import MAX_FAULTS
 from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error, quote_path, read_text
-from planner.errors import RequestError, shorten_value, suggest_name
+from planner.errors import MAX_FAULTS, RequestError, shorten_value, suggest_name
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, FileSection, LearnedValue, Yard

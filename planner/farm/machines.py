@@ -11,7 +11,7 @@ from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, de
 from planner.request.implement_choice import check_transport_width, choose_rule
 from planner.request.option_texts import MAX_TRACTORS
 from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
 from vehicle.energy.draft import TILL

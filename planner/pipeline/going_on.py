@@ -50,8 +50,8 @@ from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproj
 from planner.task_logs.runs.worked_ground import iter_worked_strips
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import cut_line
-from strategies.program.supply import Supply
 from strategies.registry import get_strategy
+from strategies.rules.supply import Supply
 from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, Leg
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan

@@ -86,7 +86,7 @@ def _turn_to(before: Leg, path: Array, tractor: Tractor, pace: float) -> Leg:
     """Return the turn from the end of a leg to the beginning of a path."""
     # Searching for turns is loaded where a drive has more than one pass.
     from strategies.moves.closed_forms import find_forward_path
-    from strategies.program.turn_costs import TurnCosts
+    from strategies.rules.turn_costs import TurnCosts
 
     begin, end = before.points[-1], path[0]
     radius_m = tractor.wheelbase_m / math.tan(math.radians(TURN_SHARE * tractor.max_steering_deg))

@@ -41,7 +41,7 @@ from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.notebook import build_ranking_view
 from reports.plan.ranking_page import render_plan_page
 from strategies.names import STRATEGY_NAMES
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor

@@ -12,8 +12,8 @@ from fields.geometry.field import Field
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest
-from strategies.program.battery_supply import BatterySupply
-from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Point, Supply
+from strategies.rules.battery_supply import BatterySupply
+from strategies.rules.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Point, Supply
 from vehicle.missions.plan import Plan
 
 

@@ -14,7 +14,7 @@ from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
 from planner.sweeps.axes import read_axes
 from planner.sweeps.sweep import Sweep
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.model.tractor import Implement
 
 if TYPE_CHECKING:

@@ -26,8 +26,8 @@ from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun
 from reports.task_logs.run_results import LearnedOutcome
 from strategies.path_planning.turns import list_allowed_kinds
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.turn_timing import TurnTimer
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.turn_timing import TurnTimer
 from vehicle.model.tractor import Implement, Tractor
 
 _HEADER = re.compile(r"^\s*\[")

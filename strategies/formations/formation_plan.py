@@ -16,9 +16,9 @@ from strategies.formations.round_order import DirectedRound
 from strategies.formations.rounds import APPROACH_M, SHORTEST_M, RoundPlace, get_neighbour, get_row
 from strategies.formations.tours import FormationTour
 from strategies.lines.work_line import cut_line
-from strategies.program.legs import make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
+from strategies.rules.legs import make_mission
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Plan
 
 QUEUE_PART = 3  # of a pass: after its way to its place, what it works in formation, and its approach to the queue

@@ -12,7 +12,7 @@ from functools import cached_property
 from itertools import pairwise
 
 from strategies.formations.columns import FIRST, OTHER, Column
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.driving_rules import DrivingRules
 
 SHORTEST_M = 0.1
 APPROACH_M = 1.0  # before its place in the queue a tractor is followed no longer: who follows stops when it stops

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import shapely
 
 from strategies.lines.work_line import WorkLine
-from strategies.program.dealing import cut_balanced_blocks, group_swath_lines
+from strategies.rules.dealing import cut_balanced_blocks, group_swath_lines
 from vehicle.missions.plan import HEADLAND_PASS, SWATH
 
 Bools = npt.NDArray[np.bool_]

@@ -20,7 +20,7 @@ from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import extend_line
 from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
-from strategies.program.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
+from strategies.rules.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.move_estimates import DETOUR_S
+from strategies.programmes.order_tours import DETOUR_S
 from strategies.programmes.programme import Programme
 from strategies.programmes.tour_legs import build_mission, build_stand
 from vehicle.missions.plan import Mission, Plan

@@ -14,7 +14,7 @@ from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M
 from strategies.moves.move_costs import compute_move_costs
 from strategies.moves.move_finder import MOVE_MARGIN_M, MoveFinder
 from strategies.path_planning.paths import Pose
-from strategies.programmes.order_tours import NO_MOVE_S
+from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
 
@@ -25,7 +25,7 @@ NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # of the leads out and in that are tried
 CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left and that begun, for want of room
 MOST_CUT_SHARE = 0.4
-DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
+DETOUR_FACTOR = 2.0  # guess of a move that only a search may find, of the way at turning speed
 
 
 @dataclass(eq=False)

@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move
-from strategies.programmes.move_estimates import DETOUR_S
-from strategies.programmes.order_tours import NO_MOVE_S
+from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.site import Site
 from vehicle.missions.plan import Mission

@@ -182,7 +182,7 @@ class SiteMoves:
         for _, cuts in groupby(CUTS_M, key=sum):
             ends = [(cut, self._cut_ends(u, v, *cut)) for cut in cuts]
             found += [
-                self._charge_cuts(move, *cut)
+                self.charge_cuts(move, *cut)
                 for cut, poses in ends
                 if poses is not None
                 for move in self.finder.list_moves(*poses, most=2)
@@ -200,7 +200,7 @@ class SiteMoves:
         if ends is None:
             return found
         found = self.finder.search(*ends)
-        return None if found is None else self._charge_cuts(found, radius_m, radius_m)
+        return None if found is None else self.charge_cuts(found, radius_m, radius_m)
 
     def _cut_ends(self, u: int, v: int, leave_m: float, join_m: float) -> tuple[Pose, Pose] | None:
         """Where the line of u ends and that of v begins once cut back; None where too little would remain."""
@@ -213,7 +213,8 @@ class SiteMoves:
             return None
         return line.get_pose(u % 2, lengths_m[0] - leave_m), following.get_pose(v % 2, join_m)
 
-    def _charge_cuts(self, move: Move, leave_m: float, join_m: float) -> Move:
+    def charge_cuts(self, move: Move, leave_m: float, join_m: float) -> Move:
+        """A move for which the ends of its lines are cut back, with what is left unworked charged."""
         cut_s = (leave_m + join_m) / self.site.rules.work_speed_mps
         drive_s, charge_s = move.drive_s - cut_s, move.charge_s + MISSED_FACTOR * cut_s
         return replace(move, drive_s=drive_s, charge_s=charge_s, leave_m=leave_m, join_m=join_m)

@@ -9,9 +9,9 @@ from itertools import pairwise
 from strategies.lines.work_line import cut_line
 from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
-from strategies.program.legs import MIN_LEG_M, add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import list_parts_m
+from strategies.rules.legs import MIN_LEG_M, add_wait_points, make_mission
 from strategies.site.site import Site
 from vehicle.missions.plan import DRIVE, ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 

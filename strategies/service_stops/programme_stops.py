@@ -13,8 +13,6 @@ from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
-from strategies.program.legs import add_wait_points, make_mission
-from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
 from strategies.programmes.tour_legs import (
@@ -25,6 +23,8 @@ from strategies.programmes.tour_legs import (
     split_work_leg,
     stand_to_unfold,
 )
+from strategies.rules.legs import add_wait_points, make_mission
+from strategies.rules.supply import PLACE, Supply
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses

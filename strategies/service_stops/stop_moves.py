@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from operator import attrgetter
 
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
-from strategies.program.legs import MIN_LEG_M
-from strategies.programmes.move_estimates import DETOUR_FACTOR, DETOUR_S, MOST_CUT_SHARE
+from strategies.programmes.move_estimates import DETOUR_FACTOR, MOST_CUT_SHARE
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_tours import NO_MOVE_S
-from strategies.site.site import MISSED_FACTOR
+from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
+from strategies.rules.legs import MIN_LEG_M
 
 CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin for a better move
 
@@ -120,10 +119,7 @@ class StopMoves:
             yield (cut_m, pose, place) if trip.is_arriving else (cut_m, place, pose)
 
     def _charge_cut(self, trip: Trip, move: Move, cut_m: float) -> Move:
-        cut_s = cut_m / self.table.site.rules.work_speed_mps
-        drive_s, charge_s = move.drive_s - cut_s, move.charge_s + MISSED_FACTOR * cut_s
-        leave_m, join_m = (cut_m, 0.0) if trip.is_arriving else (0.0, cut_m)
-        return replace(move, drive_s=drive_s, charge_s=charge_s, leave_m=leave_m, join_m=join_m)
+        return self.table.moves.charge_cuts(move, *((cut_m, 0.0) if trip.is_arriving else (0.0, cut_m)))
 
     def _drive(self, trip: Trip, move: Move) -> Move | None:
         """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""

@@ -11,10 +11,10 @@ from operator import attrgetter
 import numpy as np
 import numpy.typing as npt
 
-from strategies.program.supply import Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import NO_MOVE_S
 from strategies.programmes.programme import Programme, list_pairs
+from strategies.rules.supply import Supply
 from strategies.service_stops.load_search import (
     SEARCH_EFFORT_STEPS,
     UNREACHABLE_S,

@@ -10,7 +10,7 @@ import shapely
 
 from strategies.moves.move_finder import MOVE_MARGIN_M
 from strategies.path_planning.paths import Pose, shift_pose_ahead
-from strategies.program.supply import Point
+from strategies.rules.supply import Point
 from strategies.site.ground import measure_rooms
 from strategies.site.site import Site
 

@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from strategies.path_planning.paths import Pose
-from strategies.program.supply import PLACE, Supply
+from strategies.rules.supply import PLACE, Supply
 from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
 from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
 

@@ -9,9 +9,9 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-from strategies.program.supply import Supply
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import HEADLAND_WAIT_M
+from strategies.rules.supply import Supply
 from vehicle.missions.plan import HEADLAND_PASS
 
 PIECES_OF_LOAD = 2  # a load lasts for so many pieces of a line that takes more, or most of each load would stay unused

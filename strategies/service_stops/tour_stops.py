@@ -13,8 +13,8 @@ import numpy as np
 from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
-from strategies.program.supply import PLACE, Supply
 from strategies.programmes.move_table import MoveTable
+from strategies.rules.supply import PLACE, Supply
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from strategies.service_stops.stop_moves import StopMoves, Trip
 from strategies.service_stops.stops import SERVICE_CLEAR_M

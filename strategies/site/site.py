@@ -13,8 +13,8 @@ from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from strategies.path_planning.paths import PATH_KINDS, EntranceLane
 from strategies.path_planning.turn_kinds import TURN_KINDS
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.turn_costs import TurnCosts
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.turn_costs import TurnCosts
 from strategies.site.ground import BodyOutline, Floats, Ground
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun

@@ -23,7 +23,7 @@ from planner.farm.random_inputs import UncertaintySettings, build_certain_settin
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import build_hire_terms
 from planner.risk.monte_carlo import sample_outcomes
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from tests.day.test_odds import one_leg
 from vehicle.model.tractor import Implement, load_tractor
 

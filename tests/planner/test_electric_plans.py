@@ -29,8 +29,8 @@ from planner.request.service_points import describe_supply, export_supply, locat
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from reports.plan.figures import format_ranking_json
 from reports.plan.leg_list import describe_leg
-from strategies.program.battery_supply import ESTIMATE_MARGIN, BatterySupply
-from strategies.program.supply import Supply
+from strategies.rules.battery_supply import ESTIMATE_MARGIN, BatterySupply
+from strategies.rules.supply import Supply
 from vehicle.missions.plan import Leg
 from vehicle.model.tractor import BatteryParameters, Tractor, load_tractor
 

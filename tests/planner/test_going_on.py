@@ -37,7 +37,7 @@ from reports.plan.answer import write_answer
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
 from strategies.lines.done_lines import START_OVERLAP_M
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.missions.plan import Leg
 
 WIDTH_M, CUT_S = 4.0, 300.0

@@ -16,12 +16,12 @@ from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
+from planner.evaluation.ground.unworked_area import compute_missed_m2
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
-from strategies.headland.corners import compute_missed_m2
 from strategies.registry import STRATEGIES
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan

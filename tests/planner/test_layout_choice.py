@@ -13,7 +13,7 @@ from planner.evaluation.layout_choice import MIN_GAIN, build_effort_rates, estim
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH
 
 L = Field("L", shapely.Polygon([(0, 0), (120, 0), (120, 55), (50, 55), (50, 140), (0, 140)]))

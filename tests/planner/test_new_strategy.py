@@ -12,10 +12,10 @@ from planner.evaluation.context import PlanningContext
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from strategies.path_planning.errors import StrategyError
-from strategies.program.dealing import DealtLine, LineDeal
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.supply import HEADLAND, Supply
 from strategies.registry import STRATEGIES
+from strategies.rules.dealing import DealtLine, LineDeal
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.supply import HEADLAND, Supply
 from strategies.strategy_record import Strategy
 from tests.planner.conftest import site_on
 

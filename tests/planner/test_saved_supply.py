@@ -14,7 +14,7 @@ from planner.pipeline.going_on import read_continued_plan
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_supply
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.missions.plan import REFILL
 from vehicle.missions.plan_file import parse_saved_plan
 

@@ -32,7 +32,7 @@ from reports.plan.figures import format_ranking_json
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_table import build_ranking_table
-from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
+from strategies.rules.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from tests.printing import print_text
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import format_plan, parse_plan

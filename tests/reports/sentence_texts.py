@@ -50,7 +50,7 @@ ALARMING_MODULES = (
     "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/readings.py",
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
-    "strategies/program/dealing.py", "strategies/lines/line_wishes.py",
+    "strategies/rules/dealing.py", "strategies/lines/line_wishes.py",
     "planner/evaluation/candidates/line_programme.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py", "reports/plan/shortfall_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",

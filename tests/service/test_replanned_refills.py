@@ -25,7 +25,7 @@ from planner.fleet.replanning.going_on import (
     infer_carried_supply,
 )
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from tests.service.test_replanning import WIDTH_M, at, plan_field
 from vehicle.errors import MissionError
 from vehicle.missions.plan import REFILL, Leg, Mission, Plan

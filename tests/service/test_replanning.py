@@ -25,7 +25,7 @@ from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
 from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.request.plan_request import PlanRequest
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from tests.service.fleets import restart_manager
 from vehicle.missions.plan_file import format_plan, parse_plan
 

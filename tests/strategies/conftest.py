@@ -2,7 +2,7 @@
 
 import pytest
 
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.driving_rules import DrivingRules
 
 
 @pytest.fixture(scope="session")

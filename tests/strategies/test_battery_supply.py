@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.program.battery_supply import CHANGE, CHARGE, ESTIMATE_MARGIN, BatterySupply
-from strategies.program.supply import Supply
+from strategies.rules.battery_supply import CHANGE, CHARGE, ESTIMATE_MARGIN, BatterySupply
+from strategies.rules.supply import Supply
 from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from vehicle.energy.fuel import ElectricDrive
 from vehicle.energy.run_energy import LegMeter

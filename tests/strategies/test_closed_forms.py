@@ -21,7 +21,7 @@ from strategies.moves.closed_forms import (
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
 from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
-from strategies.program.turn_costs import TurnCosts
+from strategies.rules.turn_costs import TurnCosts
 from strategies.site.ground import build_body_outline, build_ground, has_room_on_path
 
 RADIUS_M, MARGIN_M = 5.0, 0.1

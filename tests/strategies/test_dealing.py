@@ -13,9 +13,9 @@ from strategies.interleaved import deal_in_turn
 from strategies.lines.deal_apart import list_deals_apart
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
-from strategies.program.driving_rules import DrivingRules
 from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
+from strategies.rules.driving_rules import DrivingRules
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.sim.path_conflicts import PosePath

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from strategies.program.legs import add_wait_points
+from strategies.rules.legs import add_wait_points
 from vehicle.missions.plan import Leg
 
 

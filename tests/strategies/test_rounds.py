@@ -17,7 +17,7 @@ from strategies.formations.rounds import (
     has_room,
     place_tractors,
 )
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.driving_rules import DrivingRules
 
 RULES = DrivingRules(2.0, 2.0, 1.0, 5.0, 1.0)  # rows 10 m apart, 8 m held back
 NORTH, SOUTH = 0.5 * math.pi, -0.5 * math.pi

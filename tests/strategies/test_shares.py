@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.program.dealing import cut_balanced_blocks
+from strategies.rules.dealing import cut_balanced_blocks
 
 
 @given(st.lists(st.integers(10, 400), min_size=1, max_size=9), st.data())

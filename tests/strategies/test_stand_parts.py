@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from strategies.service_stops.tour_parts import build_part, cut_at_wait_points, cut_to_loads
 from strategies.service_stops.tour_stops import TourGaps
 from vehicle.missions.plan import SWATH, Leg, LegTask

@@ -14,8 +14,8 @@ from strategies.path_planning.turns import (
     compute_turn_depth_m,
     list_allowed_kinds,
 )
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.turn_timing import TurnTimer
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.turn_timing import TurnTimer
 from vehicle.model.tractor import GuidanceParameters, Implement, load_tractor
 
 RADIUS_M, SPEED_MPS = 4.3, 5.0 / 3.6

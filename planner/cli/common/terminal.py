@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from fields.errors import make_one_line
-from planner.errors import RequestError, WorkerError
+from planner.errors import RequestError, WorkerError, make_one_line
 from reports.common.language import (
     Reader,
     get_language,

@@ -27,12 +27,12 @@ from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, li
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.dealing import LineDeal, group_swath_lines
 from strategies.programmes.build_plan import build_plan, charge_waiting
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
+from strategies.rules.dealing import LineDeal, group_swath_lines
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -20,7 +21,6 @@ from planner.evaluation.site import recall
 from reports.common.language import mark_text
 from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
-from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS
 
@@ -201,10 +201,22 @@ def _estimate_corner_loss_m2(context: PlanningContext) -> float:
         for one in context.headland_passes
         for side, after in zip(one.sides, (*one.sides[1:], one.sides[0]), strict=True)
         if side.end_turn_rad > 0.0
-        and 2.0 * compute_tangent_m(side.end_turn_rad, radius_m) <= min(side.length_m, after.length_m)
+        and 2.0 * radius_m * math.tan(0.5 * side.end_turn_rad) <= min(side.length_m, after.length_m)
     )
     is_limited = context.request.corners == AUTO_CORNERS
     return min(missed_m2, MAX_MISSED_SHARE * context.layout.field.area_m2) if is_limited else missed_m2
+
+
+def compute_missed_m2(turn_rad: float, width_m: float, radius_m: float, *, inside_round: bool = False) -> float:
+    """Ground outside the arc of a corner driven with the implement down (m2); (1 - pi/4) (R + w/2)^2 for 90 degrees.
+
+    The bar's outer end is on a circle of R + w/2; the corner of the outline lies outside it. With `inside_round` the
+    next pass outside turned in an arc too: its bar's inner end, on a circle of R - w/2 that touches the same lines,
+    took part of the corner, and 2 R w stands in place of (R + w/2)^2.
+    """
+    half_turn, half_width_m = 0.5 * abs(turn_rad), 0.5 * width_m
+    inner_m = max(0.0, radius_m - half_width_m) if inside_round else 0.0
+    return ((radius_m + half_width_m) ** 2 - inner_m**2) * (math.tan(half_turn) - half_turn)
 
 
 def mark_worked_shares(results: Iterable[PlanResult], context: PlanningContext) -> list[PlanResult]:

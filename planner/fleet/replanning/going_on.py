@@ -34,8 +34,8 @@ from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.line_wishes import name_line
 from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
-from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
 from strategies.programmes.site_moves import SiteMoves
+from strategies.rules.supply import HEADLAND, SERVICE_VEHICLE, Supply
 from strategies.service_stops.stop_plan import infer_supply
 from strategies.split_field import STRATEGY
 from vehicle.missions.plan import ENTER, LEAVE, SWATH, Leg, LegGate, Mission

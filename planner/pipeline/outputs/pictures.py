@@ -39,8 +39,6 @@ from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.line_wishes import name_line
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move_finder import MoveFinder
-from strategies.path_planning.paths import Pose
-from strategies.programmes.site_moves import SiteMoves
 from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH
 from vehicle.missions.run import SimulationRun
 
@@ -325,19 +323,9 @@ def _describe_turns(context: PlanningContext) -> dict[str, Any]:
 
 
 def _compute_fitting_pct(context: PlanningContext, lines: int) -> dict[str, float]:
-    """Percent of swath ends where a turn of each kind over this many lines fits; only kinds that fit somewhere."""
+    """Percent of swath ends, to either side, where a turn of each kind over this many lines fits; only kinds that fit
+    somewhere."""
     moves = get_site_moves(context)
-    ends = _list_turn_ends(moves, lines)
-    shares = {}
-    for kind in context.turn_kinds:
-        finder = MoveFinder(replace(moves.site, turn_kinds=(kind,)), moves.finder.settling)
-        fitting = sum(any(move.kind == kind for move in finder.list_moves(a, b)) for a, b in ends)
-        shares[kind] = 100.0 * fitting / max(len(ends), 1)
-    return {kind: round(share, 1) for kind, share in shares.items() if share}
-
-
-def _list_turn_ends(moves: SiteMoves, lines: int) -> list[tuple[Pose, Pose]]:
-    """Start and end poses of turns over this many lines, to either side at both ends of every piece."""
     tasks = [line.task for line in moves.lines]
     by_place = {(task.number or 0, task.piece): k for k, task in enumerate(tasks) if task.kind == SWATH}
     ends = [
@@ -347,7 +335,12 @@ def _list_turn_ends(moves: SiteMoves, lines: int) -> list[tuple[Pose, Pose]]:
         for way in (0, 1)
         if (target := by_place.get((swath + step, piece))) is not None
     ]
-    return ends[:: max(1, math.ceil(len(ends) / MAX_ENDS))]
+    ends, shares = ends[:: max(1, math.ceil(len(ends) / MAX_ENDS))], {}
+    for kind in context.turn_kinds:
+        finder = MoveFinder(replace(moves.site, turn_kinds=(kind,)), moves.finder.settling)
+        fitting = sum(any(move.kind == kind for move in finder.list_moves(a, b)) for a, b in ends)
+        shares[kind] = 100.0 * fitting / max(len(ends), 1)
+    return {kind: round(share, 1) for kind, share in shares.items() if share}
 
 
 def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, float]:

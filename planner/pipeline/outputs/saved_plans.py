@@ -26,8 +26,8 @@ from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from reports.common.plan_results import PlanRanking
-from strategies.program.battery_supply import BatterySupply
-from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
+from strategies.rules.battery_supply import BatterySupply
+from strategies.rules.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions.plan import REFILL, SWATH, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan

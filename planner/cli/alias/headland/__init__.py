@@ -50,8 +50,8 @@ if TYPE_CHECKING:
     from planner import *  # noqa: F403
     from planner.pipeline.outputs.saved_plans import simulate_saved_plan
     from strategies.path_planning.errors import StrategyError
-    from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
-    from strategies.program.driving_rules import DrivingRules
+    from strategies.rules.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
+    from strategies.rules.driving_rules import DrivingRules
     from strategies.strategy_record import Strategy
     from vehicle.energy.load import build_work_load
     from vehicle.energy.run_energy import compute_run_energy
@@ -65,8 +65,8 @@ _HOMES = {
     "fields": fields.__all__,
     "planner.pipeline.outputs.saved_plans": ["simulate_saved_plan"],
     "strategies.path_planning.errors": ["StrategyError"],
-    "strategies.program.dealing": ["DealtLine", "LineDeal", "free_other_lines", "group_swath_lines"],
-    "strategies.program.driving_rules": ["DrivingRules"],
+    "strategies.rules.dealing": ["DealtLine", "LineDeal", "free_other_lines", "group_swath_lines"],
+    "strategies.rules.driving_rules": ["DrivingRules"],
     "strategies.strategy_record": ["Strategy"],
     "vehicle.energy.load": ["build_work_load"],
     "vehicle.energy.run_energy": ["compute_run_energy"],

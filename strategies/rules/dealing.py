@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.path_planning.errors import StrategyError
-from strategies.program.driving_rules import DrivingRules
+from strategies.rules.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH, LegTask
 
 WEIGHT_RESOLUTION = 1e-6  # of the heaviest line

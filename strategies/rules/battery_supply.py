@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from strategies.program.supply import Supply
+from strategies.rules.supply import Supply
 from vehicle.energy.run_energy import LegMeter
 from vehicle.missions.plan import Leg
 

@@ -7,14 +7,14 @@ import shapely
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from strategies.headland.corners import compute_missed_m2, compute_tangent_m
+from planner.evaluation.ground.unworked_area import compute_missed_m2
 from strategies.path_planning.paths import DrivePath, PathSegment, merge_segments, shift_pose_ahead
 from tests.examples import count_examples
 
 
 def build_corner_arc(turn_rad: float, radius_m: float) -> DrivePath:
     """The arc alone that cuts a corner at the origin reached along the x axis."""
-    start = shift_pose_ahead((0.0, 0.0, 0.0), -compute_tangent_m(turn_rad, radius_m))
+    start = shift_pose_ahead((0.0, 0.0, 0.0), -radius_m * math.tan(0.5 * turn_rad))
     return merge_segments(start, [PathSegment(radius_m * turn_rad, 1.0 / radius_m, 1)], "route")
 
 

@@ -17,9 +17,9 @@ from strategies.path_planning.turns import (
     build_u_turn,
     compute_turn_depth_m,
 )
-from strategies.program.driving_rules import DrivingRules
-from strategies.program.legs import PATH_STEP_M
-from strategies.program.turn_costs import TurnCosts
+from strategies.rules.driving_rules import DrivingRules
+from strategies.rules.legs import PATH_STEP_M
+from strategies.rules.turn_costs import TurnCosts
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 from vehicle.model.tractor import Implement, Tractor
