@@ -1,7 +1,8 @@
 """Names and descriptions of the strategies in the order in which they are offered, for help texts and forms.
 
-Every module beside this one that has a STRATEGY is a strategy of Headland. They are read and not imported, as importing
-one loads the simulator. Other packages offer strategies as entry points in the group ENTRY_POINT_GROUP.
+Every module beside this one that has a STRATEGY is a strategy of Headland, named like its file. They are read and not
+imported, as importing one loads the simulator: name and description are plain strings there. Other packages offer
+strategies as entry points in the group ENTRY_POINT_GROUP.
 """
 
 from __future__ import annotations
@@ -21,17 +22,29 @@ FIRST_OFFERED = ("row-by-row", "row-by-row-optimised", "col-by-col", "split-fiel
 
 def read_descriptions(folder: Path) -> dict[str, str]:
     """The description of every strategy that has a module in a folder, by name."""
-    sources = {file.stem.replace("_", "-"): file.read_text(encoding="utf-8") for file in folder.glob("*.py")}
-    found = {name: text for name, source in sources.items() if (text := _find_description(source)) is not None}
+    found = dict(entry for file in folder.glob("*.py") if (entry := _read_entry(file)) is not None)
     return dict(sorted(found.items(), key=lambda entry: (_get_place(entry[0]), entry[0])))
 
 
-def _find_description(source: str) -> str | None:
-    """The second argument of the record STRATEGY of a module; None without such a record."""
-    for node in ast.parse(source).body:
-        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "STRATEGY":
-            return str(ast.literal_eval(node.value.args[1])) if isinstance(node.value, ast.Call) else ""
-    return None
+def _read_entry(file: Path) -> tuple[str, str] | None:
+    """Name and description in the record STRATEGY of a module; None without such a record. Raises ValueError."""
+    values: dict[str, ast.expr] = {}
+    for node in ast.parse(file.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target = node.target if isinstance(node, ast.AnnAssign) else node.targets[0]
+            values[getattr(target, "id", "")] = node.value
+    record, expected = values.get("STRATEGY"), file.stem.replace("_", "-")
+    if record is None:
+        return None
+    given = dict(zip(("name", "description"), record.args, strict=False)) if isinstance(record, ast.Call) else {}
+    given |= {word.arg or "": word.value for word in record.keywords} if isinstance(record, ast.Call) else {}
+    texts = [values.get(getattr(each, "id", ""), each) for each in map(given.get, ("name", "description"))]
+    name, description = (each.value if isinstance(each, ast.Constant) else None for each in texts)
+    if name != expected or not isinstance(description, str):
+        raise ValueError(
+            f"{file.name} must set STRATEGY = Strategy({expected!r}, 'what the tractors do', ...) with plain strings."
+        )
+    return expected, description
 
 
 def _get_place(name: str) -> int:

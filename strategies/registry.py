@@ -1,7 +1,7 @@
 """The strategies by name: those of Headland in the order in which they are offered, and those of other packages.
 
 Each of Headland's has a module named like it with the record STRATEGY; strategies/__init__.py explains how to add one.
-Those of other packages (strategies.names) are loaded when they are named, so that a broken one harms nobody else.
+Those of other packages (strategies.names) are loaded when they are named. A fault of any is why it has no plan.
 """
 
 from __future__ import annotations
@@ -22,10 +22,6 @@ from strategies.rules.dealing import DealtLine, LineDeal
 from strategies.rules.driving_rules import DrivingRules
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import LegGate
-
-STRATEGIES: dict[str, Strategy] = {
-    name: import_module(f"strategies.{name.replace('-', '_')}").STRATEGY for name in STRATEGY_NAMES
-}
 
 
 def get_strategy(name: str) -> Strategy:
@@ -73,6 +69,11 @@ def _load_strategy(entry: EntryPoint) -> Strategy:
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise StrategyError(f"{label} cannot be loaded ({reason}); repair or uninstall that package.") from error
+    return guard_strategy(record, label)
+
+
+def guard_strategy(record: Strategy, label: str) -> Strategy:
+    """A record whose functions raise StrategyError alone, in place of any fault of theirs."""
     rule = record.formation
     return replace(
         record,
@@ -108,3 +109,9 @@ def _check_deal(deal: Any, lines: Sequence[DealtLine], rules: DrivingRules, trac
 def _check_gates(gates: Any, *_: Any) -> None:
     if not isinstance(gates, list) or not all(isinstance(gate, LegGate) for gate in gates):
         raise TypeError("its queue rule gives something else than gates")
+
+
+STRATEGIES: dict[str, Strategy] = {
+    name: guard_strategy(import_module(f"strategies.{name.replace('-', '_')}").STRATEGY, f"Strategy {name!r}")
+    for name in STRATEGY_NAMES
+}

@@ -12,7 +12,7 @@ from strategies.rules.dealing import DealLines
 class Strategy:
     """How a fleet shares a field: by `deal` or by `formation`.
 
-    `description` says what the tractors do, for help texts and tables. `deal` says which work lines each tractor may
+    `description` says what the tractors do, for forms and the guide. `deal` says which work lines each tractor may
     have, and a search puts them in order for all at once. Tractors of a `formation` keep beside one another, and its
     rule says how they turn; one tractor alone has all lines. `beside`: they work neighbouring swaths at a time. Both
     raise StrategyError if the field cannot be worked this way with this fleet.

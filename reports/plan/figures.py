@@ -59,7 +59,7 @@ class Figure:
         measure: takes the value from the simulated run of a plan that can be driven; it is then in `measured`.
         read: takes the value from the plan.
         parts: keys of what it consists of, each of which has a column in CSV.
-        is_optional: whether its column is left out where no plan has it.
+        is_optional: whether its column is left out where no plan has it, as plans of older files have none of new ones.
         is_exported: whether JSON and CSV have it.
     """
 
@@ -224,14 +224,14 @@ SCREEN_DROPS = {
     "tractors": 0, "strategy": 0, "stated_end_s": 0, "stated_late_end_s": 3, "waiting_s": 4, "stated_cost": 1,
     "fuel_l": 3, "energy_kwh": 3, "worked_pct": 2, "finish_probability": 1, "meets_deadline": 1,
 }  # fmt: skip
-"""Of the first screen, each with the order in which it is dropped where there is no room."""
+"""Of the first screen, each with the order in which it is dropped where there is no room, the highest first."""
 TABLE_DROPS = {
     "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
     "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
     "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
     "finish_probability": 3, "meets_deadline": 3,
 }  # fmt: skip
-"""Of the table of all plans."""
+"""Of the table of all plans (`--explain`)."""
 COUNT_DROPS = {
     "tractors": 0, "strategy": 0, "finish_probability": 0, "p50_done_s": 0, "p95_done_s": 0, "stated_cost": 2,
     "paid_cost": 6,

@@ -109,8 +109,8 @@ def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> Fit
         heading = translate("95 % by") if has_start else translate("95 % in")
         figures |= {late.key: replace(late, heading=heading)}
         del figures["waiting_s"]
-    if len(figures) > MOST_COLUMNS:
-        figures = {key: figure for key, figure in figures.items() if key not in ("fuel_l", "energy_kwh")}
+    kept = sorted(figures, key=SCREEN_DROPS.__getitem__)[:MOST_COLUMNS]
+    figures = {key: figure for key, figure in figures.items() if key in kept}
     shows_front = _is_front_part(plans)
 
     def mark_count(plan: PlanResult) -> str:

