@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 from typer.core import TyperCommand
 
+from planner.cli.common.language_options import translate_help
 from planner.cli.common.options import (
     DEFAULT_FIELD,
     AsJson,
@@ -17,7 +18,6 @@ from planner.cli.common.options import (
     read_given_options,
 )
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
-from planner.cli.common.reader import translate_help
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 from planner.errors import RequestError
 

@@ -22,7 +22,7 @@ import typer
 from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
-from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
+from planner.cli.common.language_options import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
 from planner.cli.common.terminal import LOADING, compile_missing, print_renderable, print_sentence
 from planner.cli.comparisons import compare_bearings, compare_headlands
 from planner.cli.day import day

@@ -1,4 +1,4 @@
-"""Maps as numbers: of a page for its template and script (centimetres, y down), small ones, and of a ranking as JSON.
+"""Map data: for a page's template and script (centimetres, y down), for small maps, and of a ranking as JSON.
 
 Paths of pages are thinned in place and time together, so that a few knots both draw and animate them.
 """

@@ -22,7 +22,7 @@ Floats = npt.NDArray[np.float64]
 Pair = tuple[int, int]
 
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
-OUTS, INS = 1, 3  # of the leads out and in that are tried
+OUTS, INS = 1, 3  # how many leads out and leads in are tried
 CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left and that begun, for want of room
 MOST_CUT_SHARE = 0.4
 DETOUR_FACTOR = 2.0  # guess of a move that only a search may find, of the way at turning speed

@@ -161,7 +161,7 @@ def _iter_help_texts() -> Iterator[str]:
     import typer.main
 
     from planner.cli import main
-    from planner.cli.common.reader import EXAMPLE, find_help_key, split_paragraphs
+    from planner.cli.common.language_options import EXAMPLE, find_help_key, split_paragraphs
 
     app: Any = main.app  # a command already where tests prepared it
     waiting: list[Any] = [typer.main.get_command(app) if isinstance(app, typer.Typer) else app]

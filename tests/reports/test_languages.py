@@ -11,7 +11,7 @@ from rich.cells import cell_len
 from rich.console import RenderableType
 
 from planner.cli.common import reader as command_line
-from planner.cli.common.reader import HELP_TITLES, choose_reader
+from planner.cli.common.language_options import HELP_TITLES, choose_reader
 from planner.errors import RequestError
 from reports.common import language as languages
 from reports.common import text_tables

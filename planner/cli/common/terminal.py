@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -47,17 +47,13 @@ def warm_up(bar: StageBar | None = None, next_stages_s: Mapping[str, float] | No
 
     `next_stages_s` are the stages after this in that bar, with about the seconds of each.
     """
-    if bar is None:
-        from planner.cli.common.progress import open_stage_bar
-
-        with open_stage_bar(LOADING) as own_bar:
-            warm_up(own_bar)
-        return
+    from planner.cli.common.progress import open_stage_bar
     from planner.pipeline.kernels import PLAN
     from planner.pipeline.worker_tasks import warm_up_simulation
 
-    compile_missing(bar, (PLAN,), next_stages_s)
-    warm_up_simulation()
+    with open_stage_bar(LOADING) if bar is None else nullcontext(bar) as shown:
+        compile_missing(shown, (PLAN,), next_stages_s)
+        warm_up_simulation()
 
 
 def compile_missing(bar: StageBar, uses: Sequence[str], next_stages_s: Mapping[str, float] | None = None) -> int:

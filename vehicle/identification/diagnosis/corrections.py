@@ -25,7 +25,7 @@ from vehicle.identification.logs.column_quality import (
 )
 from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
-from vehicle.identification.logs.series import draw_lines, find_changes
+from vehicle.identification.logs.series import find_changes, interpolate_between
 from vehicle.identification.logs.thresholds import FEWEST_EVENTS, HOLDS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
 
@@ -127,7 +127,7 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
 
 def _mark_knots(log: Log, name: str, rows: Rows, knots: Rows) -> Log:
     """Return the log with a column that was measured in the knots of its rows (k,), and straight between them."""
-    column: dict[str, Any] = {name: draw_lines(getattr(log, name), log.time_s, rows, knots)}
+    column: dict[str, Any] = {name: interpolate_between(getattr(log, name), log.time_s, rows, knots)}
     measured_rows = {**log.measured_rows, name: np.isin(np.arange(len(log.used)), rows[knots])}
     return replace(log, measured_rows=measured_rows, **column)
 

@@ -30,7 +30,7 @@ from vehicle.identification.replay.simulation import CHAINS, Simulator
 CHANNELS = ("pose", "wheel", "speed")
 SCAN_STEP, FIT_STEP = 0.5, 0.04  # widths: the secant of an untried hypothesis, and that of a fit
 SETTLED_NATS = 0.05
-NEAR_WIDTHS, MOST_STORED = 0.15, 3  # amounts up to which a change of the prediction is used again
+NEAR_WIDTHS, MOST_STORED = 0.15, 3  # a change of the prediction is used again within so many widths of its amounts
 MOST_DAMPINGS = 6
 SEARCH_WIDTHS = (-1.0, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 1.0)
 NOISE_ITERATIONS = 40
@@ -174,8 +174,8 @@ class Problem:
         widths = collect_widths(model)
         chains = own.chains
         point = {
-            (str(one), number): own[number] / coordinate.width
-            for one, own in split_amounts(model, amounts)
+            (str(one), number): part[number] / coordinate.width
+            for one, part in split_amounts(model, amounts)
             for number, coordinate in enumerate(one.coordinates)
             if one.chains & chains
         }

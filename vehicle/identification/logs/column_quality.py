@@ -21,7 +21,13 @@ import numpy as np
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, STEERING_COLUMNS, Array, Columns, Log, Mask, Rows
-from vehicle.identification.logs.series import DIGITS, draw_lines, find_changes, select_timed_rows, wrap_degrees
+from vehicle.identification.logs.series import (
+    DIGITS,
+    find_changes,
+    interpolate_between,
+    select_timed_rows,
+    wrap_degrees,
+)
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
     CLEARLY_APART_DEG,
@@ -173,12 +179,12 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             fresh_sets["heading"] = heading_rows[fresh_headings]
             doubts.append(_describe_held_values("heading_deg changes", "the compass", every_s, time[heading_rows]))
             converted["heading_deg"] = np.mod(
-                draw_lines(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
+                interpolate_between(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
             )
     if not fresh_sets:
         return FreshColumns(converted, None, tuple(doubts))
     if position_rows is not None:
-        converted |= {axis: draw_lines(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
+        converted |= {axis: interpolate_between(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
     place_rows = {what: np.isin(np.arange(len(time)), fresh_rows) for what, fresh_rows in fresh_sets.items()}
     fresh = place_rows[min(fresh_sets, key=lambda what: len(fresh_sets[what]))]
     return FreshColumns(converted, fresh, tuple(doubts), place_rows)

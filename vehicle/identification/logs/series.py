@@ -18,7 +18,7 @@ from vehicle.identification.logs.schema import Array, Mask, Rows
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 
 WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
-WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2000 rows
+WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2200 rows
 # Chosen: closer values are equal up to rounding, larger differences are no last digit.
 DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
 
@@ -60,7 +60,7 @@ def find_spans(mask: Mask) -> list[tuple[int, int]]:
 
 
 def measure_spread(values: Array) -> float:
-    """Return the robust standard deviation of values (k,) about 0, that of a normal distribution with their median."""
+    """Return the robust standard deviation of values (k,) about 0, as of a normal distribution with their median."""
     return 1.4826 * float(np.median(np.abs(values)))
 
 
@@ -80,7 +80,7 @@ def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Ar
     return change
 
 
-def draw_lines(column: Array, time: Array, rows: Rows, knots: Rows, values: Array | None = None) -> Array:
+def interpolate_between(column: Array, time: Array, rows: Rows, knots: Rows, values: Array | None = None) -> Array:
     """Return a column (n,) that runs straight, in these rows (k,) of it, between the knots (indices of `rows`).
 
     `values` (k,) stand for those of the column, such as angles without steps of a circle.

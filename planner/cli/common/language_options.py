@@ -1,4 +1,4 @@
-"""For whom the command line prints: language and units from its options, the environment or the locale; help texts.
+"""Language and units of the command line, from its options, the environment or the locale, and help texts in them.
 
 The options stand before the command, and are read before any other, as help must be in the language as well.
 """
@@ -63,14 +63,14 @@ MISUSES = (
     mark_text("'{value}' is not a valid float"),
     mark_text("Got unexpected extra argument ({argument})"),
 )
-"""Sentences of typer on arguments that it cannot use."""
+"""Sentences of typer on arguments that it cannot use, for the catalogues."""
 RANGES = (
     mark_text("The {label} ({option}) is {value}; use {low} to {high}."),
     mark_text("The {label} ({option}) is {value}; use more than {low} and at most {high}."),
     mark_text("{option} is {value}; use {low} to {high}."),
     mark_text("{option} is {value}; use more than {low} and at most {high}."),
 )
-"""How a refusal of a number reads, whose parts are made apart."""
+"""How a refusal of a number reads, assembled elsewhere from parts, for the catalogues."""
 
 
 def choose_reader(arguments: Sequence[str], environment: Mapping[str, str]) -> Reader:
