@@ -10,7 +10,7 @@ import pytest
 from rich.cells import cell_len
 from rich.console import RenderableType
 
-from planner.cli.common import reader as command_line
+from planner.cli.common import language_options as command_line
 from planner.cli.common.language_options import HELP_TITLES, choose_reader
 from planner.errors import RequestError
 from reports.common import language as languages
