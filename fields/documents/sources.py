@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import difflib
 import os
 from contextlib import suppress
@@ -26,6 +27,7 @@ from fields.text_files import quote_path
 
 FIELD_FORMATS = list_records(FieldFormat, first=("geojson", "shapefile", "kml", "geopackage", "gpx", "isoxml"))
 """In the order in which a folder or archive is tried; a file with an unknown extension is taken for the first."""
+JSON_BEGIN_BYTES = 4096  # read of a file with an unknown extension; GeoJSON begins with a bracket after its spaces
 SINGLE_FILE_FORMATS = {
     extension: field_format
     for field_format in FIELD_FORMATS
@@ -178,7 +180,7 @@ def _explain_missing_file(place: str) -> str:
 def find_field_format(path: str) -> FieldFormat | None:
     """The format of a file, folder or archive, by its content or else its extension.
 
-    None for a foreign format; the first of FIELD_FORMATS for an unknown extension.
+    None for a foreign format; the first of FIELD_FORMATS for an unknown extension whose content may be JSON.
 
     Raises:
         FieldError: an archive cannot be opened, or not safely.
@@ -190,5 +192,15 @@ def find_field_format(path: str) -> FieldFormat | None:
         field_format = agopengps.FIELD_FORMAT
     if field_format is None:
         field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
-    is_foreign = names or extension in FOREIGN_EXTENSIONS or (path and place.is_dir())
+    is_foreign = names or extension in FOREIGN_EXTENSIONS or (path and (place.is_dir() or not _may_be_json(place)))
     return field_format or (None if is_foreign else FIELD_FORMATS[0])
+
+
+def _may_be_json(place: Path) -> bool:
+    """Whether a file begins as GeoJSON does; also one that is empty or cannot be read, which its reader says."""
+    try:
+        with place.open("rb") as file:
+            begin = file.read(JSON_BEGIN_BYTES).removeprefix(codecs.BOM_UTF8).lstrip()
+    except OSError:
+        return True
+    return begin[:1] in (b"", b"{", b"[")

@@ -201,7 +201,7 @@ def parse_ring(raw: Any, label: str) -> FloatArray:
     Raises:
         FieldError: a position is not two finite numbers, or fewer than 3 distinct points remain.
     """
-    if not isinstance(raw, list):
+    if not isinstance(raw, list | tuple):
         raise FieldError(f"A ring of {label} is {shorten_value(raw)}; it must be a list of [x, y] positions.")
     points = np.array([parse_position(entry, label) for entry in raw], dtype=np.float64).reshape(-1, 2)
     kept_indices = [i for i in range(len(points)) if i == 0 or (points[i] != points[i - 1]).any()]
@@ -220,7 +220,7 @@ def parse_position(raw: Any, label: str) -> tuple[float, float]:
     Raises:
         FieldError: it is not a list of two or more finite numbers.
     """
-    if not isinstance(raw, list) or len(raw) < 2:
+    if not isinstance(raw, list | tuple) or len(raw) < 2:
         raise FieldError(f"Position {shorten_value(raw)} of {label} is not a pair; write it as [x, y].")
     return _parse_number(raw[0], label), _parse_number(raw[1], label)
 
@@ -231,7 +231,7 @@ def parse_rings(raw: Any, label: str) -> list[FloatArray]:
     Raises:
         FieldError: there is no ring, or a ring is not usable.
     """
-    if not isinstance(raw, list) or not raw:
+    if not isinstance(raw, list | tuple) or not raw:
         raise FieldError(f"The coordinates of {label} are {shorten_value(raw)}; a Polygon needs at least one ring.")
     return [parse_ring(entry, label) for entry in raw]
 

@@ -164,8 +164,14 @@ class TestRefusals:
         assert "is not JSON" in refusal(saved("POLYGON ((0 0, 1 1))"))
 
     def test_not_text(self, tmp_path: Path) -> None:
-        (tmp_path / "x").write_bytes(b"\xff\xfe\x00\x81")
-        assert "UTF-8" in refusal(tmp_path / "x")
+        (tmp_path / "x.geojson").write_bytes(b"\xff\xfe\x00\x81")
+        assert "UTF-8" in refusal(tmp_path / "x.geojson")
+
+    def test_an_unknown_ending_is_json_or_foreign(self, tmp_path: Path) -> None:
+        (tmp_path / "x.abl").write_text("field Home\n56 10\n")
+        assert "is in an unknown format, but fields are read from GeoJSON, " in refusal(tmp_path / "x.abl")
+        (tmp_path / "y.abl").write_text("\ufeff \n{")
+        assert "'y' is not JSON" in refusal(tmp_path / "y.abl")
 
     def test_endlessly_nested(self, saved: Any) -> None:
         assert "is not JSON" in refusal(saved("[" * 200_000))
