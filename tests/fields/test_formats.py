@@ -7,7 +7,7 @@ import pytest
 from fields import FieldError, list_fields, read_field
 from fields.documents import sources
 from fields.documents.sources import FIELD_FORMATS, FOREIGN_EXTENSIONS, find_field_format
-from fields.formats import agopengps, geojson, gpx, isoxml, shapefile
+from fields.formats import geojson, gpx, isoxml, shapefile
 from fields.formats.format_records import list_records
 from fields.formats.guidance import GuidanceFormat
 from fields.raw_document import FieldDocument, FieldFormat, RawShape

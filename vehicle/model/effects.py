@@ -2,7 +2,9 @@
 
 An entry says which values describe the effect, what is neutral, how large it usually is, which block of the chain it
 sits in, what a farmer would call it, what its residual depends on, and which drive shows it. The formulas are in
-vehicle.sim.effect_terms.
+vehicle.sim.effect_terms. How an effect may follow direction, implement, speed or place needs no entry of its own: those
+laws are in vehicle.identification.diagnosis.grammar. tests/vehicle/test_parity.py drives every entry; one that its
+drives do not show needs one there.
 """
 
 from __future__ import annotations

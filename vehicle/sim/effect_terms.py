@@ -185,7 +185,7 @@ def compute_slope_drift(forward: float, cosine: float, sine: float, model) -> fl
 
 @compile_function
 def compute_ground_speed(wheel_speed: float, working: float, model) -> float:  # type: ignore[no-untyped-def]
-    """Speed over ground at a commanded speed, less wheel slip."""
+    """Speed over ground at a commanded speed (below 0 in reverse), less wheel slip."""
     return wheel_speed * (1.0 - model.slip) * (1.0 - model.tool_slip * working)  # type: ignore[no-any-return]
 
 
