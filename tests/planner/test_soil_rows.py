@@ -15,7 +15,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.soil_rows import SoilLine, build_soil_row, format_soil_table, parse_soil_line
 from planner.request.plan_request import PlanRequest
 from tests.reports.test_diagnosis import diagnosis, in_model
-from vehicle.identification.diagnosis.results import LIKELY, NAMED, GroundLevel, ParameterLaw
+from vehicle.identification.diagnosis.results import LIKELY, NAMED, ParameterLaw
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.soil import find_soil
 from vehicle.model.terrain import Terrain
@@ -104,7 +104,6 @@ def test_a_name_without_a_table_goes_to_the_usual_one() -> None:
     ((replace(SLIP, status=LIKELY),), {}, "by these logs wheel slip is likely, and not certain; add more of them"),
     ((replace(SLIP, law=ParameterLaw("by_place", {}, "It grows to the north.")),), {}, "name nothing of a soil"),
     ((SLIP,), {"unsaved_reason": "what was found harms other runs"}, "is left as it is: "),
-    ((GRIP,), {"grounds": (GroundLevel("side_slip", {"limit_g": 0.3}, "", ("a",)),)}, "made on two grounds"),
 ])  # fmt: skip
 def test_logs_that_teach_nothing_add_nothing(found: tuple[Any, ...], more: dict[str, Any], sentence: str) -> None:
     with pytest.raises(RequestError, match=sentence):

@@ -247,7 +247,8 @@ CATALOGUE: tuple[Effect, ...] = (
     Effect(
         "implement_slip", SPEED, (EffectParameter("ratio", "", 0.0, 0.10, 0.015, -0.5, 0.9),),
         lambda v: {"tool_slip": v["ratio"]},
-        lambda v: f"With the implement working the tractor loses {100 * v['ratio']:.0f} % of its speed.",
+        lambda v: f"With the implement working the tractor {'loses' if v['ratio'] >= 0.0 else 'gains'} "
+                  f"{100 * abs(v['ratio']):.0f} % of its speed.",
         "implement working", "straight ahead, implement down and up in turn",
         plot=(PACE, TOOL),
     ),
