@@ -125,8 +125,11 @@ def iter_plans(
                 laid_out += [(place, ground) for place in places]
                 continue
             refusals.append(ground)
+            reason = describe_refusal(ground)
             for place in places:
-                yield from ((place, *plan) for plan in _refuse(tasks[place], describe_refusal(ground)))
+                for number, one in zip(tasks[place].numbers, tasks[place].orders, strict=True):
+                    count, turn = one.request.tractors[0], one.request.turn
+                    yield place, number, PlanResult(STRATEGY.name, count, turn, False, reason, is_simulated=False)
         arguments = [(tasks[place].orders, ground) for place, ground in laid_out]
         for number, plans in iter_completed(executor, estimate_task, arguments, from_both_ends=True):
             place, _ = laid_out[number]
@@ -135,13 +138,6 @@ def iter_plans(
             yield from ((place, combination, plan) for combination, plan in zip(numbers, plans, strict=True))
     if refusals and len(missing) == len(tasks) and len(refusals) == len(grounds):
         raise refusals[0]
-
-
-def _refuse(task: EstimateTask, reason: str) -> Iterator[tuple[int, PlanResult]]:
-    """The combinations of a task whose ground cannot be laid out, each with its refused plan."""
-    for number, order in zip(task.numbers, task.orders, strict=True):
-        count, turn = order.request.tractors[0], order.request.turn
-        yield number, PlanResult(STRATEGY.name, count, turn, False, reason, is_simulated=False)
 
 
 def _pack(plan: PlanResult) -> dict[str, Any]:
