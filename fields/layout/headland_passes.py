@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -93,14 +93,12 @@ class HeadlandPass:
 
     Attributes:
         number: 1 for the outermost, next to the outline or a hole.
-        ring: 0 and up among the passes of one number.
         sides: its sides in order.
         is_closed: whether the last side ends where the first begins; False for the middle of a narrow strip.
         is_round_hole: whether it leads round a hole of the field.
     """
 
     number: int
-    ring: int
     sides: tuple[HeadlandPassSide, ...]
     is_closed: bool = True
     is_round_hole: bool = False
@@ -109,11 +107,6 @@ class HeadlandPass:
     def length_m(self) -> float:
         """Length of the centre line, metres."""
         return math.fsum(side.length_m for side in self.sides)
-
-    @cached_property
-    def line(self) -> shapely.LineString:
-        """The whole centre line."""
-        return shapely.LineString(np.concatenate([side.points for side in self.sides]))
 
 
 def lay_headland_passes(
@@ -133,8 +126,7 @@ def lay_headland_passes(
     _check_pass_request(width_m, count, corner_length_m)
     passes: list[HeadlandPass] = []
     for number in range(1, count + 1):
-        drawn = enumerate(_draw_passes(field.boundary, width_m, number, corner_length_m))
-        passes += [replace(headland_pass, ring=ring) for ring, headland_pass in drawn]
+        passes += _draw_passes(field.boundary, width_m, number, corner_length_m)
     return tuple(passes)
 
 
@@ -162,7 +154,7 @@ def _draw_passes(
         for place, ring in enumerate((part.exterior, *part.interiors)):
             if ring.length >= MIN_RING_LENGTH * width_m:
                 sides = _split_into_sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], corner_length_m)
-                yield HeadlandPass(number, 0, sides, is_round_hole=place > 0)
+                yield HeadlandPass(number, sides, is_round_hole=place > 0)
     if number == 1:
         return  # no pass where the field is narrower than the implement
     worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
@@ -170,7 +162,7 @@ def _draw_passes(
     for part in _sort_polygons(unworked):
         line = find_centre_line(part, width_m) if part.area >= MIN_OPEN_AREA * width_m**2 else None
         if line is not None:
-            yield HeadlandPass(number, 0, (HeadlandPassSide(line),), is_closed=False)
+            yield HeadlandPass(number, (HeadlandPassSide(line),), is_closed=False)
 
 
 def _inset_polygon(boundary: shapely.Polygon, depth_m: float) -> shapely.Geometry:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from dataclasses import field as member
 from functools import cached_property
 from typing import Any
 
@@ -27,7 +26,6 @@ from planner.risk.assessment import DecisionCriteria
 from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
 from reports.common.plan_records import PullFigures
-from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_lane
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.supply import Supply
@@ -81,8 +79,8 @@ class PlanningContext:
 
     The guided point may be anywhere in `free_space`. `fitting_turns[k]` says whether a turn over k lines fits a
     headland at right angles (index 0 unused); if none does, `driving_rules.turn_s[k]` is an estimate instead of a
-    simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `obstacle_bends` holds
-    lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries, `cost_terms`
+    simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `criteria` are the
+    risk settings, `supply` what every tractor carries, `cost_terms`
     the prices and `workday` the day of a farm (None without one). `physics` are heights and load. `going_on` is what is
     known of work that began earlier; what is done is ground of the field (`Field.done`). `time_share` limits
     the computing where this context was made; it is not sent to another process.
@@ -99,7 +97,6 @@ class PlanningContext:
     fitting_turns: tuple[bool, ...]
     position_errors: Table
     headland_passes: tuple[HeadlandPass, ...] = ()
-    obstacle_bends: ObstacleBends = member(default_factory=ObstacleBends)
     criteria: DecisionCriteria | None = None
     supply: Supply | None = None
     cost_terms: CostTerms | None = None

@@ -29,7 +29,6 @@ from planner.evaluation.field_physics import FieldPhysics
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, LEAST_FUEL, MAX_HEADLAND_PASSES, SOW, PlanRequest
-from strategies.lines.lay_lines import unite_strips
 from strategies.lines.work_line import WorkLine
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import sketch_programme
@@ -227,7 +226,7 @@ def compute_covered_share(moves: SiteMoves) -> float:
     site = moves.site
     if not site.headland_passes:
         return 1.0
-    covered = clip_area(unite_strips(site, moves.lines), site.work_ground)
+    covered = clip_area(moves.covered_ground, site.work_ground)
     return float(covered.area / site.work_ground.area)
 
 

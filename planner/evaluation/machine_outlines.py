@@ -1,22 +1,11 @@
-"""The outlines of machines, and swaths bent round obstacles that are small beside them."""
+"""The outlines of machines, and how wide a way they need."""
 
 from __future__ import annotations
 
-from fields.layout.swaths import Layout
 from strategies.path_planning.machine_body import MachineBody
-from strategies.path_planning.obstacle_avoidance import (
-    BendRules,
-    LineBender,
-    ObstacleBends,
-    bend_swaths,
-    follow_curved_swaths,
-)
-from strategies.path_planning.turns import TurnReach
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.compile import compute_contact_boxes
 
-# Times the planned radius or half the machine: a tighter bend is driven more slowly, but leaves less ground.
-BEND_RADIUS_FACTOR = 1.1
 # A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
 GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
@@ -52,23 +41,3 @@ def build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[f
         (ends["tail"] - guided_point_m, ends["nose"] - guided_point_m, ends["half_width"]),
         (ends["tool_tail"] - guided_point_m, ends["tool_front"] - guided_point_m, ends["tool_half_width"]),
     )
-
-
-def bend_around_obstacles(
-    layout: Layout, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
-) -> tuple[Layout, ObstacleBends]:
-    """The layout with swaths bent round small obstacles or cut at them, and the bender for other lines.
-
-    Curved swaths are paths of their own."""
-    field = layout.field
-    if not field.small_obstacles:
-        return layout, follow_curved_swaths(layout, reach.tool_m)
-    boxes = compute_contact_boxes(tractor, implement)
-    guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
-    rules = BendRules(
-        BEND_RADIUS_FACTOR * max(radius_m, reach.margin_m),
-        reach.margin_m,
-        max(boxes["nose"], boxes["tool_front"]) - guided_point_m,
-        guided_point_m - min(boxes["tail"], boxes["tool_tail"]),
-    )
-    return bend_swaths(layout, LineBender(field.small_obstacles, field.workable_region, rules), reach.tool_m)

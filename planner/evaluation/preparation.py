@@ -38,7 +38,6 @@ from planner.evaluation.layout_choice import (
     list_layouts,
 )
 from planner.evaluation.machine_outlines import (
-    bend_around_obstacles,
     build_body,
     build_outline_boxes,
     folds_at_gate,
@@ -62,8 +61,6 @@ from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import build_decision_criteria
 from planner.risk.costs import CostTerms
-from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.turns import (
     TurnReach,
     compute_available_turn_depth_m,
@@ -212,9 +209,8 @@ def _lay_out_field(
     create = partial(create, costs=turn_clock.measure_reversal_costs())
     free_space = compute_free_space(field, reach.margin_m)
 
-    def build_context(base_layout: Layout) -> PlanningContext:
-        layout, obstacle_bends = bend_around_obstacles(base_layout, tractor, implement, radius_m, reach)
-        return _complete_context(create, request, field, layout, obstacle_bends, turn_clock, free_space, reach)
+    def build_context(layout: Layout) -> PlanningContext:
+        return _complete_context(create, request, field, layout, turn_clock, free_space, reach)
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
     turn_times = turn_clock.measure_best_times(
@@ -222,7 +218,6 @@ def _lay_out_field(
     )
     rates = build_effort_rates(rules, turn_times)
     contexts: list[PlanningContext] = []
-    refusals: list[StrategyError] = []
     layouts = (
         list_layouts(request, field, headland_m, passing_m, rates)
         if request.swaths == STRAIGHT
@@ -235,12 +230,7 @@ def _lay_out_field(
         for layout in layouts:
             if contexts and layout_share.is_spent():
                 break
-            try:
-                contexts.append(build_context(layout))
-            except StrategyError as refusal:  # obstacles leave no swath of this layout, but may of another
-                refusals.append(refusal)
-        if not contexts:
-            raise refusals[0]
+            contexts.append(build_context(layout))
         context = contexts[choose_quickest_index(contexts, report_layouts, weigh)]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
@@ -285,7 +275,6 @@ def _complete_context(
     request: PlanRequest,
     field: Field,
     layout: Layout,
-    obstacle_bends: ObstacleBends,
     turn_clock: TurnTimer,
     free_space: shapely.Geometry,
     reach: TurnReach,
@@ -304,7 +293,6 @@ def _complete_context(
         turn_kinds=turn_kinds,
         fitting_turns=tuple(seconds is not None for seconds in turn_times),
         headland_passes=headland_passes,
-        obstacle_bends=obstacle_bends,
     )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from strategies.lines.lay_lines import measure_proof_rooms
+from strategies.lines.lay_lines import measure_proof_rooms, unite_strips
 from strategies.lines.work_line import WorkLine, cut_line
 from strategies.moves.drives import (
     BRAKE_M,
@@ -100,6 +100,11 @@ class SiteMoves:
         ways = [shapely.points(np.array(poses[:-1]).reshape(-1, 3)[:, :2]) for poses in (self.begins, self.ends)]
         begins, ends = (s_per_m * np.maximum(0.0, shapely.distance(places, outline) - spared_m) for places in ways)
         return begins, ends
+
+    @cached_property
+    def covered_ground(self) -> shapely.Geometry:
+        """The ground that the lines cover, each driven in its first direction."""
+        return unite_strips(self.site, self.lines)
 
     @property
     def gate(self) -> int:

@@ -135,15 +135,6 @@ def test_rounds_are_told_with_their_lengths(headland: Callable[..., Any], small:
     assert [one["length_m"] for one in told["headland_passes"]] == pytest.approx(lengths, abs=0.1)
     assert {(one["rings"], one["lines"], one["corners"]) for one in told["headland_passes"]} == {(1, 0, 4)}
     assert told["covered_pct"] == pytest.approx(100.0, abs=0.05) and told["unworked"] == []
-    # A round corner leaves the square less the quarter circle that the outer end of the bar drives; inside another
-    # one, less what that took of it: its inner end drives a circle that touches the same lines.
-    told = json.loads(headland("field", small, "--local", "--json", "--corners", "round").out)
-    radius_m = told["turning_radius_m"]
-    outer, inner = ((1 - math.pi / 4) * area for area in ((radius_m + 1.5) ** 2, 2 * radius_m * 3))
-    tips = 4 * (outer + (len(told["headland_passes"]) - 1) * inner)
-    (left,) = told["unworked"]
-    assert left["reason"] == "estimate: tips of rounded corners" and left["pieces"] is None
-    assert left["area_m2"] == pytest.approx(tips, rel=0.01)
 
 
 def test_a_headland_for_turning_is_told_as_left(facts: dict[str, Any]) -> None:

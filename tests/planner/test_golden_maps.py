@@ -21,8 +21,9 @@ from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.unworked_area import build_worked_ground, find_unworked_areas
+from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import SHAPES
@@ -142,7 +143,7 @@ def test_ground_is_covered_as_laid_or_has_a_reason(name: str, monkeypatch: pytes
     monkeypatch.setattr("planner.evaluation.preparation.choose_quickest_index", lambda *_: 0)
     site = lay_out(name)
     ground = site.layout.field.workable_region
-    under = shapely.intersection(build_worked_ground(site), ground, grid_size=1e-6).area
+    under = shapely.intersection(get_site_moves(site).covered_ground, ground, grid_size=1e-6).area
     # What obstacles and their margin take is no ground of the field, and tips of corners are under the passes as laid;
     # reasons of less than a square metre are not told.
     left = sum(one.area_m2 for one in find_unworked_areas(site) if not one.reason.startswith(NOT_OF_THE_LAYOUT))

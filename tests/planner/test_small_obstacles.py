@@ -14,8 +14,9 @@ from planner import plan
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
+from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.moves.drives import ROOM_TOLERANCE_M
@@ -67,34 +68,19 @@ def test_no_track_is_interrupted_and_nothing_is_touched(no_headland: bool) -> No
     )
 
 
-def test_a_pole_where_no_bend_fits_cuts_the_track(place: Any) -> None:
-    """The pole stands 2 to 5 m inside the end of a track; the track begins behind it with the room to turn aside: the
-    radius of a bend, the nose and the tail, less than the 11 m of headland."""
-    site = site_with(AT_END, headland_m=11.0)
-    usual = {swath.start_m[0] for swath in site_with(headland_m=11.0).layout.swaths}
-    ends = sorted({round(x, 3) for swath in site.layout.swaths for x in (swath.start_m[0], swath.end_m[0])})
-    assert len(usual) == 1 and len(ends) == 3
-    assert site.obstacle_bends.bender is not None
-    rules = site.obstacle_bends.bender.rules
-    assert ends[1] == pytest.approx(13 + 0.25 + 0.3 + rules.radius_m + rules.nose_m + rules.tail_m, abs=0.01)
-    assert ends[1] < 13 + 0.25 + 0.3 + 11.0
+def test_a_pole_at_the_end_of_a_track_cuts_its_line() -> None:
+    """The pole stands 2 to 5 m inside the end of a track: the track stays as it is laid, and is worked behind the pole
+    from where the machine stands clear of it."""
+    site, usual = site_with(AT_END, headland_m=11.0), site_with(headland_m=11.0)
+    assert site.layout.swaths == usual.layout.swaths
+    moves = get_site_moves(site)
+    strips = [line.build_strip(site.layout.width_m) for line in moves.lines]
+    assert not any(strip.intersects(AT_END.shape) for strip in strips)
+    (cut,) = [line for line in moves.lines if abs(line.tool_path[0, 1] - 31.5) < 0.1]
+    assert 13.0 + 0.25 + 0.3 < cut.tool_path[0, 0] < 15.0
     driven = simulate_candidate(site, Candidate("split-field", 1))
     assert driven.run is not None and driven.result.feasible
     assert nearest_m(driven.run, site, AT_END.shape) > 0.0
-
-
-@pytest.mark.xfail(reason="work lines are cut at a pole that they could bend round with the implement down")
-def test_the_pass_keeps_to_its_bend() -> None:
-    """Beside the pole the guided point is where planned, to two hands; where the heading changes it looks ahead."""
-    site = site_with(POLE)
-    run = simulate_candidate(site, Candidate("split-field", 1)).run
-    assert run is not None and len(site.obstacle_bends.bent_lines) == 2
-    paths = [shapely.LineString(way.points) for way in site.obstacle_bends.bent_lines.values()]
-    path = compute_guided_path(run, site, 0)
-    for half_m, most_m in ((1.5, 0.25), (25.0, 0.55)):
-        middle = path[(np.abs(path[:, 0] - 60) < half_m) & (np.abs(path[:, 1] - 31) < 2.4)]
-        aside = np.min([shapely.distance(shapely.points(middle), way) for way in paths], axis=0)
-        assert len(middle) > 10 and aside.max() < most_m
 
 
 @pytest.mark.parametrize("obstacle", [POLE, STONE])

@@ -1,8 +1,7 @@
-"""Ground that no swath or headland pass covers, and why, before anything is driven; whether plans work enough."""
+"""Ground that no work line covers, and why, before a plan is driven; whether plans work enough."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -17,21 +16,18 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.ground.left_out import find_left_out_ground, measure_left_out_m2
 from planner.evaluation.machine_outlines import measure_passage_m
-from planner.evaluation.site import recall
+from planner.evaluation.site import get_site_moves, recall
 from reports.common.language import mark_text
 from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
-from strategies.path_planning.obstacle_avoidance import find_clear_parts
-from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS
 
 MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
 HECTARES_FROM_M2 = 1000.0
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
-BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
+BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle that lines are interrupted by
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
-MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes that are chosen one by one
 MENTIONED_SHARE = 0.01  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
 LEFT_OUT = "left out as asked"
@@ -58,7 +54,7 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         if context.layout.field.original_boundary is None
         else list(_find_obstacle_losses(context, context.layout.field.original_boundary))
     )
-    remainder = extract_polygons(shapely.difference(boundary, build_worked_ground(context), grid_size=GRID_M))
+    remainder = extract_polygons(shapely.difference(boundary, get_site_moves(context).covered_ground, grid_size=GRID_M))
     cut_off = _find_cut_off_ground(context)
     passage_m = measure_passage_m(context.tractor, context.implement)
     parts_by_reason.append((f"cut off: no passage as wide as the machines ({passage_m:g} m)", cut_off))
@@ -74,7 +70,6 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         due = ((why, shapely.difference(part, done, grid_size=GRID_M)) for why, part in parts_by_reason)
         parts_by_reason = [(why, extract_polygons(part)) for why, part in due]
     areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
-    areas.append(UnworkedArea("estimate: tips of rounded corners", _estimate_corner_loss_m2(context), ()))
     return tuple(one for one in areas if one.area_m2 >= MIN_AREA_M2)
 
 
@@ -91,32 +86,6 @@ def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None
         return None
     area = f"{piece.m2:.0f} m2" if piece.m2 < HECTARES_FROM_M2 else f"{1e-4 * piece.m2:.2f} ha"
     return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"
-
-
-def build_worked_ground(context: PlanningContext) -> shapely.Geometry:
-    """The ground under the swaths and headland passes of a context."""
-    half_width_m = 0.5 * context.layout.width_m
-    swaths = [
-        line.buffer(half_width_m, cap_style="flat", join_style="mitre", mitre_limit=SHARP_LIMIT)
-        for line in (*_iter_swath_lines(context), *_iter_headland_lines(context))
-    ]
-    return extract_polygons(shapely.union_all(swaths, grid_size=GRID_M))
-
-
-def _iter_swath_lines(context: PlanningContext) -> Iterator[shapely.LineString]:
-    """Centre lines of the swaths, bent round small obstacles."""
-    for swath in context.layout.swaths:
-        bent = context.obstacle_bends.bent_lines.get(swath.start_m)
-        yield shapely.LineString(swath.points_m if bent is None else bent.cut_between(0.0, swath.length_m))
-
-
-def _iter_headland_lines(context: PlanningContext) -> Iterator[shapely.LineString]:
-    for headland_pass in context.headland_passes:
-        points = np.asarray(headland_pass.line.coords)
-        parts = (
-            None if context.obstacle_bends.bender is None else find_clear_parts(points, context.obstacle_bends.bender)
-        )
-        yield from [headland_pass.line] if parts is None else [shapely.LineString(part) for part, _ in parts]
 
 
 def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) -> Iterator[tuple[str, shapely.Geometry]]:
@@ -186,37 +155,6 @@ def _find_unexplained_ground(
 def _sort_pieces(ground: shapely.Geometry) -> tuple[shapely.Polygon, ...]:
     parts = [part for part in shapely.get_parts(ground) if part.area > 0.0]
     return tuple(sorted(parts, key=lambda part: (-round(part.area, 3), part.bounds)))
-
-
-def _estimate_corner_loss_m2(context: PlanningContext) -> float:
-    """Ground (m2) missed at rounded corners of headland passes; corners without room for the arc are not rounded.
-
-    Where corners are chosen one by one it is at most the share of the field that they may miss.
-    """
-    if context.request.corners == SQUARE_CORNERS:
-        return 0.0
-    radius_m = context.driving_rules.radius_m
-    missed_m2 = sum(
-        compute_missed_m2(side.end_turn_rad, context.layout.width_m, radius_m, inside_round=one.number > 1)
-        for one in context.headland_passes
-        for side, after in zip(one.sides, (*one.sides[1:], one.sides[0]), strict=True)
-        if side.end_turn_rad > 0.0
-        and 2.0 * radius_m * math.tan(0.5 * side.end_turn_rad) <= min(side.length_m, after.length_m)
-    )
-    is_limited = context.request.corners == AUTO_CORNERS
-    return min(missed_m2, MAX_MISSED_SHARE * context.layout.field.area_m2) if is_limited else missed_m2
-
-
-def compute_missed_m2(turn_rad: float, width_m: float, radius_m: float, *, inside_round: bool = False) -> float:
-    """Ground outside the arc of a corner driven with the implement down (m2); (1 - pi/4) (R + w/2)^2 for 90 degrees.
-
-    The bar's outer end is on a circle of R + w/2; the corner of the outline lies outside it. With `inside_round` the
-    next pass outside turned in an arc too: its bar's inner end, on a circle of R - w/2 that touches the same lines,
-    took part of the corner, and 2 R w stands in place of (R + w/2)^2.
-    """
-    half_turn, half_width_m = 0.5 * abs(turn_rad), 0.5 * width_m
-    inner_m = max(0.0, radius_m - half_width_m) if inside_round else 0.0
-    return ((radius_m + half_width_m) ** 2 - inner_m**2) * (math.tan(half_turn) - half_turn)
 
 
 def mark_worked_shares(results: Iterable[PlanResult], context: PlanningContext) -> list[PlanResult]:

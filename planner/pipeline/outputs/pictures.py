@@ -28,7 +28,7 @@ from fields.terrain.slopes import (
 )
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
-from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
+from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, find_unworked_areas
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
@@ -194,7 +194,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
     """
     layout, field, driving_rules = context.layout, context.layout.field, context.driving_rules
     lengths, ground = [swath.length_m for swath in layout.swaths], field.region_without_obstacles
-    covered = shapely.intersection(build_worked_ground(context), ground, grid_size=GRID_M)
+    covered = shapely.intersection(get_site_moves(context).covered_ground, ground, grid_size=GRID_M)
     return {
         "name": field.name,
         "source": field.source,
