@@ -170,13 +170,15 @@ class MoveTable:
         self._update_cost(u, v)
 
     def find(self, u: int, v: int) -> bool:
-        """Find moves between two nodes: in closed form, else with lines cut back, else by a search and with the
-        implement folded; whether any is."""
+        """Find moves between two nodes: in closed form, else with lines cut back and, where that is dearer than a search
+        usually is, by one; else by a search and with the implement folded; whether any is."""
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
         if not self._options[u, v] and (u, v) not in self._cut:
             self._cut.add((u, v))
-            self._options[u, v] = list(self.moves.list_cut_moves(u, v))
+            cut = self.moves.list_cut_moves(u, v)
+            is_dear = cut and cut[0].cost_s > self.moves.estimates.guess_searched_s(u, v)
+            self._options[u, v] = sorted([*cut, *(self._search(u, v) if is_dear else ())], key=attrgetter("cost_s"))
         if not self._options[u, v]:
             self._options[u, v] = sorted([*self._search(u, v), *self._fold(u, v)], key=attrgetter("cost_s"))
         self._update_cost(u, v)
