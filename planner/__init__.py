@@ -2,7 +2,7 @@
 
 request     what is asked of a plan, checked; option names and texts
 farm        the farm file: machines, prices, times, and the workday
-risk        how sure a plan is and what it costs: Monte Carlo, prices, advice
+risk        how sure a plan is and what it costs: Monte Carlo, prices
 traffic     who waits for whom, so that no two tractors meet
 evaluation  one candidate in its planning context: composed, driven, measured
 pipeline    plan, study, diagnose: candidates on any executor, ranked; pictures, saved plans

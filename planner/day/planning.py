@@ -52,7 +52,7 @@ from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
-from planner.risk.plan_choice import format_hours
+from reports.common.wording import format_hours
 from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField, list_day_sentences
 from reports.plan.shortfall_wording import question_pull
 from vehicle.model.tractor import resolve_tractor

@@ -31,7 +31,7 @@ from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
-from planner.risk.assessment import add_ranking_advice
+from planner.risk.assessment import mark_chosen_plan
 from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
 from reports.common.plan_records import Shortfall, UnworkedPiece
@@ -181,7 +181,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
     )
-    advised = add_ranking_advice(ranking, context.criteria)
+    advised = mark_chosen_plan(ranking, context.criteria)
     return add_clock_times(replace(advised, shortfalls=find_shortfalls(advised, context)), context)
 
 

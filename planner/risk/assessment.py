@@ -22,12 +22,12 @@ from planner.risk.monte_carlo import (
     estimate_graph_risk,
     sample_outcomes,
 )
-from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
+from planner.risk.plan_choice import PlanFigures, choose_best
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
 from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking, PlanResult, build_quality_key
-from reports.common.wording import format_duration, format_price
+from reports.common.wording import format_duration, format_percent, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -234,8 +234,8 @@ def add_risk_estimate(
     )
 
 
-def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) -> PlanRanking:
-    """The ranking with its advice and the plan it advises.
+def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) -> PlanRanking:
+    """The ranking with the plan to take and what its costs cover.
 
     Plans that miss the deadline as simulated are excluded if others meet it; if none does, the closest remains. The
     same holds for the share that is worked, for rain and budget; the ranking says which of the latter no plan meets.
@@ -255,19 +255,11 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
     currency, samples = criteria.cost_terms.prices.currency, criteria.settings.samples
     shortfalls = () if shortfall is None else (shortfall,)
     updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, shortfalls=shortfalls)
-    best_of_all = updated.best
-    best_key = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
-    figures = _build_figures(plans, criteria)
-    if shortfall is not None and shortfall.kind == "budget":  # which limits what is paid
-        figures = [replace(one, expected=one.paid, finishing_cost=0.0) for one in figures]
-    sentence = write_advice(figures, criteria.limit_text, objective, best_key, criteria.budget, currency)
-    return replace(
-        updated, advice=sentence or None, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated))
-    )
+    return replace(updated, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated)))
 
 
 def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> tuple[str, ...]:
-    """Sentences on what the cost in the advice covers."""
+    """Sentences on what the cost covers."""
     terms, prices = criteria.cost_terms, criteria.cost_terms.prices
     samples = f"{criteria.settings.samples:,}"
     covered = f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}."
@@ -315,7 +307,7 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
     surest = max(plan.finish_probability or 0.0 for plan in plans)
     if surest >= MIN_FINISH_PROBABILITY:
         return plans, None
-    return [], f"No plan finishes before the rain: the surest does in {format_percent(surest)} of the samples."
+    return [], f"No plan finishes before the rain: the surest does in {format_percent(surest)} % of the samples."
 
 
 def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> list[PlanFigures]:
@@ -330,12 +322,9 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
             plan.finish_probability,
             criteria.settings.samples,
             plan.expected_cost_error or 0.0,
-            plan.finish_probability_interval,
             _compute_finished_energy(plan),
-            plan.energy_kwh is not None,
             plan.finishing_s,
             plan.finishing_cost,
-            plan.worked_pct,
             build_quality_key(plan),
         )
         for plan in plans

@@ -378,8 +378,8 @@ class PlanRanking(ShownResult):
             a discrepancy model that is switched on.
         scenario: the request, with the values that were planned with where it left them open: plain values with units
             in their keys, clock times as hh:mm.
-        advice: a sentence on the plan to take and its neighbours, from `samples`, costs in `currency`.
-        chosen: that plan (strategy, tractors) where there is a deadline, rain or objective.
+        currency, samples: of costs and of figures of samples, where there are prices or samples.
+        chosen: the plan to take (strategy, tractors) where there is a deadline, rain or objective.
         check_sentences: how far the samples can be trusted.
         day_sentences: clock times of the best plan.
         shortfalls: what keeps the best plan from being a recommendation.
@@ -402,7 +402,6 @@ class PlanRanking(ShownResult):
     assumptions: tuple[str, ...] = ()
     tractor_effects: dict[str, dict[str, float]] = field(default_factory=dict)
     scenario: dict[str, Any] = field(default_factory=dict)
-    advice: str | None = None
     currency: str | None = None
     samples: int | None = None
     chosen: tuple[str, int] | None = None

@@ -314,8 +314,9 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
     the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
     amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
-    (a sentence), ``currency``, ``samples``, ``prices_assumed`` (nobody gave prices), ``shortfalls`` (what keeps the
-    best plan from being a recommendation: ``kind`` pull, worked, rain, budget or late, and ``sentence``), ``unmet``
+    (``summary`` as one text where samples were drawn, else null), ``currency``, ``samples``, ``prices_assumed`` (nobody
+    gave prices), ``shortfalls`` (what keeps the best plan from being a recommendation: ``kind`` pull, worked, rain,
+    budget or late, and ``sentence``), ``unmet``
     (these sentences but for late; null without any),
     ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
     (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
@@ -336,12 +337,15 @@ def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
     best, pull = ranking.best, ranking.pull
     shortfalls = [{"kind": one.kind, "sentence": describe_shortfall(ranking, one)} for one in ranking.shortfalls]
     unmet = " ".join(one["sentence"] for one in shortfalls if one["kind"] != "late")
+    summary = write_answer(ranking).list_sentences()
     return {
         "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},
         "seed": ranking.seed,
         "plans": [build_entry(plan) for plan in ranking.plans],
         "best": None if best is None else build_entry(best),
-        **pick_values(ranking, ("tractor_effects", "scenario", "advice", "currency", "samples", "prices_assumed")),
+        **pick_values(ranking, ("tractor_effects", "scenario")),
+        "advice": None if best is None or best.expected_cost is None else " ".join(summary),
+        **pick_values(ranking, ("currency", "samples", "prices_assumed")),
         "unmet": unmet or None,
         "shortfalls": shortfalls,
         "parts": [build_part_entry(part) for part in ranking.parts],
@@ -355,7 +359,7 @@ def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
         },
         "remarks": list(ranking.field_remarks),
         "ground": list(ranking.ground_sentences),
-        "summary": write_answer(ranking).list_sentences(),
+        "summary": summary,
     }
 
 

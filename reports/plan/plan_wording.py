@@ -158,12 +158,12 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     if ranking.shortfalls:
         sentences = [
             *list_shortfall_sentences(ranking),
-            *_list_advice(ranking),
+            *_list_money_sentences(ranking),
             translate("The best of them: {result}.", result=result),
             *details,
         ]
     else:
-        sentences = [*_list_advice(ranking), translate("Best plan: {result}.", result=result), *details]
+        sentences = [*_list_money_sentences(ranking), translate("Best plan: {result}.", result=result), *details]
         sentences += _describe_deadline(ranking, best, best_is_cheapest)
     sentences += [describe_part(part) for part in ranking.parts]
     if ranking.cut_off_m2 and not ranking.parts:
@@ -207,10 +207,8 @@ def _describe_other_plans(
     return [*sentences, translate("The best plan is also the cheapest.")]
 
 
-def _list_advice(ranking: PlanRanking) -> list[str]:
-    """What the costs of the advice include, how that of the best plan is made up, and what times of samples are."""
-    if ranking.advice is None:
-        return []
+def _list_money_sentences(ranking: PlanRanking) -> list[str]:
+    """What the costs include, how that of the best plan is made up, and what times of samples are."""
     sentences, best = [*ranking.money_sentences], ranking.best
     if best is not None and best.expected_cost is not None and best.paid_cost is not None:
         loss = best.expected_cost - best.paid_cost

@@ -1,16 +1,15 @@
-"""The choice and its sentence from tables written by hand."""
+"""The choice from tables written by hand."""
 
 from collections.abc import MutableSequence
 from dataclasses import replace
 from random import Random
 from typing import Any
 
-import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST
-from planner.risk.plan_choice import PlanFigures, choose_best, write_advice
+from planner.risk.plan_choice import PlanFigures, choose_best
 from tests.examples import count_examples
 
 
@@ -31,100 +30,6 @@ class Reversing(Random):
 
     def shuffle(self, x: MutableSequence[Any]) -> None:
         x.reverse()
-
-
-class TestSentence:
-    def test_of_the_issue(self) -> None:
-        assert write_advice(TABLE, "before 17:00", currency="EUR") == (
-            "2 tractors: 97 % before 17:00, 129 EUR expected (120 EUR paid). 1 tractor: 61 % in time, -2 EUR (about "
-            "equal). 3 tractors: 99 % in time, +9 EUR."
-        )
-
-    @pytest.mark.parametrize(
-        ("plans", "expected"),
-        [
-            ([], ""),
-            ([plan(1, 50.0, 0.75)], "1 tractor: 75 % before the rain, 50."),
-            (
-                [plan(1, 50.0, 1.0), plan(2, 60.0, 1.0)],
-                "1 tractor: 100 % before the rain, 50. 2 tractors: 100 % in time, +10.",
-            ),
-            (
-                [plan(2, 50.0, 0.9), plan(5, 70.0, 0.95)],
-                "2 tractors: 90 % before the rain, 50. 5 tractors: 95 % in time, +20.",
-            ),
-            (
-                [plan(1, 90.0, 0.0, 50.0), plan(3, 60.0, 0.999), plan(4, 75.0, 0.9)],
-                "3 tractors: over 99 % before the rain, 60. 1 tractor: too late, +80. 4 tractors: 90 % in time, +15.",
-            ),
-            (
-                [plan(2, 40.0, 0.5, 60.0), plan(3, 60.0, 0.9)],
-                "3 tractors: 90 % before the rain, 60. 2 tractors: 50 % in time, +40.",
-            ),
-            (
-                [plan(1, 60.0, 0.8), plan(7, 61.0, 0.3), plan(8, 61.0, 0.3)],
-                "1 tractor: 80 % before the rain, 60. 7 tractors: 30 % in time, +1 (about equal).",
-            ),
-        ],
-    )
-    def test_of_other_tables(self, plans: list[PlanFigures], expected: str) -> None:
-        assert write_advice(plans, "before the rain") == expected
-
-    def test_without_a_limit_it_compares_times(self) -> None:
-        plans = [plan(1, 50.0, None, hours=4.0), plan(2, 56.0, None, hours=2.25)]
-        assert write_advice(plans) == (
-            "1 tractor: median 4 h 0 min, 95 % within 4 h 30 min, 50. 2 tractors: 1 h 45 min faster, +6."
-        )
-        for objective in (FASTEST, SUREST):
-            assert write_advice(plans, objective=objective) == (
-                "2 tractors: median 2 h 15 min, 95 % within 2 h 45 min, 56. 1 tractor: 1 h 45 min slower, -6."
-            )
-
-    def test_what_is_equal_in_the_objective_says_so(self) -> None:
-        assert write_advice(TABLE, "before 17:00", SUREST) == (
-            "2 tractors: 97 % before 17:00, 129 expected (120 paid). 1 tractor: 61 % in time, -2. "
-            "3 tractors: 99 % in time (about equal), +9."
-        )
-        near = [plan(3, 138.30, 0.99, hours=2.1), plan(4, 139.0, 0.99, hours=2.08)]
-        assert write_advice(near, "before 17:00", FASTEST) == (
-            "3 tractors: median 2 h 6 min, 99 % before 17:00, 138. 4 tractors: 1 min faster (about equal), +1."
-        )
-
-    def test_few_samples_have_an_interval_and_show_no_small_difference(self) -> None:
-        plans = [
-            replace(plan(1, 60.0, 0.77), samples=100, interval=(0.678, 0.842)),
-            replace(plan(2, 66.0, 0.81), samples=100, interval=(0.722, 0.875)),
-        ]
-        assert write_advice(plans, "before the rain") == (
-            "1 tractor: 77 % (68 to 84 %) before the rain, 60. 2 tractors: 81 % (72 to 88 %) in time (no clear "
-            "difference with 100 samples), +6."
-        )
-        clear = [plans[0], replace(plans[1], probability=0.99, interval=(0.946, 0.998))]
-        assert write_advice(clear, "before the rain").endswith("2 tractors: 99 % (95 to 100 %) in time, +6.")
-
-    def test_what_is_over_the_budget_is_said(self) -> None:
-        advice = write_advice(TABLE, "before 17:00", chosen_key=("interleaved", 2), budget=125.0)
-        assert advice.endswith("(about equal). 3 tractors: 99 % in time, +9, over the budget.")
-
-    def test_differences_are_those_of_the_figures_printed(self) -> None:
-        small = write_advice([plan(1, 5.004, 0.2), plan(2, 5.006, 0.9)], "before 17:00")
-        assert small.endswith("1 tractor: 20 % in time, -0.01 (about equal).")
-        large = write_advice([plan(1, 1400.4, 0.9), plan(2, 1500.6, 0.95)], "before 17:00")
-        assert large == "1 tractor: 90 % before 17:00, 1400. 2 tractors: 95 % in time, +101."
-
-    @given(st.floats(20, 400), st.floats(20, 400), st.floats(0, 60), st.floats(0, 60))
-    def test_the_difference_is_told_in_what_it_chose_by(self, a: float, b: float, late: float, more: float) -> None:
-        """The plan that is taken is never told to cost more than another by more than it calls equal."""
-        plans = [plan(1, a, 0.8, late), plan(2, b, 0.8, more)]
-        taken, other = sorted(plans, key=lambda each: each is not choose_best(plans))
-        sentence = write_advice(plans, "before 17:00")
-        assert f" {taken.expected:.0f}" in sentence
-        gap = other.expected - taken.expected
-        assert gap > -0.02 * other.expected - 1e-9
-        printed = float(f"{other.expected:.0f}") - float(f"{taken.expected:.0f}")
-        if printed:
-            assert f"{printed:+.0f}" in sentence
-            assert ("about equal" in sentence) == (abs(gap) <= 0.02 * min(taken.expected, other.expected))
 
 
 class TestChoice:
@@ -179,6 +84,3 @@ class TestChoice:
         mixed = list(plans)
         luck.shuffle(mixed)
         assert choose_best(plans, prefer) == choose_best(mixed, prefer)
-        sentence = write_advice(plans, "before 17:00", prefer)
-        assert sentence == write_advice(mixed, "before 17:00", prefer)
-        assert sentence.endswith(".") and "  " not in sentence

@@ -32,7 +32,7 @@ TELLING_MODULES = (
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",
     "planner/evaluation/preparation.py", "fields/terrain/checks.py",
     "planner/pipeline/ranking.py", "planner/pipeline/many_fields.py",
-    "planner/risk/assessment.py", "planner/risk/advice.py",
+    "planner/risk/assessment.py",
     "reports/common/plan_results.py", "reports/day/tables.py",
     "reports/plan/ranking_table.py", "reports/plan/field_report.py", "reports/plan/many_fields.py",
     "planner/cli/plan.py", "planner/request/option_texts.py",

@@ -20,7 +20,6 @@ RANKING = PlanRanking(
     1.0,
     1,
     (plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)),
-    advice="2 tractors: 97 % before 17:00, 128.90.",
     currency="EUR",
     samples=1000,
     chosen=("a", 2),
@@ -63,12 +62,10 @@ def test_ticks_are_few_and_inside(cost: float) -> None:
     assert 2 <= len(heights) <= 6 and min(heights) >= band["box"].south and heights[0] == band["box"].north
 
 
-def test_the_page_shows_advice_curve_and_columns() -> None:
+def test_the_page_shows_answer_curve_and_columns() -> None:
     page = render_plan_page(RANKING, None)
     assert "2 tractors, a: done in\N{NO-BREAK SPACE}" in page and "97\N{NO-BREAK SPACE}% sure" in page
     for words in ("Probability and cost", "In time, %", "Cost", "95 %", "Checked."):
         assert words in page
-    plain = replace(
-        RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), advice=None, chosen=None, check_sentences=()
-    )
+    plain = replace(RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), chosen=None, check_sentences=())
     assert "Probability and cost" not in render_plan_page(plain, None)

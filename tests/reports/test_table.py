@@ -46,7 +46,7 @@ def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: P
         for plan in ranking.plans
     )  # fmt: skip
     machines = {"tractor": "Carrier", "width_m": 4.0, "implement": None}
-    told = replace(ranking, plans=plans, currency="EUR", samples=100, advice="3 tractors.", chosen=("split-field", 3))
+    told = replace(ranking, plans=plans, currency="EUR", samples=100, chosen=("split-field", 3))
     text = print_text(build_ranking_table(replace(told, scenario=machines)), width)
     flat = " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width

@@ -273,7 +273,7 @@ def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> Non
                 finished_cost=(plan.cost or 0.0) + 1.25)
         for plan in ranking.plans[:5]
     )  # fmt: skip
-    drawn = replace(ranking, plans=plans, deadline=None, allowed_s=None, advice="Advice.", currency="EUR", samples=100,
+    drawn = replace(ranking, plans=plans, deadline=None, allowed_s=None, currency="EUR", samples=100,
                     money_sentences=("Money.",), chosen=("split-field", 1))  # fmt: skip
     told = describe_ranking(drawn)
     divided = "Of the cost of the best plan (69 EUR) 51 EUR is paid and 18 EUR is expected loss on late ground."

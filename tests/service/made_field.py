@@ -144,7 +144,7 @@ def result() -> dict[str, Any]:
         "scenario": {"tractor": "Yanmar EG105", "clearance_m": 0.5},
         "plans": [*plans, refused, not_tried, too_near],
         "best": plans[0],
-        "advice": "Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more.",
+        "summary": ["Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more."],
     }
 
 

@@ -66,15 +66,13 @@ async function shown(job, node, closing, nameFirst) {
     { "aria-pressed": String(plan === chosen), "aria-label": t`Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
   const report = el("details", { class: "panel" }, el("summary", {}, "Full report"));
   report.addEventListener("toggle", async () => { if (report.open && !report.querySelector("iframe")) report.append(await reportFrame("plans", job.id, "Report of the plan")); });
-  put(node, el("div", {}, headline(answer, best).map((text, place) => el("p", { class: place ? null : "lead" }, text))),
+  put(node, el("div", {}, (answer.summary ?? []).map((text, place) => el("p", { class: place ? null : "lead" }, text))),
     map.node, figures, send,
     el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks on plans are in the report.")),
     left, report,
     el("section", { class: "panel" }, el("h2", {}, "Save"), results("plans", job, (error) => put(trouble, sorry(error))), trouble));
   choose(plans.find((one) => one.rank === best.rank) ?? best, false);
 }
-
-const headline = (answer, best) => answer.summary ?? ([answer.advice, answer.unmet].filter(Boolean).length ? [answer.advice, answer.unmet].filter(Boolean) : [t`Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`]);
 
 const same = (one, other) => one.strategy === other.strategy && one.tractors === other.tractors;
 const known = (value) => value !== null && value !== undefined;
