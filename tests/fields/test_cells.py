@@ -1,11 +1,9 @@
 """Cells of a layout."""
 
-import math
-
 import pytest
 import shapely
 
-from fields import Cell, Field, Layout, Swath, lay_swaths
+from fields import Field, lay_swaths
 
 
 def rectangle(length: float, width: float) -> Field:
@@ -19,15 +17,6 @@ def test_one_bearing_is_one_cell(rounds: int) -> None:
     assert (cell.number, cell.bearing_rad, cell.bearing_deg) == (1, layout.bearing_rad, 90.0)
     assert cell.region is layout.inner_region and cell.area_m2 == layout.inner_region.area
     assert {track.cell_number for track in layout.swaths} == {1}
-
-
-def test_a_track_runs_as_its_cell_does() -> None:
-    field = rectangle(100, 50)
-    cells = Cell(1, 0.0, shapely.box(0, 0, 60, 50)), Cell(2, math.pi / 2, shapely.box(60, 0, 100, 50))
-    tracks = Swath(0, 0, (0.0, 10.0), (60.0, 10.0)), Swath(1, 0, (80.0, 0.0), (80.0, 50.0), 2)
-    layout = Layout(field, 0.0, 3.0, 9.0, tracks, field.boundary, 3, cells)
-    assert [layout.get_bearing_rad(track) for track in tracks] == [0.0, math.pi / 2]
-    assert [cell.bearing_deg for cell in layout.cells] == [90.0, 0.0]
 
 
 @pytest.mark.parametrize(("apart_m", "spacing"), [(0.0, 2.0), (2.85, 2.85), (9.0, 3.0)])
