@@ -16,7 +16,7 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, MITRE_LIMIT, multiply
+from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, MIN_SWATH_LENGTH_M, MITRE_LIMIT, multiply
 from fields.geometry.coordinates import MAX_LOCAL_M
 from fields.geometry.field import Field
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
@@ -109,19 +109,10 @@ class Layout:
         if not self.cells:
             object.__setattr__(self, "cells", (Cell(1, self.bearing_rad, self.inner_region),))
 
-    def get_bearing_rad(self, swath: Swath) -> float:
-        """Direction +u of a swath: that of its cell, radians."""
-        return self.cells[swath.cell_number - 1].bearing_rad
-
     @property
     def track_count(self) -> int:
         """Number of lines with swaths, each of one piece or several."""
         return len({swath.line for swath in self.swaths})
-
-    @property
-    def line_count(self) -> int:
-        """Number of parallel lines up to the last one with a swath; a line in between may have none."""
-        return max(swath.line for swath in self.swaths) + 1
 
     @property
     def bearing_deg(self) -> float:
@@ -166,7 +157,6 @@ def lay_swaths(
     width_m: float,
     headland_m: float,
     bearing_deg: float | None = None,
-    min_length_m: float = 5.0,
     headland_passes: int = 0,
     min_spacing_m: float = 0.0,
 ) -> Layout:
@@ -175,7 +165,7 @@ def lay_swaths(
     The boundary (obstacles included) is first shrunk by half the width; every chord along the swaths is then shortened
     at both ends by headland - width / 2. The distance to an edge at the angle a to the swaths is thus
     width / 2 + (headland - width / 2) |sin a|: the full headland where swaths end at right angles, half a width where
-    they run alongside.
+    they run alongside. Pieces below MIN_SWATH_LENGTH_M are dropped; with headland passes they are extended to it.
 
     The outer lines touch the lateral extremes of the shrunk boundary, or are shifted inwards by less than a width
     where that saves more than it leaves uncovered (a notch or a bulge in the side).
@@ -186,7 +176,6 @@ def lay_swaths(
         headland_m: room for turning along the swaths; with 0 they run up to the boundary.
         bearing_deg: direction clockwise from north; None tries the directions of the boundary and of the
             smallest rectangle around it and takes the one with the least estimated driving.
-        min_length_m: shorter pieces are dropped; with headland passes they are extended to this length.
         headland_passes: worked passes of the headland. With any, the headland is as deep as they are wide, all along
             the outline and every hole, and swaths cover all ground inside it, also along oblique edges.
         min_spacing_m: with headland passes, the smallest spacing of lines, but at most the width; with a machine's
@@ -195,21 +184,19 @@ def lay_swaths(
     Raises:
         FieldError: a value is out of range, or no swath fits.
     """
-    _check_layout_request(width_m, headland_m, bearing_deg, min_length_m)
+    _check_layout_request(width_m, headland_m, bearing_deg)
     region = _inset_boundary(field, width_m)
     if headland_passes:
-        return _lay_inside_headland(
-            field, width_m, headland_m, headland_passes, bearing_deg, min_length_m, min_spacing_m
-        )
+        return _lay_inside_headland(field, width_m, headland_m, headland_passes, bearing_deg, min_spacing_m)
     edges = collect_edges(region)
     trim_m = max(headland_m - width_m / 2.0, 0.0) + GRID_M
-    rules = PatternRules(width_m, trim_m, min_length_m, GRID_M, field.area_m2)
+    rules = PatternRules(width_m, trim_m, MIN_SWATH_LENGTH_M, GRID_M, field.area_m2)
     choice = _choose_pattern(field, edges, rules, bearing_deg)
     if choice is None:
         advice = _advise_on_turning_room(field, edges, rules, bearing_deg)
         raise FieldError(
-            f"No track of {min_length_m:g} m fits field '{field.name}' ({field.area_ha:.3g} ha) with a headland of "
-            f"{headland_m:g} m{_describe_bearing(bearing_deg)}; {advice}."
+            f"No track of {MIN_SWATH_LENGTH_M:g} m fits field '{field.name}' ({field.area_ha:.3g} ha) with a headland "
+            f"of {headland_m:g} m{_describe_bearing(bearing_deg)}; {advice}."
         )
     bearing_rad, pattern = choice
     inner = _trim_region(region, edges, compute_axes(bearing_rad), trim_m)
@@ -257,7 +244,7 @@ def _measure_inner_radius_m(field: Field) -> float:
 
 def check_width(field: Field, width_m: float) -> None:
     """Raise FieldError for a working width with which no track, or too many, would fit a field."""
-    _check_layout_request(width_m, 0.0, None, 1.0)
+    _check_layout_request(width_m, 0.0, None)
     _inset_boundary(field, width_m)
 
 
@@ -309,11 +296,10 @@ def _lay_inside_headland(
     headland_m: float,
     headland_passes: int,
     bearing_deg: float | None,
-    min_length_m: float,
     min_spacing_m: float,
 ) -> Layout:
     """Swaths over all ground inside the headland passes."""
-    filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, min_length_m, min_spacing_m)
+    filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, MIN_SWATH_LENGTH_M, min_spacing_m)
     if filled is None:
         raise FieldError(
             f"No track fits field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} m, "
@@ -326,7 +312,7 @@ def _lay_inside_headland(
     return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 
-def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
+def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None) -> None:
     """Refuse values out of range."""
     if not (math.isfinite(width_m) and width_m > 0.0):
         raise FieldError(f"The working width is {width_m} m; give a width above 0 m.", parameter="width_m")
@@ -336,8 +322,6 @@ def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float 
         raise FieldError(
             f"The bearing is {bearing_deg}; give degrees clockwise from north, or none.", parameter="bearing_deg"
         )
-    if not (math.isfinite(min_length_m) and min_length_m > 0.0):
-        raise FieldError(f"The shortest track is {min_length_m} m; give a length above 0 m.")
 
 
 def _choose_pattern(

@@ -266,10 +266,10 @@ def measure_map(box: MapExtent) -> tuple[float, float]:
     return round(float(across_m * scale), 4), round(float(up_m * scale), 4)
 
 
-def render_png(figure: Figure, dpi: int = 150) -> bytes:
-    """A figure as a PNG file."""
+def render_png(figure: Figure) -> bytes:
+    """A figure as a PNG file of 150 dots an inch."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
+    figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": None})
     return buffer.getvalue()
 
 

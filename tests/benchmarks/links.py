@@ -11,7 +11,7 @@ import asyncio
 import json
 import os
 import random
-import shlex
+import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,11 +22,9 @@ from typing import Any
 import numpy as np
 from websockets.asyncio.client import ClientConnection, connect
 
-from tests.benchmarks.attack.__main__ import COMMAND
-from tests.benchmarks.attack.robots import MOST_FRAME, Robot, say_hello
-from tests.benchmarks.attack.service import HOST, run_service
-from tests.benchmarks.attack.squad import Squad, run_squad
-from tests.benchmarks.attack.web import API
+from tests.benchmarks.link_robots import HOST, MOST_FRAME, Robot, say_hello
+from tests.benchmarks.squad import Squad, run_squad
+from tests.service.running import run_service
 
 DROPPED = 10  # robots that drop their links
 SETTLE_S = 3.0  # for what is on its way
@@ -105,19 +103,18 @@ def measure_usage(pid: int) -> tuple[float, float]:
 
 def measure(squad: Squad, robots: list[CarefulRobot], viewers: int, seconds: float) -> None:
     """Everybody drives and is watched for some time, then stands."""
-    assert squad.service.process is not None
     pid, late, asleep = squad.service.process.pid, list[float](), list[float]()
     squad.go()
     (cpu, memory), begin = measure_usage(pid), time.monotonic()
 
     async def look_on() -> None:
-        until_s, address = begin + seconds, f"ws://{HOST}:{squad.service.port}{API}/fleets/{squad.fleet}/link"
+        until_s, address = begin + seconds, f"ws://{HOST}:{squad.service.port}/api/v1/fleets/{squad.fleet}/link"
         viewing = (watch(address, squad.orders, late, until_s) for _ in range(viewers))
         await asyncio.gather(probe(asleep, until_s), *viewing)
 
     squad.call(look_on(), seconds + 60.0)
     (cpu_end, memory_end), wall = measure_usage(pid), time.monotonic() - begin
-    stop = squad.stop_by_link()
+    stop_s = squad.stop_by_link()
     sent, lost = sum(robot.sequence + 1 for robot in robots), count_lost(robots)
     p50, p99 = (1e3 * float(np.percentile(late, each)) for each in (50, 99))
     print(f"{len(robots)} robots at 10 Hz, {viewers} viewers, {seconds:g} s: {sent} states sent, {lost} not kept")
@@ -126,7 +123,7 @@ def measure(squad: Squad, robots: list[CarefulRobot], viewers: int, seconds: flo
     print(f"this machine: {load}, a sleep of 50 ms ends p99 {1e3 * float(np.percentile(asleep, 99)):.0f} ms late")
     share = 100 * (cpu_end - cpu) / wall
     print(f"server: {share:.0f} % of a core, {memory:.0f} MB after the start, {memory_end:.0f} MB at the end")
-    print(f"stop-all: {1e3 * stop.seconds:.0f} ms to the last robot")
+    print(f"stop-all: {1e3 * stop_s:.0f} ms to the last robot")
 
 
 def drop_links(squad: Squad, robots: list[CarefulRobot], times: int) -> None:
@@ -193,7 +190,11 @@ def main() -> None:
     for name, usual in (("tractors", 50), ("viewers", 5), ("seconds", 60.0), ("drops", 200), ("malformed", 10_000)):
         parser.add_argument(f"--{name}", type=type(usual), default=usual)
     given = parser.parse_args()
-    with run_service(shlex.split(COMMAND)) as service, run_squad(service, given.tractors, robot=CarefulRobot) as squad:
+    with (
+        tempfile.TemporaryDirectory(prefix="headland-links-") as folder,
+        run_service(Path(folder) / "data") as service,
+        run_squad(service, given.tractors, robot=CarefulRobot) as squad,
+    ):
         robots = [robot for robot in squad.robots if isinstance(robot, CarefulRobot)]
         measure(squad, robots, given.viewers, given.seconds)
         drop_links(squad, robots, given.drops)

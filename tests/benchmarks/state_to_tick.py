@@ -8,33 +8,33 @@ much a sleep of 50 ms ends late in that process, which no service on this machin
 import argparse
 import asyncio
 import contextlib
+import multiprocessing
 import os
-import shlex
+import tempfile
 import time
-from typing import Any
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import numpy as np
 
-from tests.benchmarks.attack.__main__ import COMMAND
-from tests.benchmarks.attack.flooding import run_flood
-from tests.benchmarks.attack.service import HOST, run_service
-from tests.benchmarks.attack.squad import run_squad
-from tests.benchmarks.attack.web import API
+from tests.benchmarks.link_robots import HOST
 from tests.benchmarks.links import probe, watch
+from tests.benchmarks.squad import run_squad
+from tests.service.running import run_service
 
 GATHERED_S, LENGTH_M = 3.0, 2000.0
 
 
-def watch_fleets(port: int, fleets: list[str], token: str, seconds: float) -> dict[str, Any]:
-    """Ages of states in ticks and how late sleeps ended, seconds."""
+def watch_fleets(port: int, fleets: dict[str, str], seconds: float) -> tuple[list[float], list[float]]:
+    """Ages of states in ticks and how late sleeps ended, seconds; fleets by id with a token for each."""
     late, asleep, until_s = list[float](), list[float](), time.monotonic() + seconds
 
     async def watch_all() -> None:
-        links = [f"ws://{HOST}:{port}{API}/fleets/{fleet}/link" for fleet in fleets]
-        await asyncio.gather(probe(asleep, until_s), *(watch(link, token, late, until_s) for link in links))
+        links = {f"ws://{HOST}:{port}/api/v1/fleets/{fleet}/link": token for fleet, token in fleets.items()}
+        await asyncio.gather(probe(asleep, until_s), *(watch(*link, late, until_s) for link in links.items()))
 
     asyncio.run(watch_all())
-    return {"late": late, "asleep": asleep}
+    return late, asleep
 
 
 def format_percentiles(seconds: list[float]) -> str:
@@ -48,20 +48,21 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.state_to_tick")
     for name, usual in (("fleets", 2), ("robots", 25), ("seconds", 60.0)):
         parser.add_argument(f"--{name}", type=type(usual), default=usual)
-    parser.add_argument("--command", default=COMMAND, help="what starts the service; ends in serve")
     given = parser.parse_args()
-    with run_service(shlex.split(given.command)) as service, contextlib.ExitStack() as stack:
+    with contextlib.ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="headland-ticks-")))
+        service = stack.enter_context(run_service(folder / "data"))
+        watching = stack.enter_context(ProcessPoolExecutor(1, multiprocessing.get_context("spawn")))
         squads = [stack.enter_context(run_squad(service, given.robots, LENGTH_M)) for _ in range(given.fleets)]
         for squad in squads:
             squad.go()
         time.sleep(GATHERED_S)
-        arguments = (service.port, [squad.fleet for squad in squads], service.token("read"), given.seconds)
-        with run_flood(watch_fleets, *arguments) as watching:
-            found = watching.collect(given.seconds + 60.0)
-    print(f"{given.fleets} x {given.robots} robots at 10 Hz for {given.seconds:g} s, {len(found['late'])} states seen")
-    print(f"state to tick: {format_percentiles(found['late'])}")
+        fleets = {squad.fleet: squad.orders for squad in squads}
+        late, asleep = watching.submit(watch_fleets, service.port, fleets, given.seconds).result()
+    print(f"{given.fleets} x {given.robots} robots at 10 Hz for {given.seconds:g} s, {len(late)} states seen")
+    print(f"state to tick: {format_percentiles(late)}")
     load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    print(f"this machine: {load}; a sleep of 50 ms ends late by {format_percentiles(found['asleep'])}")
+    print(f"this machine: {load}; a sleep of 50 ms ends late by {format_percentiles(asleep)}")
 
 
 if __name__ == "__main__":

@@ -27,7 +27,6 @@ from tests.truth.menus import draw_reference
 from tests.truth.model import make_logs as make_first_logs
 from tests.truth.second import TRACTORS
 from tests.truth.second import second_logs as make_second_logs
-from tests.truth.sixth import make_sixth_logs
 from tests.truth.third import make_third_logs
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.model.effects import CATALOGUE
@@ -36,7 +35,7 @@ from vehicle.model.tractor import Tractor, load_tractor
 UNSEEN_SEED, UNSEEN_RUNS, VARIED_SEED = 500_000, 5, 7_000_000
 DATA = Path(__file__).parent / "data"
 REAL_LOGS = tuple((str(DATA / f"{name}.csv"), str(DATA / f"{name}.toml"), "asphalt") for name in ("rav4", "track_car"))
-FOREIGN = {"third": make_third_logs, "fourth": make_fourth_logs, "fifth": make_fifth_logs, "sixth": make_sixth_logs}
+FOREIGN = {"third": make_third_logs, "fourth": make_fourth_logs, "fifth": make_fifth_logs}
 REFERENCES = ("first", "second", *FOREIGN, "demo", "varied", "mixups", "real")
 VARIED = ("third", "fifth")
 VARIED_KINDS, VARIED_EVERY = ("clean", "effect", "pair", "closed_loop"), 3

@@ -49,7 +49,7 @@ class TestRectangle:
     def test_tracks_inside_four_rounds(self) -> None:
         """246 m by 46 m are left: 16 tracks, 3936 m."""
         layout = lay_swaths(rectangle(270, 70), 3.0, 0.0, headland_passes=4)
-        assert (layout.line_count, layout.headland_passes, layout.headland_m) == (16, 4, 12.0)
+        assert (layout.track_count, layout.headland_passes, layout.headland_m) == (16, 4, 12.0)
         assert layout.total_length_m == pytest.approx(3936.0)
         assert layout.inner_region.equals(shapely.box(12, 12, 258, 58))
 

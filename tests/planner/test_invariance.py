@@ -73,7 +73,7 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
         request = PlanRequest(field=name, no_headland=True)
         before, after = (prepare_context(WorkOrder(request, f)).layout for f in (field, move(field, MOVES[how])))
         assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
-        assert after.line_count == before.line_count
+        assert after.track_count == before.track_count
         assert after.total_length_m == pytest.approx(before.total_length_m, rel=1e-6)
 
 

@@ -56,7 +56,7 @@ def test_the_choice_holds_when_it_is_driven(in_cells: PlanningContext, one_beari
 
 def test_headings_are_those_of_the_cells(in_cells: PlanningContext) -> None:
     for track, heading in headings(in_cells):
-        bearing = in_cells.layout.get_bearing_rad(track)
+        bearing = in_cells.layout.cells[track.cell_number - 1].bearing_rad
         assert abs((heading - bearing + 1.0) % math.pi - 1.0) < 1e-9
 
 

@@ -46,7 +46,7 @@ def sites(draw: Any) -> PlanningContext:
 
 def worked_lengths(site: PlanningContext, run: SimulationRun) -> dict[int, float]:
     """Metres of working legs per line, wherever the plan has them."""
-    layout, lengths = site.layout, dict.fromkeys(range(site.layout.line_count), 0.0)
+    layout, lengths = site.layout, dict.fromkeys((track.line for track in site.layout.swaths), 0.0)
     aside = np.array([-math.sin(layout.bearing_rad), math.cos(layout.bearing_rad)])
     offsets = {track.line: float(np.dot(track.start_m, aside)) for track in layout.swaths}
     for mission in run.plan.missions:
@@ -71,7 +71,7 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, nam
     check_plan(run.plan)
     for mission in run.plan.missions:
         assert all(math.dist(a.points[-1], b.points[0]) <= MAX_JOINT_GAP_M for a, b in pairwise(mission.legs))
-    lengths = dict.fromkeys(range(site.layout.line_count), 0.0)
+    lengths = dict.fromkeys((track.line for track in site.layout.swaths), 0.0)
     for track in site.layout.swaths:
         lengths[track.line] += track.length_m
     cut_m = 2.0 * max(cut for cuts in CUTS_M for cut in cuts)

@@ -1,13 +1,17 @@
-"""Why a plan comes to nothing, in words that can be true: one tractor waits for nobody."""
+"""Why a plan comes to nothing or takes too long, in words that can be true: one tractor waits for nobody."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 
-from planner.traffic.giving_way import resolve_conflicts
+from planner.traffic.giving_way import _describe_slow_work, resolve_conflicts
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.missions.run import STALL, SimulationRun
 from vehicle.model.tractor import Implement, load_tractor
+from vehicle.records import REC_SPEED, REC_STATUS, RECORD_COLUMNS, TURNING, WORKING
 from vehicle.sim.world import simulate
 
 TRACTOR = load_tractor("eg105")
@@ -45,3 +49,14 @@ def test_two_that_wait_for_each_other_are_said_to() -> None:
         resolve_conflicts(Plan((first, second)), drive, schedule_nothing)[1]
         == "tractors wait for each other and none moves any more"
     )
+
+
+@pytest.mark.parametrize(("driven_mps", "is_told"), [(0.5, True), (-0.5, True), (1.9, False)])
+def test_slow_work_is_told_with_both_speeds(driven_mps: float, is_told: bool) -> None:
+    record = np.zeros((50, 1, len(RECORD_COLUMNS)))
+    record[:, 0, REC_SPEED], record[:, 0, REC_STATUS] = driven_mps, WORKING
+    record[:10, 0, REC_SPEED], record[:10, 0, REC_STATUS] = 0.1, TURNING
+    leg = SimpleNamespace(speed_mps=2.0)
+    run: Any = SimpleNamespace(record=record, plan=SimpleNamespace(missions=[SimpleNamespace(legs=[leg])]))
+    said = _describe_slow_work(run)
+    assert ("at 1.8 km/h instead of 7.2" in said) == is_told and bool(said) == is_told

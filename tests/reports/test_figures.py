@@ -157,11 +157,11 @@ def test_dollar_signs_are_text(drive: PlanDrive) -> None:
     assert "$a^$" in render_svg(draw_plan_map(replace(drive, title="$a^$")))
 
 
-def test_png_has_the_size_asked_for(drive: PlanDrive) -> None:
+def test_a_png_has_the_size_of_its_figure(drive: PlanDrive) -> None:
     figure = draw_plan_map(drive)
-    data = render_png(figure, dpi=50)
+    data = render_png(figure)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
-    assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 50)
+    assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 150)
 
 
 def test_a_drive_of_one_moment_on_a_field_without_tracks(still_drive: PlanDrive) -> None:

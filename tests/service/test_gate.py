@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 
+from tests.benchmarks.squad import SEEN_S, run_squad
 from tests.service.conftest import BOTH, SMALL, bearer, client_of
 from tests.service.running import Running, run_service
 
@@ -134,7 +135,7 @@ def test_the_office_is_begun_anew_and_stops_work_meanwhile(
     assert running.ask_json("GET", "/ready")[1] == {"ready": True, "faults": []}
 
 
-def test_stops_are_quick_while_bodies_and_summaries_pour_in(
+def test_everybody_stands_at_once_while_bodies_and_summaries_pour_in(
     running: Running, reader: dict[str, str], planner: dict[str, str], operator: dict[str, str]
 ) -> None:
     over = threading.Event()
@@ -152,17 +153,23 @@ def test_stops_are_quick_while_bodies_and_summaries_pour_in(
         (reader, "/api/v1/fields/denmark/summary?swap=true", None),
     ]
     threads = [threading.Thread(target=pour, args=each, daemon=True) for each in asked * 3]
-    for thread in threads:
-        thread.start()
-    took_s = []
-    for _ in range(10):
-        begun_s = time.monotonic()
-        assert running.ask_json("POST", "/fleets/none/stop", headers=operator)[0] == 404
-        took_s.append(time.monotonic() - begun_s)
-    over.set()
+    took_s, heard_s = [], []
+    with run_squad(running, 10) as squad:
+        for thread in threads:
+            thread.start()
+        for _ in range(10):
+            begun_s = time.monotonic()
+            assert running.ask_json("POST", "/fleets/none/stop", headers=operator)[0] == 404
+            took_s.append(time.monotonic() - begun_s)
+        for stop in (squad.stop_by_link, squad.stop_by_http) * 2:
+            assert squad.go()
+            heard_s.append(stop())
+            time.sleep(SEEN_S)
+        over.set()
     for thread in threads:
         thread.join(30)
     assert sorted(took_s)[-2] < 0.5, took_s
+    assert sorted(heard_s)[-2] < 0.5, heard_s
 
 
 def test_figures_and_request_ids(running: Running, reader: dict[str, str]) -> None:

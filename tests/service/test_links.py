@@ -160,6 +160,16 @@ def test_a_link_whose_token_expires_is_turned_out(service: Service) -> None:
         assert "has expired" in until(guest, "refused")["sentence"]  # the hub looks by itself, once a second
 
 
+@pytest.mark.parametrize("more", [{}, {"x-forwarded-proto": "https", "x-forwarded-for": "192.0.2.7"}], ids=len)
+def test_a_page_behind_a_proxy_with_https_is_linked_and_one_of_another_site_is_not(
+    service: Service, more: dict[str, str]
+) -> None:
+    behind = {"host": "farm.example", "origin": "https://farm.example"} | more
+    for headers, kind in ((behind, "welcome"), (behind | {"origin": "https://evil.example"}, "refused")):
+        with service.link("control", headers=headers) as client:
+            assert hello(client, "control", None, service.tokens["operator"])["kind"] == kind
+
+
 def test_pages_of_other_sites_and_unknown_fleets_are_turned_away(service: Service) -> None:
     with service.link("viewer", headers={"origin": "http://evil.example"}) as client:
         assert "evil.example" in hello(client, "viewer")["sentence"]

@@ -7,9 +7,7 @@ from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
-from alembic import command
 from alembic.autogenerate import compare_metadata
-from alembic.config import Config
 from alembic.runtime.migration import MigrationContext
 from hypothesis import given
 from hypothesis import strategies as st
@@ -17,7 +15,7 @@ from hypothesis import strategies as st
 from planner.service.errors import BusyError, ConflictError, DatabaseError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
 from planner.service.store.backup import back_up, restore_backup, sweep_unnamed_bytes
-from planner.service.store.database import MIGRATIONS_FOLDER, WRITES_OPTION, Database, migrate_database
+from planner.service.store.database import Database, migrate_database
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import check_name
 from planner.service.store.tables import JobRow, ResultRow, TableBase
@@ -276,18 +274,6 @@ def test_an_older_database_is_brought_up_to_date_with_all_it_had(both: ServiceSe
     with store.database.engine.connect() as connection:
         assert compare_metadata(MigrationContext.configure(connection), TableBase.metadata) == []
     store.close()
-
-
-def test_migrations_can_be_taken_back(store: Store) -> None:
-    config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS_FOLDER))
-    with store.database.engine.connect().execution_options(**{WRITES_OPTION: True}) as connection:
-        config.attributes["connection"] = connection
-        command.downgrade(config, "base")
-        assert set(sa.inspect(connection).get_table_names()) <= {"alembic_version"}
-        connection.commit()
-    migrate_database(store.database.engine)
-    assert store.list_files("field") == []
 
 
 def test_bytes_that_nobody_names_are_swept(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:

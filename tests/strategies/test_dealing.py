@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from strategies.interleaved import deal_in_turn
 from strategies.lines.deal_apart import list_deals_apart
@@ -15,6 +17,7 @@ from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
+from strategies.rules.dealing import cut_balanced_blocks
 from strategies.rules.driving_rules import DrivingRules
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
@@ -209,3 +212,14 @@ def test_two_never_end_at_one_corner_nor_begin_there() -> None:
     clashes = find_clashes(make_moves(lines), WithinTwoMetres())  # type: ignore[arg-type]
     assert np.argwhere(clashes[1]).tolist() == [[0, 0], [0, 2], [1, 1], [2, 0], [2, 2], [3, 3], [4, 4], [5, 5]]
     assert np.argwhere(clashes[0]).tolist() == [[0, 0], [1, 1], [1, 3], [2, 2], [3, 1], [3, 3], [4, 4], [5, 5]]
+
+
+@given(st.lists(st.integers(10, 400), min_size=1, max_size=9), st.data())
+def test_contiguous_complete_and_as_even_as_can_be(weights: list[int], data: st.DataObject) -> None:
+    count = data.draw(st.integers(1, len(weights)))
+    borders = cut_balanced_blocks(weights, count)
+    assert borders[0] == 0 and borders[-1] == len(weights) and len(borders) == count + 1
+    assert all(a < b for a, b in pairwise(borders))
+    cuts = combinations(range(1, len(weights)), count - 1)
+    best = min(max(sum(weights[a:b]) for a, b in pairwise((0, *inner, len(weights)))) for inner in cuts)
+    assert max(sum(weights[a:b]) for a, b in pairwise(borders)) == pytest.approx(best, rel=1e-9)

@@ -1,6 +1,6 @@
 """What each reference draws its cases from: kinds, programmes, rates, causes outside the catalogue, and faults.
 
-The causes are described where they act: tests.truth.third_outside, fourth, fifth, fifth_outside and sixth.
+The causes are described where they act: tests.truth.third_outside, fourth, fifth and fifth_outside.
 """
 
 from collections.abc import Iterable
@@ -139,22 +139,7 @@ FIFTH = Menu(
     },
     bend_runs=(4, 5, 6),
 )  # fmt: skip
-SIXTH = Menu(
-    stream=65,
-    counts={"clean": 3, "effect": 11, "faint": 3, "pair": 3, "law": 2, "outside": 2},
-    day_s=1800.0,
-    programmes={"": ("nearest", "last")},  # how the logger merges messages: see tests.truth.sixth_recorder
-    outside={
-        "crosswind": Cause({"force_n": (4500.0, 7000.0), "bearing_deg": BEARING_DEG}, (*WAYS, "time"),
-                           ("cross_slope_drift",)),
-        "steering_hunt": Cause({"angle_deg": (1.4, 2.4), "period_s": (2.0, 4.0)}, ("steering", "time", *SWING)),
-        "mast_sway": Cause({"m_per_mps2": (0.08, 0.14), "hertz": (0.6, 1.1)},
-                           ("antenna", "position", "lateral", *SWING)),
-        "soft_tyre": Cause({"moment_nm": (1200.0, 2200.0)}, ("angle", "steering", "side", "curvature"),
-                           ("steering_offset",)),
-    },
-)  # fmt: skip
-MENUS = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH, "sixth": SIXTH}
+MENUS = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH}
 
 
 def draw_reference(name: str, seed: int, kinds: Iterable[str] | None = None) -> list[TruthCase]:

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from tests.examples import draw_seed
-from tests.truth import fifth, fourth, sixth
+from tests.truth import fifth, fourth
 from tests.truth import second as other
 from tests.truth.cases import FAULT_IDS, ColumnClock, Fault, TruthCase
 from tests.truth.drives import Drive, default_programme, drive, stairs, three_speeds_programme, triangle
@@ -142,7 +142,6 @@ MAKERS: dict[str, Callable[[int], list[pd.DataFrame]]] = {
     "third": lambda seed: make_third_logs(TruthCase("clean", seed, programme="one_sided")),
     "fourth": lambda seed: fourth.make_fourth_logs(TruthCase("clean", seed, programme="one_speed")),
     "fifth": lambda seed: fifth.make_fifth_logs(TruthCase("clean", seed, programme="right_only", rate_hz=4.0)),
-    "sixth": lambda seed: sixth.make_sixth_logs(TruthCase("clean", seed, programme="nearest")),
 }
 
 
@@ -153,7 +152,7 @@ def test_logs_are_decided_by_their_seed(name: str) -> None:
         pd.testing.assert_frame_equal(one, two, check_exact=True)
         assert not one["easting_m"].equals(three["easting_m"]) and one.attrs["name"]
         assert (np.diff(one["time_s"]) > 0.0).all() and (one["speed_mps"].dropna() >= 0.0).all()
-        assert name == "sixth" or one.notna().all(axis=None)
+        assert one.notna().all(axis=None)
         assert one["heading_deg"].dropna().between(0.0, 360.0).all()
 
 

@@ -1,17 +1,20 @@
 """The words of an answer, notes beside it, demonstrations and progress."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.identification.analytic_drives import simulated
+from tests.identification.analytic_drives import circle, log, simulated
 from vehicle.identification.diagnosis.demo_logs import DEMO_PLACE, build_programme, draw_hidden_effect
 from vehicle.identification.diagnosis.diagnose import _ProgressCounter
-from vehicle.identification.diagnosis.log_notes import describe_file_corrections, describe_logs
+from vehicle.identification.diagnosis.log_notes import describe_clocks, describe_file_corrections, describe_logs
 from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Diagnosis, Finding, Hint, join_clauses
+from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, check_effect, get_neutral_values
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
 
@@ -110,3 +113,30 @@ def test_the_programme_of_a_demonstration_is_about_nine_minutes() -> None:
 def test_every_effect_says_itself_in_words() -> None:
     for entry in CATALOGUE:
         assert draw_hidden_effect(1, EG105, entry.id).description[0].isupper()
+
+
+def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str]:
+    """What is said of clocks, of logs that last so long, where values were found of some effects."""
+    logs: Any = [SimpleNamespace(time_s=np.array([5.0, 5.0 + one]), used=np.ones(2, dtype=bool)) for one in seconds]
+    answer: Any = SimpleNamespace(findings=[SimpleNamespace(id=name, value=value) for name, value in found.items()])
+    return describe_clocks(logs, answer)
+
+
+def test_a_time_from_short_logs_takes_one_clock_for_granted() -> None:
+    late: dict[str, dict[str, float] | None] = {"gnss_latency": {"time_s": 0.2}, "steering_dead_time": None}
+    (told,) = said(late, 60.0, 180.0)
+    assert told.startswith("1 of 2 logs are too short (under 100 s)") and "result for gnss_latency assumes" in told
+    (told,) = said({**late, "steering_dead_time": {"time_s": 0.1}}, 60.0)
+    assert told.startswith("The log is too short") and "gnss_latency and steering_dead_time" in told
+
+
+@pytest.mark.parametrize("found", [{"gnss_latency": None}, {"steering_offset": {"angle_deg": 1.0}}])
+def test_without_a_time_nothing_is_said_of_clocks(found: dict[str, dict[str, float] | None]) -> None:
+    assert said(found, 60.0) == [] and said({"gnss_latency": {"time_s": 0.2}}, 180.0) == []
+
+
+def test_a_log_without_heading_is_said_also_where_the_part_has_none_of_it() -> None:
+    logs: Any = [log(circle(0.0)), log(circle(0.0).drop(columns="heading_deg"))]
+    course = build_dataset(logs[:1])
+    said_of = [[line for line in describe_logs(some, course) if "heading" in line] for some in (logs[:1], logs)]
+    assert said_of == [[], ["Some logs have no heading; the course of the positions is used instead."]]

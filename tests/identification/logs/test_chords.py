@@ -1,12 +1,15 @@
-"""Steering against bends: curvatures of circles whose radius is known."""
+"""What positions alone say of circles whose radius is known, and steering against bends."""
+
+import math
 
 import numpy as np
 import pytest
 
-from tests.identification.analytic_drives import circle, joined, log
+from tests.identification.analytic_drives import SPEED_MPS, circle, joined, log
 from tests.identification.log_tables import refusal
 from vehicle.identification.logs.motion import (
     compute_bends,
+    compute_path_chords,
     find_largest_steering,
     is_steering_mirrored,
     select_chord_steering,
@@ -61,3 +64,25 @@ def test_columns_that_contradict_each_other_are_refused() -> None:
     radians = log(circle(0.1), steering_deg=wave, steering_command_deg=np.radians(wave))
     assert "one is in radians" in refusal(lambda: select_chord_steering(radians))
     assert find_largest_steering(log(joined(circle(0.0), circle(0.1)))) == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("curvature", [0.1, -0.05, 0.0])
+def test_speed_and_curvature_of_a_circle(curvature: float) -> None:
+    chords = compute_path_chords(log(circle(curvature)))
+    assert chords is not None
+    assert chords.speed == pytest.approx(np.full(len(chords.row), SPEED_MPS), rel=0.01)
+    assert chords.curvature == pytest.approx(np.full(len(chords.row), curvature), rel=0.01, abs=1e-9)
+
+
+def test_the_course_is_clockwise_from_north() -> None:
+    chords = compute_path_chords(log(circle(0.0, bearing_deg=120.0)))
+    assert chords is not None and chords.course == pytest.approx(np.full(len(chords.row), math.radians(120.0)))
+
+
+def test_tighter_bends_get_shorter_chords() -> None:
+    wide, tight = compute_path_chords(log(circle(0.05))), compute_path_chords(log(circle(0.8)))
+    assert wide is not None and tight is not None and wide.span_s == 2.0 > tight.span_s
+
+
+def test_a_log_of_a_moment_has_no_chords() -> None:
+    assert compute_path_chords(log(circle(0.0, seconds=0.3))) is None

@@ -7,7 +7,7 @@ import pytest
 
 from tests.identification.analytic_drives import circle, course, rig
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import HORIZONS_S
+from vehicle.identification.replay.drive_segments import HORIZONS_S, WINDOW_S, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     compute_horizon_errors,
     compute_piece_errors,
@@ -101,3 +101,14 @@ def test_errors_count_in_units_of_the_floor() -> None:
     assert compute_horizon_errors(floor)[5.0].cross_cm == pytest.approx(100.0 * math.sqrt(0.1))
     whole = join_pieces([{horizon: floor[5.0][: horizon == 5.0] for horizon in HORIZONS_S}])
     assert list(compute_horizon_errors(whole)) == [5.0], "no piece of one second was driven"
+
+
+TIMES = np.array([0.0, 19.9, 20.0, 39.9, 40.0, 65.0])
+
+
+def test_halves_take_turns() -> None:
+    assert compute_half_numbers(TIMES).tolist() == [0, 0, 1, 1, 0, 1]
+
+
+def test_no_piece_of_a_horizon_lies_in_two_windows() -> None:
+    assert all(WINDOW_S % horizon == 0.0 for horizon in HORIZONS_S)

@@ -11,8 +11,8 @@ from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.model.tractor import Tractor
 
-# How many likely effects were true causes: tests.benchmarks.diagnosis, third, fifth and sixth reference, seed
-# 345000, none of whose sets was looked at before.
+# How many likely effects were true causes: tests.benchmarks.diagnosis, three references, seed 345000, none of whose
+# sets was looked at before.
 LIKELY_RIGHT, LIKELY_OF = 3, 5
 NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent", "refuted", "not-visible"
 ErrorsByHorizon = dict[float, HorizonError]

@@ -18,12 +18,6 @@ def upgrade() -> None:
     _create_fleet_tables()
 
 
-def downgrade() -> None:
-    """Drop the tables."""
-    for table in ("events", "recordings", "fleets", "results", "jobs", "files", "tokens"):
-        op.drop_table(table)
-
-
 def _create_access_tables() -> None:
     op.create_table(
         "tokens",

@@ -12,9 +12,3 @@ down_revision = "0001"
 def upgrade() -> None:
     """Files that are there say all themselves."""
     op.add_column("files", sa.Column("options", sa.JSON(), nullable=False, server_default=sa.text("'{}'")))
-
-
-def downgrade() -> None:
-    """What was said of files is forgotten."""
-    with op.batch_alter_table("files") as table:
-        table.drop_column("options")

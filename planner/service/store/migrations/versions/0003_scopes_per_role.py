@@ -8,9 +8,6 @@ from alembic import op
 revision = "0003"
 down_revision = "0002"
 
-BOUND = "DELETE FROM tokens WHERE scopes = 'robot' OR expires IS NOT NULL"
-"""An earlier version would let these do more, or for longer, than they may."""
-
 
 def upgrade() -> None:
     """Who could control may do what planners and operators do; who reads or administers does so as before."""
@@ -22,17 +19,3 @@ def upgrade() -> None:
         table.add_column(sa.Column("tractor", sa.Integer()))
         table.add_column(sa.Column("expires", sa.String(32)))
     op.execute("UPDATE tokens SET scopes = 'operator planner' WHERE scopes = 'control'")
-
-
-def downgrade() -> None:
-    """Who may do less than the scopes of before allow reads only, or loses the token."""
-    op.execute(BOUND)
-    op.execute("UPDATE tokens SET scopes = 'control' WHERE scopes LIKE '%operator%' AND scopes LIKE '%planner%'")
-    op.execute("UPDATE tokens SET scopes = 'admin' WHERE scopes LIKE '%admin%'")
-    op.execute("UPDATE tokens SET scopes = 'read' WHERE scopes NOT IN ('control', 'admin')")
-    with op.batch_alter_table("tokens") as table:
-        for name in ("expires", "tractor", "fleet"):
-            table.drop_column(name)
-        table.alter_column(
-            "scopes", new_column_name="scope", existing_type=sa.String(80), type_=sa.String(16), existing_nullable=False
-        )

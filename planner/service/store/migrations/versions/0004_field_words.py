@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import sqlalchemy as sa
@@ -27,22 +26,13 @@ JOBS = sa.table(
 
 def upgrade() -> None:
     """Rename the keys."""
-    _rename_keys(NEW_NAMES)
-
-
-def downgrade() -> None:
-    """Give the keys their earlier names."""
-    _rename_keys({new: old for old, new in NEW_NAMES.items()})
-
-
-def _rename_keys(new_names: Mapping[str, str]) -> None:
     connection = op.get_bind()
     for table, key, columns in ((FILES, FILES.c.id, ("options",)), (JOBS, JOBS.c.number, ("request", "work"))):
         for row in connection.execute(sa.select(table)).mappings().all():
-            renamed = {name: _rename(row[name], new_names) for name in columns}
+            renamed = {name: _rename(row[name]) for name in columns}
             if any(renamed[name] != row[name] for name in columns):
                 connection.execute(sa.update(table).where(key == row[key.name]).values(**renamed))
 
 
-def _rename(values: Any, new_names: Mapping[str, str]) -> Any:
-    return {new_names.get(key, key): value for key, value in values.items()} if isinstance(values, dict) else values
+def _rename(values: Any) -> Any:
+    return {NEW_NAMES.get(key, key): value for key, value in values.items()} if isinstance(values, dict) else values

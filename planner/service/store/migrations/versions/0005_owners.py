@@ -19,11 +19,3 @@ def upgrade() -> None:
     for table, columns in COLUMNS.items():
         for name, kind in columns:
             op.add_column(table, sa.Column(name, kind))
-
-
-def downgrade() -> None:
-    """The owners and the times of changes are forgotten."""
-    for table, columns in COLUMNS.items():
-        with op.batch_alter_table(table) as batch:
-            for name, _ in columns:
-                batch.drop_column(name)

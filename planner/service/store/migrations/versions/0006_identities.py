@@ -38,14 +38,3 @@ def upgrade() -> None:
     with op.batch_alter_table("tokens") as batch:
         batch.alter_column("identity", existing_type=IDENTITY, nullable=False)
         batch.create_unique_constraint("uq_tokens_identity", ["identity"])
-
-
-def downgrade() -> None:
-    """Owners are names again."""
-    for name in OWNED_TABLES:
-        with op.batch_alter_table(name) as batch:
-            batch.drop_column("owner_identity")
-    with op.batch_alter_table("tokens") as batch:
-        batch.drop_constraint("uq_tokens_identity", type_="unique")
-        batch.drop_column("identity")
-    op.drop_table("write_checks")

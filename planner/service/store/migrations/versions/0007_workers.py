@@ -23,11 +23,3 @@ def upgrade() -> None:
         sa.Column("turn", sa.Integer(), nullable=False),
     )
     op.add_column("write_checks", sa.Column("version", sa.String(80)))
-
-
-def downgrade() -> None:
-    """Results that the service has not fetched are lost with their bytes."""
-    with op.batch_alter_table("write_checks") as batch:
-        batch.drop_column("version")
-    op.drop_table("turns")
-    op.drop_table("job_bytes")

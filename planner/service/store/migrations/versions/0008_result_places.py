@@ -12,10 +12,3 @@ down_revision = "0007"
 def upgrade() -> None:
     """What is under way is in the database."""
     op.add_column("job_bytes", sa.Column("address", sa.Text()))
-
-
-def downgrade() -> None:
-    """Results that the service has not fetched from their store are lost."""
-    op.execute("DELETE FROM job_bytes WHERE address IS NOT NULL")
-    with op.batch_alter_table("job_bytes") as batch:
-        batch.drop_column("address")

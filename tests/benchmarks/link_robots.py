@@ -1,10 +1,12 @@
-"""Simple robots of the attacker's own: points on a line that obey what the link says and report ten times a second."""
+"""Simple robots on plans of straight lines: points that obey what the link says and report ten times a second."""
 
 import asyncio
 import contextlib
+import itertools
 import json
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -12,12 +14,37 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
-from tests.benchmarks.attack.plans import ORIGIN_M, Line, Point
-from tests.benchmarks.attack.service import HOST
-
+HOST = "127.0.0.1"
+ORIGIN_M, CRS = (500_000.0, 5_000_000.0), "EPSG:32632"
+APART_M, FAR_M = 20.0, 3000.0
 PERIOD_S, AGAIN_S, OPEN_S = 0.1, 0.5, 20.0
 ACCELERATION_MPS2, DECELERATION_MPS2 = 0.7, 0.7
 MOST_FRAME = 2**24
+Point = tuple[float, float]
+Line = tuple[Point, Point]
+GROUNDS = itertools.count(1)
+
+
+def lay_lines(tractors: int, length_m: float) -> list[Line]:
+    """Lines to the north side by side, on ground of their own: 3 km away from that of all others."""
+    y = FAR_M * next(GROUNDS)
+    return [((APART_M * number, y), (APART_M * number, y + length_m)) for number in range(tractors)]
+
+
+def write_plan(lines: Sequence[Line], speed_mps: float) -> str:
+    """One leg for each tractor, between two points in metres from ORIGIN_M, as `headland plan --save` writes it."""
+    return json.dumps({
+        "format_version": 1, "crs": CRS, "origin_m": list(ORIGIN_M), "notes": {},
+        "scenario": {"field": "mine", "tractor": "eg105", "width_m": 2.0},
+        "tractors": [[_write_leg(number, line, speed_mps)] for number, line in enumerate(lines)],
+    })  # fmt: skip
+
+
+def _write_leg(number: int, line: Line, speed_mps: float) -> dict[str, Any]:
+    return {
+        "task": {"kind": "track", "number": number, "piece": 0}, "may_wait": False, "gear": 1, "implement": True,
+        "speed_mps": speed_mps, "ground": "soil", "points_m": [list(point) for point in line], "gates": [],
+    }  # fmt: skip
 
 
 @dataclass
@@ -150,33 +177,13 @@ class Robot:
                 await asyncio.sleep(due - time.monotonic())
 
 
-def open_link(port: int, fleet: str, host: str | None = None, headers: dict[str, str] | None = None) -> connect:
-    """A link to a fleet that is still to be greeted, with another Host than that of the service where one is given."""
-    return connect(f"ws://{host or f'{HOST}:{port}'}/api/v1/fleets/{fleet}/link", host=HOST, port=port, proxy=None,
-                   compression=None, max_size=MOST_FRAME, open_timeout=OPEN_S, additional_headers=headers,
-                   ping_interval=None, close_timeout=1.0)  # fmt: skip
+def open_link(port: int, fleet: str) -> connect:
+    """A link to a fleet that is still to be greeted."""
+    return connect(f"ws://{HOST}:{port}/api/v1/fleets/{fleet}/link", proxy=None, compression=None, max_size=MOST_FRAME,
+                   open_timeout=OPEN_S, ping_interval=None, close_timeout=1.0)  # fmt: skip
 
 
-def say_hello(role: str, token: str | None, tractor: int | None = None) -> str:
+def say_hello(role: str, token: str, tractor: int | None = None) -> str:
     """The first frame of a link."""
     hello = {"kind": "connect", "role": role, "version": 1, "token": token, "tractor": tractor}
     return json.dumps({key: value for key, value in hello.items() if value is not None})
-
-
-def greet(
-    port: int, fleet: str, role: str, token: str | None, tractor: int | None = None, *, host: str | None = None,
-    headers: dict[str, str] | None = None, timeout_s: float = 10.0,
-) -> tuple[str, str, float]:  # fmt: skip
-    """What a link is answered with (kind of the first frame, or what came instead), the sentence, and seconds."""
-    begin = time.monotonic()
-
-    async def try_hello() -> dict[str, Any]:
-        async with open_link(port, fleet, host, headers) as link:
-            await link.send(say_hello(role, token, tractor))
-            return dict(json.loads(await link.recv()))
-
-    try:
-        frame = asyncio.run(asyncio.wait_for(try_hello(), timeout_s))
-    except (OSError, TimeoutError, WebSocketException) as error:
-        return type(error).__name__, str(error)[:200], time.monotonic() - begin
-    return str(frame["kind"]), str(frame.get("sentence", "")), time.monotonic() - begin
