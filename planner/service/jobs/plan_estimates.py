@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import chdir
 from hashlib import sha256
 from pathlib import Path
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from fields.units import HOUR_S
 from planner.service.errors import BusyError, ServiceError
+from planner.service.gateway.connection_limits import RateLimiter
 from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
 from planner.service.jobs.input_files import write_inputs
 from planner.service.sandbox.reader_processes import (
@@ -37,7 +38,7 @@ MOST_WAITING_PER_CLIENT = 3
 START_WAIT_S, LONGEST_ESTIMATE_S = 20.0, 60.0
 PROCESS_LIFE_S = HOUR_S
 COMPUTING_SHARE, MOST_COMPUTING_S = 0.5, 60.0
-"""Each user may keep half a core busy, and has a minute of computing in advance."""
+"""Each user may keep half a core busy, and has a minute of computing in advance, which an estimate may overdraw."""
 MOST_FOLDERS = 50
 ESTIMATE_FAULT = (
     "This cannot be estimated: it triggers a fault of Headland, described in the log of the service; run the plan "
@@ -47,31 +48,6 @@ SERVE_CODE = (
     f"{BOOTSTRAP_CODE}from planner.service.sandbox import estimating; "
     "estimating.serve(int(sys.argv[2]), sys.argv[3], int(sys.argv[4]), float(sys.argv[5]))"
 )
-
-
-class ComputingBudget:
-    """Seconds of computing for each client; they come back with time, and may be overdrawn by one estimate."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._spent = dict[str, tuple[float, float]]()
-
-    def check(self, client: str) -> None:
-        """Raise BusyError where a client has spent everything."""
-        spent_s = self._get_spent_s(client)
-        if spent_s >= MOST_COMPUTING_S:
-            wait_s = (spent_s - MOST_COMPUTING_S) / COMPUTING_SHARE
-            raise BusyError(f"Your estimates have computed much; ask again in {wait_s + 1.0:.0f} s, or run the plan.")
-
-    def charge(self, client: str, seconds: float) -> None:
-        """Take what an estimate has computed; clients who have everything back are forgotten."""
-        spent_s = self._get_spent_s(client) + seconds
-        self._spent = {one: spent for one, spent in self._spent.items() if self._get_spent_s(one) > 0.0}
-        self._spent[client] = spent_s, self._clock()
-
-    def _get_spent_s(self, client: str) -> float:
-        spent_s, at_s = self._spent.get(client, (0.0, 0.0))
-        return max(0.0, spent_s - COMPUTING_SHARE * (self._clock() - at_s))
 
 
 class _EstimatingProcess:
@@ -130,7 +106,7 @@ class PlanEstimator:
     """
 
     def __init__(self, settings: ServiceSettings, store: Store, *, runs_inline: bool = False) -> None:
-        self.budget = ComputingBudget()
+        self.budget = RateLimiter(COMPUTING_SHARE, MOST_COMPUTING_S)
         self._at_once, self._laid_out = (
             _EstimateQueue(settings, store, self.budget, runs_inline=runs_inline) for _ in range(2)
         )
@@ -143,7 +119,9 @@ class PlanEstimator:
         With `at_once` it may be scaled from another (KeptGrounds). Raises HeadlandError for what cannot be planned,
         BusyError where the client asks for too much.
         """
-        self.budget.check(client)
+        wait_s = self.budget.measure_wait_s(client)
+        if wait_s > 0.0:
+            raise BusyError(f"Your estimates have computed much; ask again in {wait_s + 1.0:.0f} s, or run the plan.")
         queue = self._at_once if at_once else self._laid_out
         return await queue.estimate(client, {"values": dict(values), "at_once": at_once}, inputs)
 
@@ -156,7 +134,7 @@ class PlanEstimator:
 class _EstimateQueue:
     """One process, who waits for it, and the folder that it reads."""
 
-    def __init__(self, settings: ServiceSettings, store: Store, budget: ComputingBudget, *, runs_inline: bool) -> None:
+    def __init__(self, settings: ServiceSettings, store: Store, budget: RateLimiter, *, runs_inline: bool) -> None:
         self._work_folder, self._store, self._runs_inline = settings.data.resolve() / WORK_FOLDER, store, runs_inline
         self._memory_bytes = compute_reading_memory_limit_bytes()
         self._budget, self._queue = budget, FairQueue(1, MOST_WAITING_PER_CLIENT, pieces="estimates")
@@ -188,7 +166,7 @@ class _EstimateQueue:
             if self._runs_inline:
                 return self._estimate_inline(placed)
             report = self._ask_process(placed)
-            self._budget.charge(client, float(report.get("computing_s", 0.0)))
+            self._budget.spend_tokens(client, float(report.get("computing_s", 0.0)))
         return _extract_estimate(report, self._memory_bytes)
 
     def _write_files(self, files: str, inputs: Mapping[str, str]) -> Path:
