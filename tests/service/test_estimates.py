@@ -14,7 +14,7 @@ from starlette.requests import ClientDisconnect
 
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
-from planner.service.api.apps import ABANDONED_PATHS, create_app
+from planner.service.api.apps import ABANDONED_PATHS
 from planner.service.gateway.back_office import OfficeForwarder
 from planner.service.gateway.connection_limits import RateLimiter
 from planner.service.gateway.responses import wait_while_connected
@@ -27,6 +27,7 @@ from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEsti
 from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import name_line
 from tests.service.conftest import Shared, bearer, wait_until
+from tests.service.one_process import create_app
 from tests.service.watching import serve_app
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
