@@ -11,7 +11,6 @@ from fastapi import FastAPI
 from playwright.sync_api import Browser, sync_playwright
 from starlette.testclient import TestClient
 
-from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
@@ -19,6 +18,7 @@ from planner.service.store.tables import JobRow, TokenRow
 from planner.service.store.token_table import has_expired, hash_token
 from tests.service.databases import KINDS, database
 from tests.service.fake_service import CONTROL, Made, fake_app
+from tests.service.one_process import create_app
 from tests.service.watching import BROWSER, LONGEST_WAIT_S, WatchedPage, serve_app
 
 BOTH = "operator planner"

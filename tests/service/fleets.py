@@ -26,8 +26,8 @@ from planner.service.fleets.fleet_socket import PENDING_LIMITS, link_router
 from planner.service.fleets.twin_routes import TwinDiagnosis, twin_router
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.responses import add_error_handlers
-from planner.service.jobs.file_reading import FileReader
 from planner.service.store.service_store import Store
+from tests.service.one_process import ReaderHere
 from vehicle.missions.plan import SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan
 from vehicle.model.tractor import Implement, load_tractor
@@ -50,7 +50,7 @@ def fleet_app(store: Store, hub: FleetSessions) -> FastAPI:
     app.state.settings, app.state.store, app.state.hub, app.state.book = store.settings, store, hub, hub.book
     app.state.logins, app.state.metrics = BrowserLogins(), ServiceMetrics()
     app.state.greetings = ConnectionRegistry(PENDING_LIMITS)
-    app.state.diagnosing = TwinDiagnosis(store, FileReader(store.settings, store, reads_inline=True))
+    app.state.diagnosing = TwinDiagnosis(store, ReaderHere(store.settings, store))
     for router in (link_router, fleet_router, twin_router, recording_router):
         app.include_router(router, prefix="/api/v1")
     add_error_handlers(app)

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 
 from planner.service.access.browsers import BrowserLogins, OneTimeViews
 from planner.service.access.permissions import RIGHTS_BY_SCOPE, RequiredRight, identify_socket
-from planner.service.api.apps import API_PREFIX, create_app, list_back_office_routers, list_control_routers
+from planner.service.api.apps import API_PREFIX, list_back_office_routers, list_control_routers
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetLabel
 from planner.service.gateway.connection_limits import RateLimiter
@@ -21,6 +21,7 @@ from planner.service.gateway.request_gate import find_route_rule, list_route_rul
 from planner.service.settings import ServiceSettings
 from planner.service.store.tables import ResultRow, TokenRow
 from tests.service.conftest import BOTH, HERE, SMALL, Shared, bearer, client_of
+from tests.service.one_process import create_app
 
 READING = (
     "/fields", "/fields/iwamizawa", "/tractors", "/farms", "/logs", "/plans", "/days", "/diagnoses", "/jobs", "/events",

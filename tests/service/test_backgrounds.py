@@ -20,7 +20,6 @@ from PIL import Image
 from pyproj import Transformer
 from starlette.testclient import TestClient
 
-from planner.service.api.apps import create_app
 from planner.service.backgrounds.map_background import MapBackground
 from planner.service.backgrounds.tile_server import (
     CACHE_FOLDER,
@@ -38,6 +37,7 @@ from planner.service.errors import ServiceError
 from planner.service.settings import ServiceSettings
 from tests.examples import count_examples
 from tests.service.conftest import HERE, bearer
+from tests.service.one_process import create_app
 from tests.service.tiles import Answer, answer_png, paint_tile, serve_tiles, write_mbtiles
 
 TILE = Tile(16, 33601, 21613)

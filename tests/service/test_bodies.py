@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
 from planner.service.errors import BusyError, ServiceError
-from planner.service.fleets.fleet_routes import build_requested_fleet
-from planner.service.gateway.request_gate import BODIES_FOLDER, UNCOUNTED_BYTES, BodyBudget, spool_body
+from planner.service.fleets.fleet_routes import build_requested_fleet, spool_body
+from planner.service.gateway.request_gate import BODIES_FOLDER, UNCOUNTED_BYTES, BodyBudget
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.conftest import bearer

@@ -99,7 +99,6 @@ def test_an_end_by_a_date_includes_the_day_and_by_a_time_knows_its_zone() -> Non
     [
         (["token", "new", "--scope", "all"], "use read, planner, operator, robot or admin"),
         (["token", "new", "--scope", "read", "--name", "../x"], "cannot be used"),
-        (["token", "new", "--scope", "control"], "operator and planner together are what it was"),
         (["token", "new", "--scope", "robot", "--tractor", "1"], "give its fleet too"),
         (["token", "new", "--scope", "robot", "--fleet", "f1", "--tractor", "1"], "There is no fleet 'f1'"),
         (["token", "new", "--scope", "read", "--fleet", "f1"], "is bound to no tractor"),

@@ -11,9 +11,9 @@ from fastapi import FastAPI
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis.errors import Unsatisfiable
 
-from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
 from tests.service.conftest import SMALL, bearer
+from tests.service.one_process import create_app
 
 CONFORM = ("status_code_conformance", "content_type_conformance", "response_schema_conformance")
 EXAMPLES = int(os.environ.get("HEADLAND_TEST_EXAMPLES", "4"))

@@ -12,13 +12,13 @@ import pytest
 import sqlalchemy as sa
 from starlette.testclient import TestClient
 
-from planner.service.api.apps import create_app
 from planner.service.settings import DATABASE_FILE, ServiceSettings
 from planner.service.store import database as databases
 from planner.service.store import postgresql
 from planner.service.store.service_store import Store
 from tests.service.conftest import BOTH, HERE, bearer
 from tests.service.databases import database
+from tests.service.one_process import create_app
 
 ANSWER_S, PING_S, CONNECT_S = 1.0, 0.5, 2  # nobody waits less for a connection
 """Waits of these tests; whatever they are, every wait ends with them."""

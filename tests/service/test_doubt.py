@@ -23,11 +23,11 @@ from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.state_recorder import average_commands
 from planner.fleet.simulated_robot import RobotDriver
-from planner.service.api.apps import create_app
 from planner.service.fleets import twin_routes
 from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from tests.service.fleets import EG105, fleet_plan
+from tests.service.one_process import create_app
 from vehicle.model.tractor import Tractor
 from vehicle.model.tractor_writer import format_tractor_toml
 from vehicle.twin.step_motion import TractorNoise

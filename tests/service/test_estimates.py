@@ -14,12 +14,12 @@ from starlette.requests import ClientDisconnect
 
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
-from planner.service.api.apps import ABANDONED_PATHS, create_app
-from planner.service.errors import BusyError
+from planner.service.api.apps import ABANDONED_PATHS
 from planner.service.gateway.back_office import OfficeForwarder
+from planner.service.gateway.connection_limits import RateLimiter
 from planner.service.gateway.responses import wait_while_connected
 from planner.service.jobs import plan_estimates
-from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S, ComputingBudget
+from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S
 from planner.service.sandbox.readings import build_work_order
 from planner.service.settings import ServiceSettings
 from planner.sweeps import estimates
@@ -27,6 +27,7 @@ from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEsti
 from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import name_line
 from tests.service.conftest import Shared, bearer, wait_until
+from tests.service.one_process import create_app
 from tests.service.watching import serve_app
 
 VALUES = {"field": "iwamizawa", "width": 6.0, "tractors": "1-2"}
@@ -88,15 +89,13 @@ def test_who_may_not_plan_gets_no_estimate(shared: Shared) -> None:
 
 def test_a_client_who_has_spent_all_computing_waits_and_others_do_not() -> None:
     now_s = 0.0
-    budget = ComputingBudget(lambda: now_s)
-    budget.charge("a", MOST_COMPUTING_S - 1.0)
-    budget.check("a")
-    budget.charge("a", 5.0)
-    with pytest.raises(BusyError, match="ask again in 9 s"):
-        budget.check("a")
-    budget.check("b")
-    now_s = 4.0 / COMPUTING_SHARE + 0.1
-    budget.check("a")
+    budget = RateLimiter(COMPUTING_SHARE, MOST_COMPUTING_S, lambda: now_s)
+    budget.spend_tokens("a", MOST_COMPUTING_S - 1.0)
+    assert budget.measure_wait_s("a") == 0.0
+    budget.spend_tokens("a", 5.0)
+    assert budget.measure_wait_s("a") == 5.0 / COMPUTING_SHARE and budget.measure_wait_s("b") == 0.0
+    now_s = 5.0 / COMPUTING_SHARE
+    assert budget.measure_wait_s("a") == 0.0
 
 
 def test_the_budget_is_asked_before_anything_is_computed(shared: Shared) -> None:
@@ -104,7 +103,7 @@ def test_the_budget_is_asked_before_anything_is_computed(shared: Shared) -> None
     budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
     spender = bearer(client.app, "planner")  # type: ignore[arg-type]
     for key in client_keys(client, spender):
-        budget.charge(key, 10.0 * MOST_COMPUTING_S)
+        budget.spend_tokens(key, 10.0 * MOST_COMPUTING_S)
     answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
     assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
     assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200

@@ -13,7 +13,6 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.farm.inventory import read_example_farm_text
-from planner.service.api.apps import create_app
 from planner.service.errors import BusyError, ServiceError
 from planner.service.jobs import file_reading
 from planner.service.jobs.file_reading import (
@@ -26,6 +25,7 @@ from planner.service.sandbox.reader_processes import ReadOrder, ReadOutcome
 from planner.service.settings import ServiceSettings
 from tests.fields.strangers import SECRET, vrt
 from tests.service.conftest import BOTH, SMALL, bearer, client_of, wait_until
+from tests.service.one_process import create_app
 
 LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
     f"{row / 10:.1f},{row / 7:.3f},0.0,0.0,1.4\n" for row in range(400)
@@ -259,15 +259,6 @@ def test_an_upload_that_names_the_database_of_the_service(
         assert answer.status_code == 422 and SECRET not in answer.text and answer.json()["error"].endswith(".")
 
 
-def test_a_reader_inline_stands_in_the_same_words(tmp_path: Path) -> None:
-    app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
-    reader: FileReader = app.state.reader
-    found = asyncio.run(reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))
-    assert found["field"]["name"] == "netherlands"
-    reader.close()
-    app.state.store.close()
-
-
 def test_a_small_file_is_not_read_for_long() -> None:
     megabytes = (0.0, 0.1, 1.0, 2.0, 5.0, 11.0, 200.0)
     assert [compute_read_timeout_s(int(each * 2**20)) for each in megabytes] == [10, 10, 10, 15, 30, 60, 60]
@@ -289,19 +280,6 @@ def test_a_key_of_many_parts_is_refused_at_once(real: tuple[TestClient, dict[str
     answer = client.post(f"/api/v1/{kind}", files={"file": ("deep.toml", text)}, headers=token)
     assert answer.status_code == 422 and "50000 parts" in answer.json()["error"]
     assert time.monotonic() - begin < 8.0
-
-
-@pytest.mark.slow
-def test_a_fault_in_a_reading_here_is_one_sentence_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def read(*_: object, **__: object) -> None:
-        raise RuntimeError("something else")
-
-    monkeypatch.setattr(file_reading, "list_readings", lambda: {"summary field": read})
-    app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
-    with pytest.raises(ServiceError, match=r"^This file cannot be read: "):
-        asyncio.run(app.state.reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))
-    app.state.reader.close()
-    app.state.store.close()
 
 
 @pytest.mark.slow

@@ -26,7 +26,7 @@ from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_s
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.replanning.going_on import ReplanProposal, _build_taken_ground, continue_remaining_work
+from planner.fleet.replanning.planning_anew import ReplanProposal, _build_taken_ground, continue_remaining_work
 from planner.fleet.safety.compliance import build_area_doubt
 from planner.fleet.session.frame_content import build_report, describe_mission
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE

@@ -167,6 +167,26 @@ def test_a_drive_replaces_the_estimate_until_a_value_changes(page: Page, pages: 
     until(page, lambda: ("plans/made/delete", None) in made.requests)
 
 
+def test_progress_of_a_drive_that_begins_anew_does_not_go_back(page: Page) -> None:
+    counts = iter([(2, 3), (0, 3), (1, 3), (5, 6)])
+
+    def tell(route: Route) -> None:
+        done, all = next(counts, (None, None))
+        if done is None:
+            route.continue_()
+        else:
+            route.fulfill(json={"status": "running", "progress": {"done": done, "all": all}})
+
+    page.route("**/api/v1/plans/made", tell)
+    told = page.evaluate_handle("""() => { const told = [], state = document.querySelector(".answer .state");
+      new MutationObserver(() => told.push(state.textContent)).observe(state, { childList: true, subtree: true,
+        characterData: true }); return told; }""")
+    page.fill("input[name=width]", "6")
+    page.wait_for_selector(".answer >> text=Show the plan")
+    words = [each for each in told.json_value() if each.startswith("Driving it in full: ")]
+    assert words[:2] == ["Driving it in full: 2 of 3", "Driving it in full: 5 of 6"]
+
+
 def test_a_drive_is_followed_on_when_the_service_does_not_answer_for_a_while(page: Page, watched: WatchedPage) -> None:
     page.route("**/api/v1/plans/made", lambda route: route.abort())
     page.fill("input[name=width]", "6")

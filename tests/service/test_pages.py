@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page
 
-from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
 from tests.service.fake_service import CONTROL, NASTY, Made
+from tests.service.one_process import create_app
 from tests.service.test_files import HERE_M, shapefile
 from tests.service.watching import (
     NARROW,

@@ -79,3 +79,10 @@ def test_every_sentence_of_a_new_plan_is_translated_by_itself(bracketed: Watched
     page.click("text=Go on from here")
     note = page.locator(".note:has-text('Send to the tractors')")
     assert "⟦Tractor 3 is left out.⟧ ⟦0.28 of 0.42 ha are left to work.⟧" in note.inner_text()
+
+
+def test_a_list_in_a_sentence_has_its_word_in_the_language_of_the_page(bracketed: WatchedPage) -> None:
+    page = bracketed.open("/plan")
+    sentence = "The tractor is weak: check it, or try 5 km/h, 2.5 m or 3 m."
+    told = page.evaluate(f"(async () => (await import('./static/js/language.js')).translate('{sentence}'))()")
+    assert "⟦5 km/h, 2.5 m or 3 m⟧" in told

@@ -11,11 +11,11 @@ from fastapi import FastAPI
 from playwright.sync_api import Browser, Page
 
 from planner.farm.inventory import read_example_farm_text
-from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
 from planner.service.store.tables import Owner
 from tests.service.accessibility import find_faults_at_widths, open_all_details
 from tests.service.conftest import SMALL
+from tests.service.one_process import create_app
 from tests.service.test_library import LARGER
 from tests.service.watching import WIDE, WatchedPage, needs_browser, until, watch_app
 

@@ -14,10 +14,10 @@ from playwright.sync_api import Browser, Page
 
 from fields.documents.reader import read_field
 from fields.geometry.geodesy import project
-from planner.service.api.apps import create_app
 from planner.service.backgrounds.tile_server import place_metres
 from planner.service.settings import ServiceSettings
 from tests.service.fake_service import Made
+from tests.service.one_process import create_app
 from tests.service.tiles import TileHost, paint_tile, serve_tiles, write_mbtiles
 from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, until, watch_app
 

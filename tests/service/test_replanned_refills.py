@@ -18,7 +18,7 @@ from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.replanning import from_here
 from planner.fleet.replanning.from_here import cut_leg
-from planner.fleet.replanning.going_on import (
+from planner.fleet.replanning.planning_anew import (
     ReplanProposal,
     _describe_unknown_load,
     continue_remaining_work,

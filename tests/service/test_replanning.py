@@ -19,7 +19,7 @@ from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
-from planner.fleet.replanning.going_on import ReplanProposal, continue_remaining_work
+from planner.fleet.replanning.planning_anew import ReplanProposal, continue_remaining_work
 from planner.fleet.session.frame_content import build_report
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
 from planner.fleet.simulated_robot import RobotDriver

@@ -236,13 +236,6 @@ def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held
     )
 
 
-def test_an_alarm_of_earlier_versions_that_nothing_ends_any_more_is_gone() -> None:
-    first = start_fleet()
-    first.manager.alarms.raise_alarm("stood", 0, "warning", "Tractor 1 was ordered to stop.", 0.0)
-    again = restart_manager(first.manager, first.now, 100.0, 3.0)
-    assert [alarm.code for alarm in again.alarms.list_alarms()] == ["restarted"]
-
-
 @pytest.mark.slow
 def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_default(tmp_path: Path) -> None:
     store = Store(ServiceSettings(data=tmp_path))

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from planner.service.api.apps import create_app
 from planner.service.errors import StorageError
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
@@ -21,6 +20,7 @@ from planner.service.store.service_store import Store
 from planner.service.store.tables import EventRow, JobRow
 from tests.service.conftest import BOTH, SMALL, bearer, client_of, wait_until
 from tests.service.kinds import KINDS, made
+from tests.service.one_process import create_app
 
 SIZE_MB = 8
 STAND_IN = "stand-in"

@@ -17,7 +17,10 @@ WIDE_M, HIGH_M, TRACKS = 100.0, 60.0, range(1, 7)
 
 
 class Answers:
-    """Answers for six tracks, the first three of tractor 1, as a service would give them."""
+    """Answers for six tracks, the first three of tractor 1, as a service would give them.
+
+    At 7 km/h they are numbered from the other side; of another width than 3 m they lie elsewhere.
+    """
 
     def __init__(self) -> None:
         self.asked = list[dict[str, Any]]()
@@ -33,9 +36,10 @@ class Answers:
                 "name": str(number),
                 "tractor": None if str(number) in out else given.get(str(number), 1 if number <= 3 else 2),
                 "place": None if str(number) in out else number,
-                "points": [[find_east_m(number), 10.0], [find_east_m(number), 50.0]],
+                "points": [[east_m, 10.0], [east_m, 50.0]],
             }
             for number in TRACKS
+            if (east_m := find_east_m(7 - number if values.get("speed_kmh") == 7 else number) + values["width"] - 3.0)
         ]
         ring = [[0.0, 0.0], [WIDE_M, 0.0], [WIDE_M, HIGH_M], [0.0, HIGH_M], [0.0, 0.0]]
         plan = {"tractors": 2, "feasible": True, "done_s": 600.0, "cost": 10.0, "worked_pct": 99.0}
@@ -131,7 +135,7 @@ def test_keys_put_tracks_first_the_last_wish_before_all(answers: Answers, watche
     until(page, lambda: "work_first" not in answers.last)
 
 
-def test_another_layout_drops_what_was_wanted_and_says_so(answers: Answers, watched: WatchedPage) -> None:
+def test_what_was_wanted_goes_to_the_tracks_in_the_same_places(answers: Answers, watched: WatchedPage) -> None:
     page = watched.page
     choice(page).select_option("3")
     press(page, "Tractor 2")
@@ -139,8 +143,12 @@ def test_another_layout_drops_what_was_wanted_and_says_so(answers: Answers, watc
     page.fill("input[name=price_per_hour]", "70")
     until(page, lambda: answers.last.get("price_per_hour") == 70 and answers.last.get("give") == ["2=3"])
     page.fill("input[name=speed_kmh]", "7")
-    until(page, lambda: answers.last.get("speed_kmh") == 7 and "give" not in answers.last)
-    assert page.locator("text=its tracks are numbered anew").is_visible()
+    until(page, lambda: answers.last.get("speed_kmh") == 7 and answers.last.get("give") == ["2=4"])
+    assert page.locator("text=Tractor 2: 4.").is_visible()
+    assert not any(each.get("give") == ["2=3"] for each in answers.asked if each.get("speed_kmh") == 7)
+    page.fill("input[name=width]", "4")
+    until(page, lambda: answers.last.get("width") == 4 and "give" not in answers.last)
+    until(page, lambda: page.locator("text=its tracks are numbered anew").is_visible())
 
 
 def test_a_link_wants_the_same_and_a_borrowed_layout_is_kept(answers: Answers, watched: WatchedPage) -> None:

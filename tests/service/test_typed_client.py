@@ -19,11 +19,11 @@ from datamodel_code_generator.enums import DataModelType
 from datamodel_code_generator.parser import LiteralType
 from pydantic import ValidationError
 
-from planner.service.api.apps import create_app
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.conftest import BOTH, SMALL, bearer, client_of
+from tests.service.one_process import create_app
 
 USED = """
 from service_client import Client

@@ -14,6 +14,7 @@ import uvicorn
 from fastapi import FastAPI
 from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Request, ViewportSize
 
+from planner.service.gateway.connection_limits import RateLimiter
 from tests.browsers import BROWSER
 
 needs_browser = pytest.mark.skipif(
@@ -85,10 +86,9 @@ def watch_app(browser: Browser, app: FastAPI, scopes: str) -> Iterator[WatchedPa
     Many tests share its user, whose estimates may compute more than those of one; on a busy machine the process that
     estimates may take long to begin.
     """
-    estimates = "planner.service.jobs.plan_estimates"
     token = app.state.store.create_token_text("office", scopes)
-    budget, patience = patch(f"{estimates}.MOST_COMPUTING_S", math.inf), patch(f"{estimates}.START_WAIT_S", 240.0)
-    with budget, patience, serve_app(app) as base:
+    app.state.estimator.budget = RateLimiter(1.0, math.inf)
+    with patch("planner.service.jobs.plan_estimates.START_WAIT_S", 240.0), serve_app(app) as base:
         watched = WatchedPage(browser, base, token)
         yield watched
         watched.page.context.close()

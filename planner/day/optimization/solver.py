@@ -359,13 +359,10 @@ def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[f
     return DayProof(tuple(routes), float(lower_bound))
 
 
-def search_routes(
-    problem: DayProblem, start: Routes | None = None, *, seed: int = 1, effort: int = RULES.effort
-) -> Routes:
-    """Routes by large neighbourhood search, never worse than `start` or than plain insertion."""
+def search_routes(problem: DayProblem, *, seed: int = 1, effort: int = RULES.effort) -> Routes:
+    """Routes by large neighbourhood search, never worse than plain insertion."""
     all_fields = range(problem.field_count)
     options = [repair_routes(problem, make_empty_routes(problem), all_fields, regret) for regret in (True, False)]
-    options += [] if start is None else [start]
     best = current = min(options, key=lambda routes: _compute_cost_or_inf(problem, routes))
     removed_count = _compute_max_removed(problem)
     priced = removed_count * (removed_count + 1) // 2 * (problem.field_count + problem.fleet_count)  # in an iteration

@@ -10,7 +10,6 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED
 from planner.fleet.model.alarms import FleetAlarm
 from planner.fleet.model.tractor_state import Hold, MotionDoubt, TractorReport, TractorState
-from planner.fleet.safety.compliance import build_area_doubt
 
 LASTING_FIELDS = {
     "leg": "leg",
@@ -23,7 +22,6 @@ LASTING_FIELDS = {
     "driven_plan_s": "planned_driving_s",
 }
 """Attributes of a tractor's state that a restart keeps, by their stored keys."""
-OBSOLETE_CODE = "stood"  # an alarm code of earlier versions, which nothing ends any more
 TRANSIENT_HOLDS = frozenset({Hold.OBSTACLE, Hold.WAITS_FOR_PLAN})
 """Holds that are not saved because they are found again; TOO_NEAR is saved, as standing tractors raise none."""
 
@@ -79,11 +77,7 @@ def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, c
         obstacle = manager.obstacle_reports.add(block["who"], ring, block["name"], now)
         codes[f"obstacle {block.get('id')}"] = f"obstacle {obstacle.id}"
     if "alarms" in saved:
-        manager.alarms.restore(
-            _restore_alarm(values, codes, now - clock_s)
-            for values in saved["alarms"]
-            if values["code"] != OBSOLETE_CODE
-        )
+        manager.alarms.restore(_restore_alarm(values, codes, now - clock_s) for values in saved["alarms"])
     if manager.state in (RUNNING, STOPPED):
         manager.operators.hold_after_restart(now)
 
@@ -108,6 +102,3 @@ def _restore_tractor(state: TractorState, values: dict[str, Any], offset_s: floa
     if doubt is not None:
         place = {"pose": tuple(doubt["pose"]), "since_s": doubt["since_s"] + offset_s}
         state.doubt = MotionDoubt(**doubt | place)
-    elif Hold.DOUBTED in state.holds and state.report is not None:  # saved by an earlier version
-        state.doubt = build_area_doubt(state.report, state.mission.fastest_mps)
-        state.doubt.since_s = state.last_fix_s

@@ -13,7 +13,7 @@ from planner.fleet.manager.remaining_work import RemainingWork, extract_remainin
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.timed_mission import encode_leg
-from planner.fleet.replanning.going_on import ReplanProposal, continue_remaining_work
+from planner.fleet.replanning.planning_anew import ReplanProposal, continue_remaining_work
 
 RunInProcess = Callable[..., Awaitable[Any]]
 BroadcastFrame = Callable[[dict[str, Any]], None]

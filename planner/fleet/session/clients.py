@@ -25,7 +25,6 @@ class FrameOutbox:
         self._most = most
         self._filled = asyncio.Event()
         self.overflowed = self.ended = False
-        self.dropped_ticks = 0
 
     def __len__(self) -> int:
         return len(self._waiting)
@@ -47,7 +46,6 @@ class FrameOutbox:
 
     def replace_waiting_tick(self, text: str) -> None:
         """Replace the waiting tick."""
-        self.dropped_ticks += self._newest is not None
         self._newest = text
         self._filled.set()
 

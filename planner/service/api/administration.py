@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
-from typing import Annotated
+from typing import Annotated, get_args
 
 from fastapi import Query, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
@@ -41,6 +41,7 @@ from planner.service.gateway.responses import (
     CallerInfo,
     EventList,
     HealthInfo,
+    JobStatus,
     NewToken,
     ReadinessInfo,
     StoreAccess,
@@ -57,7 +58,6 @@ from planner.service.store.service_store import Store
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
 COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
-JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
 NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
@@ -120,7 +120,7 @@ class ServiceMetrics:
             return
         self._jobs_counted_s = time.monotonic()
         counts = store.count_jobs()
-        for state in JOB_STATES:
+        for state in get_args(JobStatus):
             self.jobs.labels(state).set(counts.get(state, 0))
 
 

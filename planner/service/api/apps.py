@@ -1,4 +1,4 @@
-"""The apps: the control process, the back office behind it, and both in one for tests.
+"""The apps: the control process, and the back office behind it.
 
 control   rights and limits, fleets, links and stops; it forwards everything else to the office
 office    files, summaries, jobs, exports, tokens, events, documentation and pages
@@ -109,24 +109,10 @@ def show_docs_asset(name: str) -> Response:
     return Response(content, media_type=DOCS_ASSETS[name], headers={"cache-control": "max-age=86400"})
 
 
-def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> FastAPI:
-    """The whole service in one app; its workers run from its start to its end.
-
-    Files are read in processes of their own, or with `reads_inline` in this one. Raises DatabaseError.
-    """
-    app = _build_app(settings, _run_office, _run_control)
-    _set_up_control_state(app, reads_inline=reads_inline)
-    _set_up_back_office_state(app, reads_inline=reads_inline)
-    app.router.routes.extend(_build_routes())
-    mount_pages(app)
-    _add_middleware(app)
-    return app
-
-
 def create_control_app(settings: ServiceSettings, office: BackOffice, connections: ConnectionRegistry) -> FastAPI:
     """The app of the control process. Raises DatabaseError."""
     app = _build_app(settings, _run_forwarding, _run_control, openapi_url=None)
-    _set_up_control_state(app, reads_inline=False)
+    _set_up_control_state(app)
     app.state.office = office
     app.state.metrics.add_measured(measure_connections, connections)
     ProcessCollector("headland_office", lambda: office.pid, registry=app.state.metrics.registry)
@@ -147,7 +133,7 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
     """The app of the office, which answers only requests with the secret. Raises DatabaseError."""
     app = _build_app(settings, _run_readers, _run_office)
     app.state.reader = FileReader(settings, app.state.store)
-    _set_up_back_office_state(app, reads_inline=False)
+    _set_up_back_office_state(app)
     app.router.routes.extend(_build_routes(has_control=False))
     # The routes of the control process, which answers them itself, are documented too.
     documented = FastAPI(title=app.title, version=app.version, description=app.description)
@@ -205,11 +191,11 @@ def _build_app(
     return app
 
 
-def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
+def _set_up_control_state(app: FastAPI) -> None:
     state = app.state
     state.book, state.watch = TokenCache(state.store), DatabaseWatch(state.store)
     state.logins = BrowserLogins(secure=state.settings.public_url.startswith("https://"))
-    state.reader = FileReader(state.settings, state.store, reads_inline=reads_inline)
+    state.reader = FileReader(state.settings, state.store)
     state.diagnosing = TwinDiagnosis(state.store, state.reader)
     state.hub = FleetSessions(state.store, state.diagnosing.follow_up, book=state.book)
     state.bodies = BodyBudget(state.settings)
@@ -223,8 +209,8 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
     app.add_route("/metrics", administration.show_metrics, methods=["GET"], include_in_schema=False)
 
 
-def _set_up_back_office_state(app: FastAPI, *, reads_inline: bool) -> None:
-    app.state.estimator = PlanEstimator(app.state.settings, app.state.store, runs_inline=reads_inline)
+def _set_up_back_office_state(app: FastAPI) -> None:
+    app.state.estimator = PlanEstimator(app.state.settings, app.state.store)
     app.state.supervisor = WorkerSupervisor(app.state.settings, app.state.store)
     app.state.views = OneTimeViews()
     app.state.background = MapBackground(app.state.settings)

@@ -5,10 +5,13 @@ A fleet is made of its request in a process of its own, so that large ones are n
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
+import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
@@ -28,9 +31,10 @@ from planner.request.validation import describe_fault, format_location
 from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
 from planner.service.errors import BusyError, NotFoundError, ServiceError
 from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessions, NewFleet, prepare_with_files
-from planner.service.gateway.request_gate import BODIES_FOLDER, LARGE_BODY_KEY, spool_body
+from planner.service.gateway.request_gate import BODIES_FOLDER, LARGE_BODY_KEY
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, document_file
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
+from planner.service.store.disk_storage import translate_disk_full
 from planner.service.store.service_store import Store, open_store
 from planner.service.store.store_part import check_name
 
@@ -52,6 +56,7 @@ ROLES_TEXT = (
 FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
 JSON_TYPE = "application/json"
 RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
+WRITTEN_BYTES = 2**18  # of a body, written at a time
 RECORDING_ANSWERS = document_file("One log per tractor", ["application/zip"])
 
 
@@ -263,6 +268,29 @@ async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> FleetList
     """All fleets; a robot sees only its own."""
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
     return FleetList(items=[_build_answer(sessions, label) for label in labels if who.has_right("read", label.id)])
+
+
+@asynccontextmanager
+async def spool_body(stream: AsyncIterator[bytes], folder: Path) -> AsyncIterator[Path]:
+    """A body in a file, which is gone afterwards; a thread writes it, so it takes no memory and nobody waits for it.
+
+    Raises StorageError where there is no room.
+    """
+    folder.mkdir(mode=0o700, exist_ok=True)
+    path = folder / secrets.token_hex(8)
+    try:
+        with translate_disk_full(), open(path, "xb") as file:
+            waiting, waiting_bytes = list[bytes](), 0
+            async for part in stream:
+                waiting.append(part)
+                waiting_bytes += len(part)
+                if waiting_bytes >= WRITTEN_BYTES:
+                    await asyncio.to_thread(file.writelines, waiting)
+                    waiting, waiting_bytes = [], 0
+            await asyncio.to_thread(file.writelines, waiting)
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
 
 
 @fleet_router.post("/fleets", status_code=201, openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY})

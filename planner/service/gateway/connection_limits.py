@@ -32,15 +32,24 @@ class RateLimiter:
 
     def take_token(self, key: str = "") -> float:
         """Take a token; 0, or the seconds until there is one."""
-        now = self._clock()
-        remaining, last_time = self._remaining.get(key, (self._burst, now))
-        remaining = min(self._burst, remaining + (now - last_time) * self._per_s)
-        is_taken = remaining >= 1.0
-        self._remaining[key] = (remaining - 1.0 if is_taken else remaining, now)
+        wait_s = self.measure_wait_s(key)
+        self.spend_tokens(key, 0.0 if wait_s else 1.0)
+        return wait_s
+
+    def measure_wait_s(self, key: str) -> float:
+        """Seconds until there is a token; 0 where there is one."""
+        return max(0.0, 1.0 - self._count_tokens(key)) / self._per_s
+
+    def spend_tokens(self, key: str, tokens: float) -> None:
+        """Take tokens, also more than there are."""
+        self._remaining[key] = self._count_tokens(key) - tokens, self._clock()
         self._remaining.move_to_end(key)
         if len(self._remaining) > LIMITS.most_tracked_keys:
             self._remaining.popitem(last=False)  # the key seen least recently has most of its tokens back
-        return 0.0 if is_taken else (1.0 - remaining) / self._per_s
+
+    def _count_tokens(self, key: str) -> float:
+        remaining, last_time = self._remaining.get(key, (self._burst, 0.0))
+        return min(self._burst, remaining + (self._clock() - last_time) * self._per_s)
 
 
 @dataclass(eq=False)

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import asyncio
 import re
-import secrets
 from collections import Counter
-from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
-from contextlib import asynccontextmanager, contextmanager
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from fastapi import APIRouter
@@ -39,11 +37,9 @@ from planner.service.errors import BusyError, ServiceError
 from planner.service.gateway.connection_limits import RateLimiter, compute_network_key
 from planner.service.gateway.responses import build_error_response, build_refusal_response
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
-from planner.service.store.disk_storage import translate_disk_full
 
 BODIES_FOLDER = "bodies"
 UNCOUNTED_BYTES = 64 * 1024  # of each body; orders to fleets are no longer, and never wait for uploads of others
-WRITTEN_BYTES = 2**18  # written at a time
 
 
 class BodyBudget:
@@ -96,29 +92,6 @@ class BodyShare:
             self._budget._add(self._client, added_bytes)
             self.held_bytes += added_bytes
         return True
-
-
-@asynccontextmanager
-async def spool_body(stream: AsyncIterator[bytes], folder: Path) -> AsyncIterator[Path]:
-    """A body in a file, which is gone afterwards; a thread writes it, so it takes no memory and nobody waits for it.
-
-    Raises StorageError where there is no room.
-    """
-    folder.mkdir(mode=0o700, exist_ok=True)
-    path = folder / secrets.token_hex(8)
-    try:
-        with translate_disk_full(), open(path, "xb") as file:
-            waiting, waiting_bytes = list[bytes](), 0
-            async for part in stream:
-                waiting.append(part)
-                waiting_bytes += len(part)
-                if waiting_bytes >= WRITTEN_BYTES:
-                    await asyncio.to_thread(file.writelines, waiting)
-                    waiting, waiting_bytes = [], 0
-            await asyncio.to_thread(file.writelines, waiting)
-        yield path
-    finally:
-        path.unlink(missing_ok=True)
 
 
 KILOBYTE_BYTES = 1024

@@ -13,18 +13,15 @@ import re
 import tempfile
 import threading
 import time
-import traceback
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import chdir
 from pathlib import Path
 from typing import Any, TypeVar
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import HTTPConnection
 
-from planner.errors import HeadlandError
 from planner.service.access.permissions import Caller
 from planner.service.errors import BusyError
 from planner.service.jobs.input_files import (
@@ -35,8 +32,7 @@ from planner.service.jobs.input_files import (
     collect_inputs,
     write_inputs,
 )
-from planner.service.sandbox.confined_reading import list_readings
-from planner.service.sandbox.reader_processes import ReadOrder, build_refusal, choose_reader, extract_reading_value
+from planner.service.sandbox.reader_processes import ReadOrder, choose_reader, extract_reading_value
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import LONGEST_NAME_CHARS
@@ -48,7 +44,6 @@ MOST_WAITING_PER_CLIENT = 8
 LONGEST_WAIT_S = 120.0
 
 _WaitingPiece = tuple[float, "Future[Any]", Callable[[], Any]]
-WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 
 
 class FairQueue:
@@ -143,10 +138,10 @@ class FairQueue:
 
 
 class FileReader:
-    """Reads files in confined processes, started when first needed, or with `reads_inline` in this process."""
+    """Reads files in confined processes, started when first needed."""
 
-    def __init__(self, settings: ServiceSettings, store: Store, *, reads_inline: bool = False) -> None:
-        self._work_folder, self._store, self._reads_inline = settings.data.resolve() / WORK_FOLDER, store, reads_inline
+    def __init__(self, settings: ServiceSettings, store: Store) -> None:
+        self._work_folder, self._store = settings.data.resolve() / WORK_FOLDER, store
         self._queue, self._processes = FairQueue(), choose_reader()
         self._memory_bytes = compute_reading_memory_limit_bytes()
         self._lock = threading.Lock()
@@ -155,8 +150,7 @@ class FileReader:
 
     def start_processes(self) -> None:
         """Start the processes, so that the first request need not wait for them."""
-        if not self._reads_inline:
-            self._processes.start_process()
+        self._processes.start_process()
 
     def close(self) -> None:
         """End the processes; waiting work is dropped."""
@@ -196,16 +190,12 @@ class FileReader:
                 return self._cache[key]
             owner, shared = self._running_reads.get(key, ("", None))
             # A piece that waits stays in the queue of its own client, so nobody else waits behind it.
-            if self._reads_inline:
-                future = None
-            elif shared is not None and (owner == client or shared.running()):
+            if shared is not None and (owner == client or shared.running()):
                 future = shared
             else:
                 future = self._queue.submit_work(client, read_and_cache)
-            if key and future is not None:
+            if key:
                 self._running_reads[key] = client, future
-        if future is None:
-            return await run_in_threadpool(read_and_cache)
         if not key:
             return await asyncio.wrap_future(future)
         future.add_done_callback(lambda done: self._forget_running(key, done))
@@ -223,14 +213,6 @@ class FileReader:
         self._work_folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=self._work_folder, prefix="read-") as folder:
             write_inputs(self._store, inputs, Path(folder))
-            if self._reads_inline:
-                try:
-                    with WORKING_FOLDER_LOCK, chdir(folder):  # files have the names of their uploads there
-                        return list_readings()[reading](*arguments, **options)
-                except (HeadlandError, MemoryError):
-                    raise
-                except Exception:
-                    raise build_refusal(traceback.format_exc()) from None
             size_bytes = sum(each.stat().st_size for each in Path(folder).rglob("*") if each.is_file())
             seconds = LIMITS.longest_read_s if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
             order = ReadOrder(reading, folder, arguments, options, seconds, self._memory_bytes)

@@ -10,15 +10,15 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
-from contextlib import chdir
+from collections.abc import Mapping
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fields.units import HOUR_S
 from planner.service.errors import BusyError, ServiceError
-from planner.service.jobs.file_reading import WORKING_FOLDER_LOCK, FairQueue, compute_reading_memory_limit_bytes
+from planner.service.gateway.connection_limits import RateLimiter
+from planner.service.jobs.file_reading import FairQueue, compute_reading_memory_limit_bytes
 from planner.service.jobs.input_files import write_inputs
 from planner.service.sandbox.reader_processes import (
     BOOTSTRAP_CODE,
@@ -30,14 +30,11 @@ from planner.service.sandbox.reader_processes import (
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
 
-if TYPE_CHECKING:
-    from planner.sweeps.kept_grounds import KeptGrounds
-
 MOST_WAITING_PER_CLIENT = 3
 START_WAIT_S, LONGEST_ESTIMATE_S = 20.0, 60.0
 PROCESS_LIFE_S = HOUR_S
 COMPUTING_SHARE, MOST_COMPUTING_S = 0.5, 60.0
-"""Each user may keep half a core busy, and has a minute of computing in advance."""
+"""Each user may keep half a core busy, and has a minute of computing in advance, which an estimate may overdraw."""
 MOST_FOLDERS = 50
 ESTIMATE_FAULT = (
     "This cannot be estimated: it triggers a fault of Headland, described in the log of the service; run the plan "
@@ -47,31 +44,6 @@ SERVE_CODE = (
     f"{BOOTSTRAP_CODE}from planner.service.sandbox import estimating; "
     "estimating.serve(int(sys.argv[2]), sys.argv[3], int(sys.argv[4]), float(sys.argv[5]))"
 )
-
-
-class ComputingBudget:
-    """Seconds of computing for each client; they come back with time, and may be overdrawn by one estimate."""
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock = clock
-        self._spent = dict[str, tuple[float, float]]()
-
-    def check(self, client: str) -> None:
-        """Raise BusyError where a client has spent everything."""
-        spent_s = self._get_spent_s(client)
-        if spent_s >= MOST_COMPUTING_S:
-            wait_s = (spent_s - MOST_COMPUTING_S) / COMPUTING_SHARE
-            raise BusyError(f"Your estimates have computed much; ask again in {wait_s + 1.0:.0f} s, or run the plan.")
-
-    def charge(self, client: str, seconds: float) -> None:
-        """Take what an estimate has computed; clients who have everything back are forgotten."""
-        spent_s = self._get_spent_s(client) + seconds
-        self._spent = {one: spent for one, spent in self._spent.items() if self._get_spent_s(one) > 0.0}
-        self._spent[client] = spent_s, self._clock()
-
-    def _get_spent_s(self, client: str) -> float:
-        spent_s, at_s = self._spent.get(client, (0.0, 0.0))
-        return max(0.0, spent_s - COMPUTING_SHARE * (self._clock() - at_s))
 
 
 class _EstimatingProcess:
@@ -123,17 +95,15 @@ class _EstimatingProcess:
 
 
 class PlanEstimator:
-    """Estimates plans in confined processes, started when first needed; or `runs_inline` in this one, for tests.
+    """Estimates plans in confined processes, started when first needed.
 
     One process lays out what is asked for, the other answers at once, so that nothing keeps it waiting. Clients take
     turns at each, and have a budget of computing for both.
     """
 
-    def __init__(self, settings: ServiceSettings, store: Store, *, runs_inline: bool = False) -> None:
-        self.budget = ComputingBudget()
-        self._at_once, self._laid_out = (
-            _EstimateQueue(settings, store, self.budget, runs_inline=runs_inline) for _ in range(2)
-        )
+    def __init__(self, settings: ServiceSettings, store: Store) -> None:
+        self.budget = RateLimiter(COMPUTING_SHARE, MOST_COMPUTING_S)
+        self._at_once, self._laid_out = (_EstimateQueue(settings, store, self.budget) for _ in range(2))
 
     async def estimate(
         self, client: str, values: Mapping[str, Any], inputs: Mapping[str, str], *, at_once: bool = False
@@ -143,7 +113,9 @@ class PlanEstimator:
         With `at_once` it may be scaled from another (KeptGrounds). Raises HeadlandError for what cannot be planned,
         BusyError where the client asks for too much.
         """
-        self.budget.check(client)
+        wait_s = self.budget.measure_wait_s(client)
+        if wait_s > 0.0:
+            raise BusyError(f"Your estimates have computed much; ask again in {wait_s + 1.0:.0f} s, or run the plan.")
         queue = self._at_once if at_once else self._laid_out
         return await queue.estimate(client, {"values": dict(values), "at_once": at_once}, inputs)
 
@@ -156,13 +128,12 @@ class PlanEstimator:
 class _EstimateQueue:
     """One process, who waits for it, and the folder that it reads."""
 
-    def __init__(self, settings: ServiceSettings, store: Store, budget: ComputingBudget, *, runs_inline: bool) -> None:
-        self._work_folder, self._store, self._runs_inline = settings.data.resolve() / WORK_FOLDER, store, runs_inline
+    def __init__(self, settings: ServiceSettings, store: Store, budget: RateLimiter) -> None:
+        self._work_folder, self._store = settings.data.resolve() / WORK_FOLDER, store
         self._memory_bytes = compute_reading_memory_limit_bytes()
         self._budget, self._queue = budget, FairQueue(1, MOST_WAITING_PER_CLIENT, pieces="estimates")
         self._process: _EstimatingProcess | None = None
         self._folder: tempfile.TemporaryDirectory[str] | None = None
-        self._inline: KeptGrounds | None = None
         self._lock = threading.Lock()
 
     async def estimate(self, client: str, order: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
@@ -184,11 +155,9 @@ class _EstimateQueue:
     def _run(self, client: str, order: Mapping[str, Any], inputs: Mapping[str, str]) -> dict[str, Any]:
         files = sha256(json.dumps(sorted(inputs.items())).encode()).hexdigest()
         with self._lock:
-            placed = {**order, "folder": str(self._write_files(files, inputs)), "files": files}
-            if self._runs_inline:
-                return self._estimate_inline(placed)
-            report = self._ask_process(placed)
-            self._budget.charge(client, float(report.get("computing_s", 0.0)))
+            folder = str(self._write_files(files, inputs))
+            report = self._ask_process({**order, "folder": folder, "files": files})
+            self._budget.spend_tokens(client, float(report.get("computing_s", 0.0)))
         return _extract_estimate(report, self._memory_bytes)
 
     def _write_files(self, files: str, inputs: Mapping[str, str]) -> Path:
@@ -226,14 +195,6 @@ class _EstimateQueue:
         if "memory" in report:  # what it keeps of earlier answers fills it, and goes with it
             self._end_process()
         return report
-
-    def _estimate_inline(self, order: Mapping[str, Any]) -> dict[str, Any]:
-        from planner.service.sandbox.estimating import estimate_order
-        from planner.sweeps.kept_grounds import KeptGrounds
-
-        self._inline = self._inline or KeptGrounds()
-        with WORKING_FOLDER_LOCK, chdir(order["folder"]):
-            return estimate_order(self._inline, order)
 
     def _end_process(self) -> None:
         process, self._process = self._process, None

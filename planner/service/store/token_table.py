@@ -29,7 +29,6 @@ from planner.service.store.tables import EventRow, FleetRow, TokenRow
 READ, PLANNER, OPERATOR, ROBOT, ADMIN = "read", "planner", "operator", "robot", "admin"
 SCOPES = (READ, PLANNER, OPERATOR, ROBOT, ADMIN)
 """Scopes of tokens; their rights are in planner.service.access.permissions."""
-FORMER_SCOPE = "control"
 TOKEN_PREFIX = "hl_"
 NEVER, ROBOT_TOKEN_LIFE = "never", "30d"
 PERIOD_PATTERN = re.compile(r"([0-9]{1,6})([mhd])")
@@ -157,8 +156,6 @@ def check_scopes(scopes: Iterable[str]) -> tuple[str, ...]:
     unknown = next((each for each in chosen if each not in SCOPES), None)
     if unknown is not None or not chosen:
         problem = "No scope is given" if unknown is None else f"The scope {unknown[:40]!r} is unknown"
-        if unknown == FORMER_SCOPE:
-            problem += " (operator and planner together are what it was)"
         raise ServiceError(f"{problem}; use {', '.join(SCOPES[:-1])} or {SCOPES[-1]}.", parameter="scope")
     return chosen
 

@@ -38,7 +38,12 @@ function byPattern(text) {
 }
 
 // A label in quotes is translated within them.
-const translateQuoted = (value) => { const label = /^\u201c(.*)\u201d$/.exec(value)?.[1]; return label ? `\u201c${translate(label)}\u201d` : translate(value); };
+const translateQuoted = (value) => { const label = /^\u201c(.*)\u201d$/.exec(value)?.[1]; return label ? `\u201c${translate(label)}\u201d` : translateListed(value); };
+// A text, or texts with commas between them and the last after "or".
+const translateListed = (value) => {
+  const whole = translate(value), [, first, last] = (whole === value && /^(.+) or (.+)$/s.exec(value)) || [];
+  return last ? fillIn(messages["{items} or {last}"] ?? "{items} or {last}", { items: first.split(", ").map(translate).join(", "), last: translate(last) }) : whole;
+};
 const fillIn = (text, values) => text.replace(/\{(\w+)\}/g, (found, name) => values[name] ?? found);
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 

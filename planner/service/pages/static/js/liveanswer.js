@@ -12,7 +12,7 @@ const SCALED = 0, LAID_OUT = 1, DRIVEN = 2, LEVELS = 3;
 
 /** The box of answers. `change(request)` says what is asked now; what is asked again unchanged is not asked twice.
 
-`laidOut(answer)` takes every estimate that was laid out, with its lines. */
+`laidOut(answer, isLatest)` takes every estimate that was laid out, with its lines, and whether it answers the last change. */
 export function liveAnswer(laidOut = () => {}) {
   const box = answerBox();
   let changes = 0, shown = -1, latest = "", ground = null, resting = 0, speaking = 0, drive = null, closed = false;
@@ -22,7 +22,7 @@ export function liveAnswer(laidOut = () => {}) {
     const rank = LEVELS * change + level;
     if (closed || rank < shown) return;
     shown = rank;
-    if (level === LAID_OUT) laidOut(answer);
+    if (level === LAID_OUT) laidOut(answer, change === changes);
     box.show(answer, { isDriven: level === DRIVEN, isLatest: change === changes, words });
     clearTimeout(speaking);
     speaking = setTimeout(() => speak(box.words()), SPOKEN_MS);
@@ -79,7 +79,7 @@ export function liveAnswer(laidOut = () => {}) {
   };
   const follow = async (mine, asked) => {
     const path = `plans/${part(mine.id)}`;
-    let answer = null, pause = LOOK_MS;
+    let answer = null, pause = LOOK_MS, [counted, total] = [0, 0]; // the furthest: a job that begins anew counts from 0
     while (!answer) {
       try {
         const job = await get(path);
@@ -87,7 +87,8 @@ export function liveAnswer(laidOut = () => {}) {
         if (mine.isOver) return;
         if (["failed", "cancelled"].includes(job.status)) return box.tell(job.error || "It was cancelled.");
         const { done = null, all = null } = job.progress ?? {};
-        box.tell(job.status === "running" && all ? t`Driving it in full: ${done} of ${all}` : translate("Driving it in full"));
+        if (all && done * total >= counted * all) [counted, total] = [done, all];
+        box.tell(total ? t`Driving it in full: ${counted} of ${total}` : translate("Driving it in full"));
         if (job.status === "done") answer = await get(`${path}/results/result.json`);
       } catch (error) {
         if (mine.isOver) return;

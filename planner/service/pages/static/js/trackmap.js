@@ -5,17 +5,19 @@ import { MapView } from "./map.js";
 import { colours } from "./palette.js";
 import { edge, line, soil } from "./layers.js";
 
+const SAME_M = 0.5, SAME_SHARE = 0.2; // by which a track of another layout may lie aside or be longer and still be the same
 const NEAR_PX = 12, WIDTH_PX = 3, CHOSEN_PX = 7, DASH = [5, 5], DROP_DASH = [3, 4];
 const RANGE = /^(R?)(\d+)(?:-R?(\d+))?$/;
 
-/** The map; `changed()` when something else is wanted of a track. `show(answer)` takes an estimate with its lines. */
+/** The map; `changed()` when something else is wanted of a track. `show(answer, isLatest)` takes an estimate with its lines. */
 export function trackMap(changed) {
   const view = new MapView("Tracks of the estimate", { short: true });
   const told = el("p", { class: "small", role: "status" }), wanted = el("p", { class: "small" });
   const choice = el("select", { onchange: () => choose(choice.value) });
   const out = button("Leave out", () => wish(chosen, "out"), "small"), first = button("Work first", () => wish(chosen, "first"), "small");
   const tractors = el("span", { class: "row" }), free = button("As planned", () => wish(chosen, null), "small"), clear = button("Clear all", () => { wishes.clear(); after(); }, "small");
-  let lines = [], outlines = [], wishes = new Map(), chosen = "", dragging = null, fitted = "", layout = "", pinned = {}, dropped = "";
+  let lines = [], outlines = [], wishes = new Map(), chosen = "", dragging = null, fitted = "", layout = "", ground = "", pinned = {}, dropped = "";
+  let kept = []; // lines of the layout before, each with what is wanted of it, until those of the next are there
 
   const byName = (name) => lines.find((one) => one.name === name);
   const count = () => Math.max(0, ...lines.map((one) => one.tractor ?? 0));
@@ -29,10 +31,22 @@ export function trackMap(changed) {
     after();
   };
   const choose = (name) => { chosen = name; tell(); };
-  const nearest = (at) => {
-    const gaps = lines.map((one) => [Math.min(...one.points.slice(1).map((to, k) => gap(at, one.points[k], to))) * view.scale, one]);
-    const [px, one] = gaps.reduce((best, other) => (other[0] < best[0] ? other : best), [Infinity, null]);
-    return px <= NEAR_PX ? one : null;
+  const nearest = (at, mostM = NEAR_PX / view.scale) => {
+    const gaps = lines.map((one) => [Math.min(...one.points.slice(1).map((to, k) => gap(at, one.points[k], to))), one]);
+    const [metres, one] = gaps.reduce((best, other) => (other[0] < best[0] ? other : best), [Infinity, null]);
+    return metres <= mostM ? one : null;
+  };
+  // The line that lies where one of another layout lay, and is about as long; null without one.
+  const successor = ({ points }) => {
+    const one = nearest(middleOf(points), SAME_M);
+    return one && Math.abs(lengthOf(one.points) - lengthOf(points)) <= SAME_SHARE * lengthOf(points) ? one : null;
+  };
+  const takeKept = () => {
+    const found = kept.map(([one, what]) => [successor(one)?.name, what]);
+    wishes = new Map([...wishes, ...found.filter(([name]) => name)]);
+    if (found.some(([name]) => !name)) dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
+    kept = [];
+    if (wishes.size) changed();
   };
 
   view.clicked = (at) => choose(nearest(at)?.name ?? "");
@@ -101,7 +115,7 @@ export function trackMap(changed) {
     node,
     close: () => view.close(),
     /** The lines of an estimate; answers without any leave what is shown. */
-    show(answer) {
+    show(answer, isLatest) {
       if (!answer.lines?.length) return;
       const before = { names: names(), count: count() };
       [lines, outlines] = [answer.lines, answer.outlines];
@@ -113,19 +127,23 @@ export function trackMap(changed) {
       const box = JSON.stringify(outlines);
       if (box !== fitted) view.fit(bounds(outlines[0]));
       fitted = box;
+      if (kept.length && isLatest) takeKept();
       tell();
     },
-    /** A request with what is wanted. Another layout numbers its tracks anew: then nothing is wanted any more.
+    /** A request with what is wanted. Another layout numbers its tracks anew: what was wanted is then wanted of the tracks
+    that lie where those were, and of none on another field.
 
     `options` says which number tracks, as the form of a plan does. */
     complete(request, options) {
       const key = JSON.stringify(Object.entries(request).filter(([name]) => options[name]?.numbers_tracks ?? true).sort());
+      if (request.field !== ground) kept = [];
       if (lines.length && key !== layout && wishes.size) {
+        if (request.field === ground) kept.push(...[...wishes].map(([name, what]) => [byName(name), what]).filter(([one]) => one));
+        else dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
         wishes.clear();
-        dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
         tell();
       }
-      layout = key;
+      [layout, ground] = [key, request.field];
       if (!wishes.size) return request;
       const [outs, firsts] = ["out", "first"].map((what) => named(what).join(",")), give = takers().map((k) => `${k}=${named(k).join(",")}`);
       return { ...request, ...(request.no_headland ? { bearing: pinned.bearing } : pinned), ...(outs && { leave_out: outs }), ...(firsts && { work_first: firsts }), ...(give.length && { give }) };
@@ -156,11 +174,13 @@ function gap([x, y], [ax, ay], [bx, by]) {
   return Math.hypot(x - ax - k * dx, y - ay - k * dy);
 }
 
+const lengthOf = (points) => points.slice(1).reduce((metres, [x, y], k) => metres + Math.hypot(x - points[k][0], y - points[k][1]), 0);
+const middleOf = (points) => (points.length > 2 ? points[Math.floor(points.length / 2)] : points[0].map((value, axis) => (value + points[1][axis]) / 2));
 const bounds = (ring) => [0, 1].map((axis) => ring.map((point) => point[axis])).map((values) => [Math.min(...values), Math.max(...values)]).reduce(([west, east], [south, north]) => [west, south, east, north]);
 
 // A sign in the middle of a line: a cross where it is left out, a 1 where it comes first, else the number of its tractor.
 function mark(ctx, view, points, what) {
-  const middle = points.length > 2 ? points[Math.floor(points.length / 2)] : points[0].map((value, axis) => (value + points[1][axis]) / 2), [px, py] = view.at(...middle);
+  const [px, py] = view.at(...middleOf(points));
   ctx.font = "700 13px system-ui, sans-serif";
   ctx.textAlign = "center";
   ctx.lineWidth = 4;
