@@ -170,8 +170,11 @@ class MoveTable:
         self._update_cost(u, v)
 
     def find(self, u: int, v: int) -> bool:
-        """Find moves between two nodes: in closed form, else with lines cut back and, where that is dearer than a search
-        usually is, by one; else by a search and with the implement folded; whether any is."""
+        """Find moves between two nodes; whether any is.
+
+        In closed form, else with lines cut back, and by a search where that is dearer than what searches usually find;
+        else by a search and with the implement folded.
+        """
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
         if not self._options[u, v] and (u, v) not in self._cut:

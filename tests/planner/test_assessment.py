@@ -194,8 +194,7 @@ class TestWhatNoPlanMeets:
         few = tuple(replace(each, finish_probability=0.004) for each in self.plans)
         told = self.told(few, rain="8:20=50,8:40=50")
         assert (
-            told.shortfalls[0].sentence
-            == "No plan finishes before the rain: the surest does in <1 % of the samples."
+            told.shortfalls[0].sentence == "No plan finishes before the rain: the surest does in <1 % of the samples."
         )
         assert told.best is few[2]
         assert self.told(rain="8:20=50,8:40=50").shortfalls == ()
