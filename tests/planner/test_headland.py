@@ -71,9 +71,8 @@ def test_round_corners_leave_what_lies_outside_their_arc(rectangle: Any) -> None
     swept = planned_strips(site, evaluation.run)
     left = outermost.difference(swept)
     missed = [shapely.box(x, y, x + 9, y + 9).intersection(left).area for x in (0, 111) for y in (0, 51)]
-    said = (1.0 - math.pi / 4.0) * (
-        site.driving_rules.radius_m + 1.5
-    ) ** 2  # outside the arc of the outer end of the bar
+    # What lies outside the arc of the outer end of the bar.
+    said = (1.0 - math.pi / 4.0) * (site.driving_rules.radius_m + 1.5) ** 2
     assert sorted(missed)[0] < 0.3 * said
     assert sorted(missed)[1:] == pytest.approx([said] * 3, rel=0.1)
 
