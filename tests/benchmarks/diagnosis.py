@@ -16,7 +16,7 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -95,8 +95,7 @@ def send_answer(sender: Connection, one: LogSet) -> None:
     sender.send(build_record(one))
 
 
-def run_sets(sets: Sequence[LogSet], jobs: int, out: Path, state: str,
-             answer: Callable[[Sequence[LogSet], int], Iterator[Record]] = iter_answers) -> None:  # fmt: skip
+def run_sets(sets: Sequence[LogSet], jobs: int, out: Path, state: str) -> None:
     """Diagnose what is left of the sets and add the answers to the file."""
     known = {record["key"] for record in read_answers(out, state)}
     left = [one for one in sets if one.key not in known]
@@ -104,7 +103,7 @@ def run_sets(sets: Sequence[LogSet], jobs: int, out: Path, state: str,
     begun = time.monotonic()
     with out.open("a", encoding="utf-8") as file:
         file.write("\n" if is_cut_off else "")
-        for number, record in enumerate(answer(left, jobs) if left else (), 1):
+        for number, record in enumerate(iter_answers(left, jobs) if left else (), 1):
             file.write(json.dumps({**record, "state": state}) + "\n")
             file.flush()
             minutes = (time.monotonic() - begun) / number * (len(left) - number) / 60.0

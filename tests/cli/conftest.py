@@ -13,8 +13,6 @@ import pytest
 from tests.cli.refusals import contents, lay_out
 from tests.drawn_fields import rectangle
 
-Ring = list[list[float]]
-
 
 class Outcome(NamedTuple):
     """What a command left behind."""

@@ -14,7 +14,7 @@ from planner.errors import HeadlandError
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from tests.planner.shapes import L_SHAPE, SHAPES
+from tests.planner.shapes import SHAPES
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -23,7 +23,6 @@ LANE = Field("lane", shapely.box(0, 0, 150, 7))
 SQUARE = Field("square", shapely.box(0, 0, 40, 40))
 GARDEN = Field("garden", shapely.box(0, 0, 18, 14))
 WEDGE = Field("wedge", shapely.Polygon([(0, 0), (110, 0), (0, 30)]))
-ELL = Field("ell", shapely.Polygon(L_SHAPE))
 POND = Field("pond", shapely.box(0, 0, 60, 60), obstacles=(Obstacle("pond", shapely.Point(30, 30), 18.0),))
 TREE = Field("tree", shapely.box(0, 0, 70, 50), obstacles=(Obstacle("tree", shapely.Point(22, 25), 1.0),))
 GATE = Field("gate", shapely.box(0, 0, 60, 40), entrance=(0.0, 20.0))

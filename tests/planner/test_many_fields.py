@@ -165,12 +165,6 @@ def test_a_file_of_something_else_is_left_alone(tmp_path: Path) -> None:
         assert path.read_text(encoding="utf-8") == text
 
 
-def test_no_scheduler_is_told_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.pipeline.executors.PATIENCE_S", 0.5)
-    with pytest.raises(HeadlandError, match="no Dask scheduler"), connect_cluster("tcp://127.0.0.1:1"):
-        pass
-
-
 @pytest.fixture
 def workers() -> Iterator[object]:
     distributed = pytest.importorskip("distributed")

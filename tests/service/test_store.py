@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from planner.service.errors import BusyError, ConflictError, DatabaseError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
 from planner.service.store.backup import back_up, restore_backup, sweep_unnamed_bytes
-from planner.service.store.database import Database, migrate_database
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import check_name
 from planner.service.store.tables import JobRow, ResultRow, TableBase
@@ -253,26 +252,6 @@ def test_what_is_no_backup_leaves_nothing_behind(tmp_path: Path) -> None:
             restore_backup(store, tmp_path / "odd.zip")
         assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)
     assert store.list_files("field") == [] and not (tmp_path / "evil").exists()
-    store.close()
-
-
-def test_an_older_database_is_brought_up_to_date_with_all_it_had(both: ServiceSettings) -> None:
-    old = Database(both.url)
-    both.data.mkdir()
-    migrate_database(old.engine, "0001")
-    with old.open_write_session() as session:
-        session.execute(
-            sa.text(
-                "INSERT INTO files (kind, name, suffix, sha256, size, media, created) VALUES "
-                "('field', 'north', '.geojson', 'abc', 3, 'application/geo+json', '2026-05-01T06:10:00.123Z')"
-            )
-        )
-    old.close()
-    store = Store(both)
-    row = store.get_file("field", "north")
-    assert (row.sha256, row.size, row.options) == ("abc", 3, {})
-    with store.database.engine.connect() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), TableBase.metadata) == []
     store.close()
 
 

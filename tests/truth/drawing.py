@@ -278,18 +278,11 @@ DRAWERS: Mapping[str, Callable[[Menu, Rng], list[TruthCase]]] = {
 }  # fmt: skip
 
 
-def draw_cases(menu: Menu, seed: int, kinds: Iterable[str] | None = None) -> list[TruthCase]:
-    """The cases of a seed, or those of some kinds; each kind has draws of its own, each case a seed of its own.
-
-    Raises ValueError for an unknown kind.
-    """
-    wanted = KINDS if kinds is None else tuple(kinds)
-    unknown = sorted(set(wanted) - set(KINDS))
-    if unknown:
-        raise ValueError(f"The kind {unknown[0]!r} is unknown; use one of: {', '.join(KINDS)}.")
+def draw_cases(menu: Menu, seed: int) -> list[TruthCase]:
+    """The cases of a seed; each kind has draws of its own, each case a seed of its own."""
     cases = []
     for number, kind in enumerate(KINDS):
-        if kind in wanted and kind in menu.counts:
+        if kind in menu.counts:
             rng = np.random.default_rng([seed, menu.stream, number])
             drawn = DRAWERS[kind](menu, rng) + (menu.more[kind](rng) if kind in menu.more else [])
             cases += [replace(case, seed=seed * 1000 + number * 50 + place) for place, case in enumerate(drawn)]

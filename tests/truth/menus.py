@@ -3,8 +3,6 @@
 The causes are described where they act: tests.truth.third_outside, fourth, fifth and fifth_outside.
 """
 
-from collections.abc import Iterable
-
 from tests.truth.cases import ColumnClock, TruthCase
 from tests.truth.drawing import Cause, Either, Menu, Rng, build_case, draw_cases
 
@@ -142,6 +140,6 @@ FIFTH = Menu(
 MENUS = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH}
 
 
-def draw_reference(name: str, seed: int, kinds: Iterable[str] | None = None) -> list[TruthCase]:
-    """The cases of a seed by one of MENUS, or those of some kinds. Raises ValueError for an unknown kind."""
-    return draw_cases(MENUS[name], seed, kinds)
+def draw_reference(name: str, seed: int) -> list[TruthCase]:
+    """The cases of a seed by one of MENUS."""
+    return draw_cases(MENUS[name], seed)

@@ -12,7 +12,6 @@ from vehicle.model.effects import CATALOGUE, Effect, check_effect, get_effect, g
 from vehicle.model.tractor import load_tractor
 
 STEERING = load_tractor("eg105").steering
-NUMBERS = st.floats(-20.0, 20.0)
 
 Z95 = 1.959963984540054  # of a normal distribution 95 % lie within as many standard deviations of the mean
 

@@ -9,7 +9,7 @@ from planner.pipeline.example_logs import DDI_COLUMNS, encode_records
 from tests.cli.conftest import built, headland  # noqa: F401
 from tests.fields.farm_files import METRE_EAST, METRE_NORTH, place
 
-WIDTH_M, WORK_MPS, TURN_MPS = 6.0, 2.0, 1.0
+WIDTH_M, WORK_MPS = 6.0, 2.0
 TRACK_M, STOP_S, TURN_S = 100, 20, 20
 TRACKS = 3
 
