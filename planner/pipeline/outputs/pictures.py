@@ -356,12 +356,11 @@ def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, flo
 def build_outline_picture(context: PlanningContext) -> PlanDrive:
     """The field with its layout, without tractors; ground that the layout leaves unworked is shown as missed."""
     layout = context.layout
-    plural = "" if layout.track_count == 1 else "s"
     unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_AREA_M2]
     unworked.sort(key=lambda piece: -round(piece.area, 3))
     place = shapely.point_on_surface(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
-    title = f"{layout.field.name}: {layout.track_count} track{plural} at {bearing}"
+    title = f"{layout.field.name}: tracks at {bearing}"
     largest = place and UnworkedPiece(float(unworked[0].area), float(place.x), float(place.y))
     return replace(
         build_field_picture(context, title, get_site_moves(context).lines),
