@@ -126,19 +126,6 @@ def test_refusals() -> None:
         twin.add_command(0.0, math.inf, 1.0)
 
 
-def test_the_recording_is_a_log_of_the_project(following: Following, tmp_path: Any) -> None:
-    from vehicle.identification.logs.reader import read_log
-
-    twin = following(PREDICT, 10.0, 0.05, noise=TractorNoise()).twin
-    path = tmp_path / "run.csv"
-    path.write_text(twin.recording.format_csv((500000.0, 4000000.0)), encoding="utf-8")
-    log = read_log(path)
-    assert log.rows_used == len(twin.recording) and log.easting_m.min() > 499000.0
-    assert log.heading_deg is not None and math.cos(math.radians(log.heading_deg[30])) > 0.999, "north at first"
-    assert set(log.implement) == {0.0, 1.0} and set(log.shuttle) == {1.0}
-    assert log.speed_command_mps is not None and log.speed_command_mps.max() == pytest.approx(SPEED)
-
-
 def test_the_frame_of_a_state_is_a_fix() -> None:
     from tests.twin.test_stepper import stepper
 
