@@ -233,7 +233,6 @@ def main() -> None:
     parser.add_argument("--mobility", type=float, default=50.0, help="mobility number of the driven wheels")
     parser.add_argument("--rolling", type=float, help="resistance over weight, by default from the mobility number")
     parser.add_argument("--efficiency", type=float, default=0.86, help="from the engine to the axle")
-    parser.add_argument("--reduction-pct", type=float, default=0.0, help="of the engine's speed")
     parser.add_argument("--crop-kwh-per-t", type=float, default=0.0)
     parser.add_argument("--air", type=float, default=0.0, help="N s2/m2")
     parser.add_argument("--chunk-s", type=float)
@@ -243,7 +242,7 @@ def main() -> None:
         rolling_share=rolling, engine_power_w=1000.0 * options.power_kw, driveline_efficiency=options.efficiency,
         mobility_number=options.mobility,
     )  # fmt: skip
-    engine = DieselEngine(1000.0 * options.power_kw, reduction_pct=options.reduction_pct)
+    engine = DieselEngine(1000.0 * options.power_kw)
     crop_j_per_kg = options.crop_kwh_per_t * J_PER_KWH / 1000.0
     machine = Machine(options.mass_kg, engine, load, crop_j_per_kg, options.air)
     table = pd.read_csv(options.log)

@@ -64,9 +64,8 @@ class TwinState:
 class Twin:
     """One virtual tractor that begins as `start` says and drives as the tractor's file says.
 
-    `method` is how it is corrected (vehicle.twin.correction); `noise` is the assumed noise of instruments and soil.
-    Twins draw no random numbers: the same calls give the same states bit for bit. Raises VehicleError for an unknown
-    method or ground and for numbers that are not finite.
+    `method` is how it is corrected (vehicle.twin.correction). Twins draw no random numbers: the same calls give the
+    same states bit for bit. Raises VehicleError for an unknown method and for numbers that are not finite.
     """
 
     def __init__(
@@ -76,26 +75,23 @@ class Twin:
         start: PoseFix,
         *,
         method: str = PREDICT,
-        ground: str = "soil",
-        noise: TractorNoise | None = None,
     ) -> None:
         if method not in CORRECTION_METHODS:
             raise VehicleError(
                 f"The correction method {method!r} is unknown; use one of: {', '.join(CORRECTION_METHODS)}."
             )
         _check_fix(start)
-        self.tractor, self.implement, self.method, self.ground = tractor, implement, method, ground
+        self.tractor, self.implement, self.method = tractor, implement, method
         self._start_s = start.time_s
-        noise = noise or TractorNoise()
         machine = make_tractor_arrays(tractor, implement)
         angle = start.heading_rad - machine.bias_rad
         x, y = machine.locate_antenna(np.array([0.0, 0.0, angle]))
         body = create_body(start.x_m - x, start.y_m - y, angle, start.speed_mps)
-        rolled = PropagatedTractor(machine, find_ground_index(ground), create_state(0.0, start.speed_mps), body, 0)
+        rolled = PropagatedTractor(machine, find_ground_index("soil"), create_state(0.0, start.speed_mps), body, 0)
         self._arrays = machine
         self._commands = CommandBuffer(0.0, start.speed_mps)
         self._test = MismatchTest(tractor, start.time_s)
-        tracker, monitor = build_tracker_parameters(noise), build_monitor_parameters(noise)
+        tracker, monitor = build_tracker_parameters(TractorNoise()), build_monitor_parameters(TractorNoise())
         self._anchor = StateAtFix(rolled, PoseFilter(tracker, body[:3]), PoseFilter(monitor, body[:3]), self._test)
         kind = PredictionCorrector if method == PREDICT else ThesisCorrector
         self._corrector: PredictionCorrector | ThesisCorrector = kind(self._anchor, self._commands)
