@@ -22,8 +22,7 @@ import numpy as np
 
 from vehicle.arrays import Booleans, Floats, measure_along
 from vehicle.control.speed import STANDSTILL_MPS
-from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, ElectricDrive, PowerSource, build_power_source
-from vehicle.energy.load import ENGINE_TO_SHAFT
+from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, ElectricDrive, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
 from vehicle.missions.run import SimulationRun
@@ -197,8 +196,7 @@ def compute_consumption(work: Floats, shaft_j: Floats, seconds: Floats, load: Wo
     axle = work.sum(axis=1)
     driven = np.where(axle > 0.0, axle / load.driveline_efficiency, 0.0)
     braked = work[:, BRAKING] * load.driveline_efficiency
-    shaft_share = ENGINE_TO_SHAFT if isinstance(source, DieselEngine) else 1.0
-    engine_j = driven - braked + shaft_j / shaft_share
+    engine_j = driven - braked + shaft_j / source.shaft_share
     is_on = seconds > 0.0
     power_w = np.divide(engine_j, seconds, out=np.zeros_like(engine_j), where=is_on)
     return np.where(is_on, source.compute_rate(power_w) * seconds, 0.0)
