@@ -179,11 +179,9 @@ def _pair_paths(segment: DriveSegment, name: str, rigs: Sequence[tuple[ReplayRig
     return PathPair(name, segment.start_s + segment.time[rows], measured, *paths)
 
 
-def compute_log_alignment(
-    segment: DriveSegment, antenna: Array, heading: Array, seconds: float = ALIGNMENT_S
-) -> tuple[Array, Array]:
+def compute_log_alignment(segment: DriveSegment, antenna: Array, heading: Array) -> tuple[Array, Array]:
     """Return rotation (2, 2) and shift (2,) that align the first seconds of the simulation with the measurement."""
-    rows = max(int(np.searchsorted(segment.time, seconds)), 2)
+    rows = max(int(np.searchsorted(segment.time, ALIGNMENT_S)), 2)
     x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
     angle, *middles = fit_rigid_motion(0, rows, segment.east, segment.north, segment.heading, x, y, heading)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])

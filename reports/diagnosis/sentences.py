@@ -221,12 +221,9 @@ SMALLEST_VISIBLE = (
 )
 
 
-def explain_likely_verdict(right_count: int = LIKELY_RIGHT, named_count: int = LIKELY_OF) -> str:
+def explain_likely_verdict() -> str:
     """Explain what likely means, and how often it was right in tests."""
-    reliability = "How often this is right is not known."
-    if named_count:
-        reliability = f"In tests {right_count} of {named_count} likely effects were true causes."
-    return f"{LIKELY_MEANS} {reliability}"
+    return f"{LIKELY_MEANS} In tests {LIKELY_RIGHT} of {LIKELY_OF} likely effects were true causes."
 
 
 def describe_status(finding: Finding) -> str:

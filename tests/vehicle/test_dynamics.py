@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.benchmarks.plain_pymunk import advance
-from vehicle.model.ground import GROUNDS
+from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import GRAVITY_MPS2, STATE
-from vehicle.sim.calibration import build_identity_table, compute_kinematic_radius, drive_circle
+from vehicle.sim.calibration import build_identity_table, compute_kinematic_radius, drive_base_circle
 from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.dynamics import step_body
 from vehicle.sim.loop import run_fixed
@@ -22,6 +22,7 @@ from vehicle.sim.pymunk_bridge import PymunkEngine, create_body
 
 DT = 1.0 / 60.0
 SPEED = 5.0 / 3.6
+SOIL = find_ground_index("soil")
 FORWARD = st.floats(-5.0, 5.0)
 RIGHT = st.floats(-2.0, 2.0)
 SPIN = st.floats(-1.0, 1.0)
@@ -130,7 +131,7 @@ def test_side_forces_leave_the_momentum_they_should(model: Any, soil: Any, forwa
 @pytest.mark.parametrize("speed", [0.05, 0.1, 0.2])
 @pytest.mark.parametrize("steering_deg", [-35.0, -5.0, 5.0, 20.0, 35.0, 50.0])
 def test_crawling_follows_the_kinematic_circle(eg105: Tractor, steering_deg: float, speed: float) -> None:
-    circle = drive_circle(eg105, steering_deg, "soil", corrected=False, speed_mps=speed)
+    circle = drive_base_circle(eg105, steering_deg, SOIL, speed_mps=speed)
     assert circle.radius_m == pytest.approx(compute_kinematic_radius(eg105, np.radians(abs(steering_deg))), rel=1e-3)
 
 
@@ -139,8 +140,7 @@ def test_slip_widens_the_circle_with_the_square_of_the_speed(eg105: Tractor, ste
     """Understeer of a linear tyre: the extra radius is proportional to v^2."""
     kinematic = float(compute_kinematic_radius(eg105, np.radians(steering_deg)))
     extra = [
-        drive_circle(eg105, steering_deg, "soil", corrected=False, speed_mps=speed).radius_m / kinematic - 1.0
-        for speed in (0.7, 1.4)
+        drive_base_circle(eg105, steering_deg, SOIL, speed_mps=speed).radius_m / kinematic - 1.0 for speed in (0.7, 1.4)
     ]
     assert 0.0 < extra[0] < 0.002
     assert extra[1] / extra[0] == pytest.approx(4.0, rel=0.02)

@@ -9,7 +9,6 @@ no row: they need little draft.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -120,13 +119,13 @@ def find_draft_rule(operation: str, width_m: float) -> DraftRule | None:
     return None
 
 
-def get_draft_rule(name: str, path: str | Path | None = None) -> DraftRule:
-    """The rule of an implement by name, from Headland's table or a file of the same form; "Disk harrow" will do.
+def get_draft_rule(name: str) -> DraftRule:
+    """The rule of an implement by name; "Disk harrow" will do.
 
     Raises:
         VehicleError: the table has no such implement.
     """
-    rules = load_draft_rules(path)
+    rules = load_draft_rules()
     plain_name = "-".join(name.lower().replace("_", " ").split())
     for spelling, own_spelling in SPELLINGS.items():
         plain_name = plain_name.replace(spelling, own_spelling)
@@ -139,11 +138,6 @@ def get_draft_rule(name: str, path: str | Path | None = None) -> DraftRule:
     return found
 
 
-def load_draft_rules(path: str | Path | None = None) -> dict[str, DraftRule]:
-    """All rules by name, of Headland's table or of a file of the same form; VehicleError says what is wrong with it."""
-    rules: dict[str, DraftRule] = {}
-    for rule in load_table(path, "implements.csv", DraftRule, "an implement"):
-        if rule.name in rules:
-            raise VehicleError(f"The implement {rule.name!r} stands twice in the table; give each another name.")
-        rules[rule.name] = rule
-    return rules
+def load_draft_rules() -> dict[str, DraftRule]:
+    """All rules of the table by name."""
+    return {rule.name: rule for rule in load_table(None, "implements.csv", DraftRule, "an implement")}

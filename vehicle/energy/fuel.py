@@ -2,14 +2,13 @@
 
 Diesel: ASABE D497.7 (2011), clause 3.3.3, after Grisso, Kocher and Vaughan 2004:
 
-    Q = (0.22 X + 0.096) (1 - (0.00877 N - 0.0045 X N)) P     litres per hour
+    Q = (0.22 X + 0.096) P     litres per hour
 
 P is the rated power (kW) at the shaft, X the share of it in use (whatever turns the wheels counts as if taken from the
-shaft), N by how many per cent the engine turns slower than at full throttle, up to about 30. The edition of 2003 and
-those before it gave up to a third more. It says too much at light loads: a New Holland T7 logged 0.97 of it at
-work, half of it while driving and turning. Points of a test, such as those of OECD Code 2, give the two numbers for an
-engine. Two things the standard leaves out are said here: an engine that the wheels turn, downhill, needs less along the
-same line until it needs nothing, and one that idles needs IDLE_SHARE.
+shaft), at full throttle. The edition of 2003 and those before it gave up to a third more. It says too much at light
+loads: a New Holland T7 logged 0.97 of it at work, half of it while driving and turning. Points of a test, such as those
+of OECD Code 2, give the two numbers for an engine. Two things the standard leaves out are said here: an engine that the
+wheels turn, downhill, needs less along the same line until it needs nothing, and one that idles needs IDLE_SHARE.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from vehicle.errors import check_range
 from vehicle.model.tractor import BatteryParameters, Tractor
 
 USE_L_PER_KWH, NO_LOAD_L_PER_KWH = 0.22, 0.096
-THROTTLE_RATE, THROTTLE_LOAD_RATE = 0.00877, 0.0045
-MAX_REDUCTION_PCT = 30.0
 IDLE_SHARE = 0.07
 """Of the fuel at full load: 1.9 of 28 l/h of a New Holland T7.165 S at 750 rpm (lindiap/tractor-field-operations)."""
 CO2_KG_PER_L = 2.65
@@ -41,10 +38,6 @@ class DieselEngine:
 
     Attributes:
         power_w: rated, at the flywheel.
-        shaft_share: of it at the power take-off.
-        reduction_pct: N of the equation while it works and drives.
-        idle_share: fuel while it idles over fuel at full load.
-        factor: of all fuel, from a measurement of this machine.
         use_l_per_kwh, no_load_l_per_kwh: the two numbers of the equation.
 
     Raises:
@@ -53,36 +46,29 @@ class DieselEngine:
 
     unit: ClassVar[str] = LITRES
     """What `compute_rate` counts per second."""
+    shaft_share: ClassVar[float] = ENGINE_TO_SHAFT
+    """Of the power at the power take-off."""
     power_w: float
-    shaft_share: float = ENGINE_TO_SHAFT
-    reduction_pct: float = 0.0
-    idle_share: float = IDLE_SHARE
-    factor: float = 1.0
     use_l_per_kwh: float = USE_L_PER_KWH
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
 
     def __post_init__(self) -> None:
         check_range("The power of the engine", self.power_w / KILO, 0.1, 2000.0, "kW")
-        check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
-        check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0)
-        check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0)
-        check_range("The factor of the fuel", self.factor, 0.1, 10.0)
         check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
         check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
 
     @property
     def idle_rate(self) -> float:
         """Litres per second while the tractor stands."""
-        return float(self.idle_share * self._compute_lph(1.0, 0.0)) / HOUR_S
+        return float(IDLE_SHARE * self._compute_lph(1.0)) / HOUR_S
 
     def compute_rate(self, power_w: Floats) -> Floats:
         """Litres per second at powers of the flywheel; negative where the wheels turn the engine."""
-        return np.asarray(self._compute_lph(power_w / self.power_w, self.reduction_pct) / HOUR_S)
+        return np.asarray(self._compute_lph(power_w / self.power_w) / HOUR_S)
 
-    def _compute_lph(self, share: Any, reduction_pct: float) -> Any:
+    def _compute_lph(self, share: Any) -> Any:
         rated_kw = self.power_w * self.shaft_share / KILO
-        line = self.use_l_per_kwh, self.no_load_l_per_kwh
-        return self.factor * compute_diesel_lph(share, rated_kw, reduction_pct, *line)
+        return compute_diesel_lph(share, rated_kw, self.use_l_per_kwh, self.no_load_l_per_kwh)
 
 
 @dataclass(frozen=True)
@@ -95,6 +81,8 @@ class ElectricDrive:
 
     unit: ClassVar[str] = KWH
     """What `compute_rate` counts per second."""
+    shaft_share: ClassVar[float] = 1.0
+    """Of the power at the power take-off."""
     battery: BatteryParameters
 
     @property
@@ -135,7 +123,6 @@ PowerSource = DieselEngine | ElectricDrive
 def compute_diesel_lph(
     share: Any,
     rated_shaft_kw: float,
-    reduction_pct: float = 0.0,
     use_l_per_kwh: float = USE_L_PER_KWH,
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH,
 ) -> Any:
@@ -143,9 +130,7 @@ def compute_diesel_lph(
 
     `share` may be an array.
     """
-    full_throttle = use_l_per_kwh * share + no_load_l_per_kwh
-    throttle = 1.0 - (THROTTLE_RATE - THROTTLE_LOAD_RATE * share) * reduction_pct
-    return np.maximum(full_throttle * throttle, 0.0) * rated_shaft_kw
+    return np.maximum(use_l_per_kwh * share + no_load_l_per_kwh, 0.0) * rated_shaft_kw
 
 
 def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:

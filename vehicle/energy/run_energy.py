@@ -22,7 +22,7 @@ import numpy as np
 
 from vehicle.arrays import Booleans, Floats, measure_along
 from vehicle.control.speed import STANDSTILL_MPS
-from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, ElectricDrive, PowerSource, build_power_source
+from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, ElectricDrive, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
 from vehicle.missions.run import SimulationRun
@@ -46,13 +46,11 @@ class TractorEnergy:
             out, so that a row adds up to what the engine put in.
         consumption: by leg (legs,), in the unit of RunEnergy, with idling.
         idle: the part of it while the tractor waited or stood (legs,).
-        shaft_j: work of the shaft that drives the implement (legs,).
     """
 
     work_j: Floats
     consumption: Floats
     idle: Floats
-    shaft_j: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,11 +124,11 @@ def compute_run_energy(
         is_idle = np.isin(statuses, (WAITING, STANDING)) & (np.abs(speeds[:-1]) < STANDSTILL_MPS)
         taken = compute_consumption(work, shaft, seconds, load, source)
         taken = np.where(is_idle, source.idle_rate * seconds, taken)
-        columns = (*work.T, taken, np.where(is_idle, taken, 0.0), shaft)
-        *by_cause, consumption, idle, shaft_j = (
+        columns = (*work.T, taken, np.where(is_idle, taken, 0.0))
+        *by_cause, consumption, idle = (
             np.bincount(row_legs, weights=column, minlength=len(legs)).astype(np.float64) for column in columns
         )
-        tractors.append(TractorEnergy(np.column_stack(by_cause), consumption, idle, shaft_j))
+        tractors.append(TractorEnergy(np.column_stack(by_cause), consumption, idle))
     return RunEnergy(tuple(tractors), source.unit)
 
 
@@ -198,8 +196,7 @@ def compute_consumption(work: Floats, shaft_j: Floats, seconds: Floats, load: Wo
     axle = work.sum(axis=1)
     driven = np.where(axle > 0.0, axle / load.driveline_efficiency, 0.0)
     braked = work[:, BRAKING] * load.driveline_efficiency
-    shaft_share = source.shaft_share if isinstance(source, DieselEngine) else 1.0
-    engine_j = driven - braked + shaft_j / shaft_share
+    engine_j = driven - braked + shaft_j / source.shaft_share
     is_on = seconds > 0.0
     power_w = np.divide(engine_j, seconds, out=np.zeros_like(engine_j), where=is_on)
     return np.where(is_on, source.compute_rate(power_w) * seconds, 0.0)

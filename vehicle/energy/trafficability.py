@@ -2,7 +2,7 @@
 
     Worked without harm   up to 7.5 + 1.91 organic matter + 0.34 clay, in % (Terzaghi, Hoogmoed and Miedema 1988); two
                           fields measured in Berlin differ from that by 3 % of moisture
-    Pulled on             while the net traction of the driven wheels at their best slip is above draft and slope;
+    Pulled on             while the net traction of the driven wheels at their best slip is above the draft;
                           beyond 20 % of slip more power goes into the ground than into the pull
     Driven on             while the cone index is above the vehicle cone index of fifty passes, of the US army
                           (Priddy and Willoughby 2006), which holds for vehicles with all axles driven
@@ -85,20 +85,17 @@ def compute_trafficability(
     load: WorkLoad,
     soil_name: str,
     *,
-    grade: float = 0.0,
-    speed_mps: float = 1.5,
+    speed_mps: float,
     path: str | Path | None = None,
 ) -> Trafficability | None:
     """The limits of moisture of a soil by name; None for one that is the same at any moisture.
 
-    `grade` is the steepest rise per metre where the implement works at `speed_mps`. Raises VehicleError for a soil that
-    is not known.
+    The implement works at `speed_mps`, on level ground. Raises VehicleError for a soil that is not known.
     """
     rows = get_soil_rows(soil_name, path)
     if len(rows) < 2:
         return None
-    weight_n = compute_weight_n(tractor, load.implement_mass_kg)
-    needed_n = load.compute_draft_n(speed_mps) + grade * weight_n
+    needed_n = load.compute_draft_n(speed_mps)
 
     def find_pull_limit(max_slip: float | None) -> MoistureLimit:
         return _find_limit(rows, lambda soil: bool(compute_pull_n(tractor, load, soil, max_slip) >= needed_n))

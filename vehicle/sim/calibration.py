@@ -156,21 +156,7 @@ def drive_base_circle(
     return drive_circle_with_tables(wide_tractor, steering_deg, ground, tables, seconds=seconds, speed_mps=speed_mps)
 
 
-def drive_circle(
-    tractor: Tractor,
-    steering_deg: float,
-    ground: str,
-    *,
-    corrected: bool = True,
-    seconds: float = 60.0,
-    speed_mps: float = CIRCLE_SPEED_MPS,
-) -> SteeringCircle:
-    """The circle of a tractor at a wheel angle, with the corrections of its file; if not `corrected`, the base model's.
-
-    Raises VehicleError for an unknown ground.
-    """
-    index = find_ground_index(ground)
-    if not corrected:
-        return drive_base_circle(tractor, steering_deg, index, seconds, speed_mps)
-    tables = build_steering_tables(tractor)
-    return drive_circle_with_tables(tractor, steering_deg, index, tables, seconds=seconds, speed_mps=speed_mps)
+def drive_circle(tractor: Tractor, steering_deg: float, ground: str, seconds: float = 60.0) -> SteeringCircle:
+    """The circle of a tractor with the corrections of its file. Raises VehicleError for an unknown ground."""
+    index, tables = find_ground_index(ground), build_steering_tables(tractor)
+    return drive_circle_with_tables(tractor, steering_deg, index, tables, seconds=seconds, speed_mps=CIRCLE_SPEED_MPS)

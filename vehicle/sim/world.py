@@ -198,7 +198,6 @@ class World:
         *,
         terrain: Terrain | None = None,
         load: WorkLoad | None = None,
-        tables: Records | None = None,
         position_errors: Records | None = None,
         seed: int = 1,
     ) -> None:
@@ -211,7 +210,7 @@ class World:
         self.heights, self.frame = (NO_TERRAIN, np.zeros(3)) if terrain is None else (terrain.grid, terrain.frame)
         self.models = np.array([build_model_record(tractor, implement, self.load)])
         self.grounds = build_ground_records(self.load)
-        self.tables = (build_steering_tables(tractor) if tables is None else tables)[None]
+        self.tables = build_steering_tables(tractor)[None]
         self.position_errors = NO_ERROR if position_errors is None else position_errors
         self.program.states["error_key"] = make_error_keys(seed, plan.tractors)
         self.steps_per_tick = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))

@@ -1,17 +1,14 @@
-"""The twin of a real tractor: it gets the same commands, is corrected by late and sparse fixes, and records a log."""
+"""The twin of a real tractor: it gets the same commands and is corrected by late and sparse fixes."""
 
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fields.units import KMH_PER_MPS
 from vehicle.arrays import Floats
-from vehicle.control.speed import STANDSTILL_MPS
 from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor
@@ -21,70 +18,6 @@ from vehicle.twin.kalman_filter import PoseFilter, build_monitor_parameters, bui
 from vehicle.twin.mismatch import MismatchTest, ModelMismatch, PositionJump
 from vehicle.twin.propagation import PIECE_STEPS, CommandBuffer, PropagatedTractor
 from vehicle.twin.step_motion import TractorNoise, create_body, create_state, make_tractor_arrays
-
-if TYPE_CHECKING:
-    from vehicle.identification.logs.schema import Log
-
-
-LOG_COLUMNS = (
-    "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps",
-    "speed_command_mps", "steering_command_deg", "shuttle", "implement",
-)  # fmt: skip
-
-
-class TwinRecording:
-    """Commands and fixes of a link, from which a log is made: one row per fix, with the command at its time."""
-
-    def __init__(self) -> None:
-        self._times: list[float] = []
-        self._commands: list[tuple[float, float, float]] = []
-        self._fixes: dict[float, tuple[float, float, float, float]] = {}
-
-    def add_command(self, time_s: float, steering_rad: float, speed_mps: float, implement: float) -> None:
-        """Add a command from a time on; one that repeats the last is ignored."""
-        place = bisect_right(self._times, time_s)
-        command = (steering_rad, speed_mps, implement)
-        if place and self._commands[place - 1] == command:
-            return
-        self._times.insert(place, time_s)
-        self._commands.insert(place, command)
-
-    def add_fix(self, time_s: float, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
-        """Add a fix, in the frame of PoseFix."""
-        self._fixes[time_s] = (x_m, y_m, heading_rad, speed_mps)
-
-    def __len__(self) -> int:
-        return len(self._fixes)
-
-    def build_rows(self, origin_m: tuple[float, float] = (0.0, 0.0)) -> list[tuple[float, ...]]:
-        """One row of LOG_COLUMNS per fix, positions with the plan's origin added; speeds are 0 or more."""
-        out: list[tuple[float, ...]] = []
-        for time_s, (x, y, heading, speed) in sorted(self._fixes.items()):
-            place = bisect_right(self._times, time_s)
-            steering, target, implement = self._commands[place - 1] if place else (0.0, 0.0, 0.0)
-            moving = target if abs(target) > STANDSTILL_MPS else speed if abs(speed) > STANDSTILL_MPS else 1.0
-            fix = time_s, origin_m[0] + x, origin_m[1] + y
-            compass_deg = round((90.0 - math.degrees(heading)) % 360.0, 3)
-            motion = abs(speed), abs(target), math.degrees(steering)
-            rounded = [tuple(round(value, 4) for value in values) for values in (fix, motion)]
-            out.append((*rounded[0], compass_deg, *rounded[1], math.copysign(1.0, moving), implement))
-        return out
-
-    def format_csv(self, origin_m: tuple[float, float] = (0.0, 0.0)) -> str:
-        """The log as text that `headland diagnose` reads."""
-        lines = [",".join(LOG_COLUMNS)]
-        for row in self.build_rows(origin_m):
-            lines.append(",".join(f"{value:.10g}" for value in row))
-        return "\n".join(lines) + "\n"
-
-    def build_log(self, name: str) -> Log:
-        """The log as an object. Raises LogError if it is too short, or the tractor never moved."""
-        import pandas as pd
-
-        from vehicle.identification.logs.reader import build_log
-
-        return build_log(pd.DataFrame(self.build_rows(), columns=list(LOG_COLUMNS)), name)
-
 
 THESIS, PREDICT = "thesis", "predict"
 CORRECTION_METHODS = (PREDICT, THESIS)
@@ -131,9 +64,8 @@ class TwinState:
 class Twin:
     """One virtual tractor that begins as `start` says and drives as the tractor's file says.
 
-    `method` is how it is corrected (vehicle.twin.correction); `noise` is the assumed noise of instruments and soil.
-    Twins draw no random numbers: the same calls give the same states bit for bit. Raises VehicleError for an unknown
-    method or ground and for numbers that are not finite.
+    `method` is how it is corrected (vehicle.twin.correction). Twins draw no random numbers: the same calls give the
+    same states bit for bit. Raises VehicleError for an unknown method and for numbers that are not finite.
     """
 
     def __init__(
@@ -143,26 +75,23 @@ class Twin:
         start: PoseFix,
         *,
         method: str = PREDICT,
-        ground: str = "soil",
-        noise: TractorNoise | None = None,
     ) -> None:
         if method not in CORRECTION_METHODS:
             raise VehicleError(
                 f"The correction method {method!r} is unknown; use one of: {', '.join(CORRECTION_METHODS)}."
             )
         _check_fix(start)
-        self.tractor, self.implement, self.method, self.ground = tractor, implement, method, ground
+        self.tractor, self.implement, self.method = tractor, implement, method
         self._start_s = start.time_s
-        noise = noise or TractorNoise()
         machine = make_tractor_arrays(tractor, implement)
         angle = start.heading_rad - machine.bias_rad
         x, y = machine.locate_antenna(np.array([0.0, 0.0, angle]))
         body = create_body(start.x_m - x, start.y_m - y, angle, start.speed_mps)
-        rolled = PropagatedTractor(machine, find_ground_index(ground), create_state(0.0, start.speed_mps), body, 0)
+        rolled = PropagatedTractor(machine, find_ground_index("soil"), create_state(0.0, start.speed_mps), body, 0)
         self._arrays = machine
         self._commands = CommandBuffer(0.0, start.speed_mps)
         self._test = MismatchTest(tractor, start.time_s)
-        tracker, monitor = build_tracker_parameters(noise), build_monitor_parameters(noise)
+        tracker, monitor = build_tracker_parameters(TractorNoise()), build_monitor_parameters(TractorNoise())
         self._anchor = StateAtFix(rolled, PoseFilter(tracker, body[:3]), PoseFilter(monitor, body[:3]), self._test)
         kind = PredictionCorrector if method == PREDICT else ThesisCorrector
         self._corrector: PredictionCorrector | ThesisCorrector = kind(self._anchor, self._commands)
@@ -174,7 +103,6 @@ class Twin:
         self._measured_speed_mps: float | None = None
         self._rows: list[tuple[float, ...]] = []
         self.late_count = 0
-        self.recording = TwinRecording()
 
     def _compute_step(self, time_s: float) -> int:
         return round((time_s - self._start_s) / DT_S)
@@ -202,7 +130,6 @@ class Twin:
         if command == self._last_command:
             return
         self._last_command = command
-        self.recording.add_command(time_s, *command)
         self._hold_command(self._compute_step(time_s - 0.5 * unseen), unseen)
 
     def _hold_command(self, step: int, unseen_s: float) -> None:
@@ -250,7 +177,6 @@ class Twin:
         row = self._shift_fix_to_step(fix, seen_s - self._start_s - step * DT_S)
         offset = self._anchor.correct_by_fix(row, fix.time_s, self._unseen_s <= MAX_COMMAND_GAP_S)
         self._update_speed_mismatch(fix)
-        self.recording.add_fix(fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps)
         self._corrector.note_correction(step, row)
         if isinstance(self._corrector, ThesisCorrector):
             for applied_step, applied in self._corrector.applied:

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from tests.identification.diagnosis.problems import build_problem
-from vehicle.identification.diagnosis.drive_data import POSE_CELLS
 from vehicle.identification.diagnosis.grammar import CONSTANT, Coordinate, Hypothesis, build_scope, list_nuisances
 from vehicle.identification.diagnosis.hints import (
     CHANGES,
     QUANTITY_WORDS,
     WHERE_WORDS,
-    PoseResponse,
     compare_thirds,
     compute_rank_sigmas,
     find_hints,
@@ -72,22 +70,6 @@ def test_what_is_wrong_with_an_instrument_is_told_with_what_it_depends_on(
     hint = find_hints(problem, fit_base(problem), (), NOTHING)[0]
     assert hint.instrument == instrument and hint.depends_on == depends_on
     assert hint.words.startswith("The error looks like ") and hint.words.endswith(f"depends on {depends_on}.")
-
-
-@pytest.mark.parametrize("field", [change.field for change in CHANGES])
-def test_the_response_by_geometry_is_that_of_the_simulation(field: str) -> None:
-    """A small constant change, after each window is laid on the other."""
-    problem = clean()
-    size = {"offset": 2e-3, "bend": 0.02, "heading_bias": 0.01, "shift_forward": 0.05, "shift_right": 0.05}.get(
-        field, 0.01
-    )
-    change = Hypothesis("tried", CONSTANT, (Coordinate(((field, 1.0),), 1.0, -1.0, 1.0),))
-    before, after = (problem.compute_residuals((change,), np.array([own]))["pose"] for own in (0.0, size))
-    fit = Fit((), np.zeros(0), 0.0, {}, np.eye(0))
-    response = PoseResponse(problem, fit)
-    expected = response.align(response.compute(field, np.full((problem.data.windows, POSE_CELLS), size)))
-    apart = np.linalg.norm(response.align(before - after) - expected, axis=1)
-    assert np.median(apart) < max(0.2 * np.median(np.linalg.norm(expected, axis=1)), 1e-4)
 
 
 def test_laws_that_no_tractor_file_holds_are_told_where_they_are_clear() -> None:

@@ -1,6 +1,4 @@
-"""Draft of implements: worked examples of others by ASABE D497, the table, and tables of users."""
-
-from pathlib import Path
+"""Draft of implements: worked examples of others by ASABE D497, and the table."""
 
 import pytest
 from hypothesis import given
@@ -10,7 +8,6 @@ from vehicle.energy.draft import DraftRule, find_draft_rule, get_draft_rule, loa
 from vehicle.errors import VehicleError
 
 KMH = 1.0 / 3.6
-HEADER = "name,implement,unit,a,b,c,fine,medium,coarse,depth_cm,spacing_m,range_pct,source\n"
 
 
 @pytest.mark.parametrize(("name", "texture", "speed_kmh", "width_m", "depth_cm", "expected_n"), [
@@ -71,24 +68,7 @@ def test_every_row_says_where_it_comes_from() -> None:
     assert all(rule.spacing_m == 1.0 for rule in rules.values() if rule.unit == "m")
 
 
-@pytest.mark.parametrize(("lines", "sentence"), [
-    ("x,x,m,1,0,0,1,1,1,1,1,30,me\nx,x,m,1,0,0,1,1,1,1,1,30,me\n", "The implement 'x' stands twice"),
-    ("x,x,feet,1,0,0,1,1,1,1,1,30,me\n", "drafts.csv. is not an implement: unit = 'feet': use 'm', 'tools'"),
-    ("x,x,m,-1,0,0,1,1,1,1,1,30,me\n", "a = '-1': give a number from 0 to 100000"),
-    ("x,x,m,1,0,0,1,1,1,1,1,30,me,too\n", "Line 2 .* has more values than the table has columns"),
-    ("", "is empty; give a line of names of columns"),
-])  # fmt: skip
-def test_a_fault_of_an_own_table_is_one_sentence(tmp_path: Path, lines: str, sentence: str) -> None:
-    path = tmp_path / "drafts.csv"
-    path.write_text(HEADER + lines, encoding="utf-8")
-    with pytest.raises(VehicleError, match=sentence):
-        load_draft_rules(path)
-
-
-def test_an_own_table_replaces_the_own(tmp_path: Path) -> None:
-    path = tmp_path / "drafts.csv"
-    path.write_text(HEADER + "rake,rake,m,250,0,0,1,1,1,,,20,measured\n", encoding="utf-8")
-    assert get_draft_rule("rake", path).compute_draft_n(4.0, 2.0) == pytest.approx(1000.0)
+def test_an_unknown_implement_and_a_depth_that_cannot_be_set_are_refused() -> None:
     with pytest.raises(
         VehicleError, match=r"The implement 'ploughs' is not in the table of drafts \(did you mean 'plough'\?\);"
     ):

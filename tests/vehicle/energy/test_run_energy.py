@@ -144,7 +144,6 @@ def test_an_implement_on_the_shaft_and_a_battery() -> None:
     run = make_straight_run(2.0)
     plain = compute_run_energy(run, EG105, load)
     driven = compute_run_energy(run, EG105, load, shaft_power_w=20_000.0)
-    assert driven.tractors[0].shaft_j.sum() == pytest.approx(2e6)
     assert driven.total - plain.total == pytest.approx(0.22 * 20.0 * 100.0 / 3600.0)
     electric = compute_run_energy(run, EG105, load, source=ElectricDrive(BatteryParameters(capacity_kwh=80.0)))
     push_w = 0.05 * 3850.0 * GRAVITY_MPS2 * 2.0

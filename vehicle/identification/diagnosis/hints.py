@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import rankdata
 
-from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELLS
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import LAW_WORDS, PENALTIES, Coordinate, Hypothesis
-from vehicle.identification.diagnosis.model_fit import Fit, Gain, Problem
-from vehicle.identification.diagnosis.noise import POSE_PARTS, build_yaw_response, cut_motion, integrate_cells
+from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.noise import POSE_PARTS
 from vehicle.identification.diagnosis.noise_floor import Unexplained, limit_noise
 from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Searcher
@@ -166,7 +166,7 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
     before = dict(problem.bases.arrays)
     problem.bases.arrays |= arrays
     try:
-        gains = [one for one in PoseResponse(problem, rest).scan(list(tried))
+        gains = [one for one in problem.scan(rest, tried)
                  if one.nats > ADD_NATS and abs(one.amounts[0]) > one.hypothesis.finest]  # fmt: skip
         searcher = Searcher(problem)
         predicted = searcher.predict(rest) if gains else {}
@@ -242,65 +242,3 @@ def compare_thirds(values: Array, squares: Array) -> float:
     if not (is_low.any() and is_high.any()):
         return 1.0
     return math.sqrt(max(float(squares[is_high].mean()), 1e-6) / max(float(squares[is_low].mean()), 1e-6))
-
-
-class PoseResponse:
-    """The response of the poses beside a fit, and what laws would gain by it."""
-
-    def __init__(self, problem: Problem, fit: Fit) -> None:
-        self.problem, self.fit = problem, fit
-        tractor = problem.rig.tractor
-        self.by_yaw = build_yaw_response(problem.data, tractor.antenna_forward_m)
-        self.speed, heading, self.yaw = cut_motion(problem.data)
-        self.cosine, self.sine = np.cos(heading), np.sin(heading)
-        data = problem.data
-        east, north = data.cut(data.path["east"], POSE_CELLS), data.cut(data.path["north"], POSE_CELLS)
-        self.east, self.north = (values - values.mean(axis=1, keepdims=True) for values in (east, north))
-        wheel = problem.data.cut(problem.data.path["steady"], POSE_CELLS)
-        self.per_angle = -self.speed / (tractor.wheelbase_m * np.cos(wheel) ** 2)
-
-    def compute(self, field: str, values: Array) -> Array:
-        """The change (w, 3 n) of east, north and heading where a field changes by values in the cells (w, n)."""
-        none = np.zeros_like(values)
-        match field:
-            case "offset":
-                return self._turn(self.per_angle * values)
-            case "bend":
-                return self._turn(self.yaw * values)
-            case "heading_bias":
-                return np.concatenate([none, none, values], axis=1)
-            case "shift_forward":
-                return np.concatenate([self.cosine * values, self.sine * values, none], axis=1)
-            case "shift_right":
-                return np.concatenate([self.sine * values, -self.cosine * values, none], axis=1)
-            case "speed_scale":
-                total, less = integrate_cells().T, -self.speed * values
-                return np.concatenate([(self.cosine * less) @ total, (self.sine * less) @ total, none], axis=1)
-        raise ValueError(f"The response to {field!r} is not known.")
-
-    def _turn(self, rate: Array) -> Array:
-        return np.asarray((self.by_yaw @ rate[:, :, None])[:, :, 0])
-
-    def scan(self, hypotheses: Sequence[Hypothesis]) -> list[Gain]:
-        """What hypotheses of one coordinate and one field would gain beside the fit, the best first."""
-        problem, fit, shown = self.problem, self.fit, list[Array]()
-        linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
-        for one in hypotheses:
-            (coordinate,) = one.coordinates
-            field, slope = coordinate.slopes[0]
-            basis = problem.data.cut(problem.bases.get(coordinate.basis), POSE_CELLS)
-            shown.append(self.align(self.compute(field, coordinate.width * slope * basis)))
-        columns = linear.stack({
-            channel: problem.noise[channel].whiten(np.stack(shown, axis=2)) if channel == "pose"
-            else np.zeros((*residuals.shape, len(hypotheses)))
-            for channel, residuals in fit.residuals.items()
-        })  # fmt: skip
-        gains = (linear.predict_gain(one, columns[:, [number]], 1.0) for number, one in enumerate(hypotheses))
-        return sorted((gain for gain in gains if gain is not None), key=lambda gain: -gain.nats)
-
-    def align(self, change: Array) -> Array:
-        """A change (w, 3 n) after each window is laid on what was measured, as residuals are."""
-        east, north, heading = np.split(change, 3, axis=1)
-        turn = heading.mean(axis=1, keepdims=True)
-        moved = (east + turn * self.north, north - turn * self.east, heading)
-        return np.concatenate([values - values.mean(axis=1, keepdims=True) for values in moved], axis=1)

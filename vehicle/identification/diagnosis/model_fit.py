@@ -197,7 +197,10 @@ class Problem:
         return white, {channel: np.sqrt(self.noise[channel].compute_weights(own)) for channel, own in white.items()}
 
     def refit(self, model: Model, amounts: Array, iterations: int = 10) -> Fit:
-        """The most likely amounts from a start, by damped Gauss-Newton steps inside the limits, at this noise."""
+        """The most likely amounts from a start, by damped Gauss-Newton steps inside the limits, at this noise.
+
+        Where the iterations end before the amounts settle, the curvature is that of where the last step began.
+        """
         widths, bounds = collect_widths(model), collect_bounds(model)
         amounts = np.clip(amounts, *bounds)
         residuals = self.compute_residuals(model, amounts)

@@ -154,19 +154,18 @@ def read_log(
     path: str | Path,
     fixes: Iterable[LogConvention | str] = (),
     wheelbase_m: float | None = None,
-    reference: tuple[float, float] | None = None,
     mapping: MappingSource = None,
 ) -> Log:
     """Read one run from a CSV or Parquet file.
 
-    `fixes` are conventions to convert from (values of LogFix); `wheelbase_m` sharpens the check for radians;
-    `reference` is the longitude and latitude (deg) of the origin for positions in degrees; `mapping` names the columns
-    of the file. Raises LogError, in one sentence, for a file that is no log, a log without a usable segment, and a
-    convention that looks wrong and is not among the fixes; ColumnError where columns are missing, with a mapping.
+    `fixes` are conventions to convert from (values of LogConvention); `wheelbase_m` sharpens the check for radians;
+    `mapping` names the columns of the file. Raises LogError, in one sentence, for a file that is no log, a log without
+    a usable segment, and a convention that looks wrong and is not among the fixes; ColumnError where columns are
+    missing, with a mapping.
     """
     path, columns = resolve_log_path(path), parse_mapping(mapping)
     fix_set = parse_conventions(fixes, columns.values())
-    return build_log(map_columns(read_table(path), columns, path.stem), path.stem, fix_set, wheelbase_m, reference)
+    return build_log(map_columns(read_table(path), columns, path.stem), path.stem, fix_set, wheelbase_m)
 
 
 def read_logs(
