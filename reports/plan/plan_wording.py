@@ -208,8 +208,8 @@ def _describe_other_plans(
 
 
 def _list_money_sentences(ranking: PlanRanking) -> list[str]:
-    """What the costs include, how that of the best plan is made up, and what times of samples are."""
-    sentences, best = [*ranking.money_sentences], ranking.best
+    """With samples: what the costs include, how that of the best plan is made up, and what its times are."""
+    sentences, best = [] if ranking.samples is None else [*ranking.money_sentences], ranking.best
     if best is not None and best.expected_cost is not None and best.paid_cost is not None:
         loss = best.expected_cost - best.paid_cost
         amounts = (best.expected_cost, best.paid_cost, loss)

@@ -46,7 +46,7 @@ class MoveTable:
     missions: dict[tuple[Hashable, ...], Mission] = field(default_factory=dict)
     clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
-    _cut: set[tuple[int, int]] = field(default_factory=set)
+    _cut_m: dict[tuple[int, int], float] = field(default_factory=dict)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _folded: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
@@ -172,20 +172,25 @@ class MoveTable:
     def find(self, u: int, v: int) -> bool:
         """Find moves between two nodes; whether any is.
 
-        In closed form, else with lines cut back, and by a search where that is dearer than what searches usually find;
-        else by a search and with the implement folded.
+        In closed form, else with lines cut back as little as any move needs, and by a search where that is dearer than
+        what searches usually find; else by a search and with the implement folded.
         """
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))
-        if not self._options[u, v] and (u, v) not in self._cut:
-            self._cut.add((u, v))
-            cut = self.moves.list_cut_moves(u, v)
-            is_dear = cut and cut[0].cost_s > self.moves.estimates.guess_searched_s(u, v)
-            self._options[u, v] = sorted([*cut, *(self._search(u, v) if is_dear else ())], key=attrgetter("cost_s"))
+        if not self._options[u, v]:
+            self._options[u, v] = self._cut_back(u, v)
         if not self._options[u, v]:
             self._options[u, v] = sorted([*self._search(u, v), *self._fold(u, v)], key=attrgetter("cost_s"))
         self._update_cost(u, v)
         return bool(self._options[u, v])
+
+    def _cut_back(self, u: int, v: int) -> list[Move]:
+        """The moves that cut as little more off the lines as any does, and where even that is dear, one by a search."""
+        cut = list(self.moves.list_cut_moves(u, v, self._cut_m.get((u, v), 0.0)))
+        self._cut_m[u, v] = cut[0].leave_m + cut[0].join_m if cut else math.inf
+        is_dear = cut and cut[0].cost_s > self.moves.estimates.guess_searched_s(u, v)
+        searched = self._search(u, v, is_needed=False) if is_dear else []
+        return sorted([*cut, *searched], key=attrgetter("cost_s"))
 
     def _update_cost(self, u: int, v: int) -> None:
         """The cost of the best move between two nodes that is left; dear where none is known yet."""
@@ -193,19 +198,22 @@ class MoveTable:
         if options:
             self.cost_s[u, v] = max(0.0, options[0].cost_s)
         else:
-            may_find = (u, v) not in self._cut or self._may_search(u, v) or self._may_fold(u, v)
+            may_find = self._cut_m.get((u, v), 0.0) < math.inf or self._may_search(u, v) or self._may_fold(u, v)
             self.cost_s[u, v] = self.moves.estimates.guess_detour_s(u, v) if may_find else NO_MOVE_S
         self.is_estimated[u, v] = True
 
-    def _search(self, u: int, v: int) -> list[Move]:
-        """The move by a search between two nodes that was not tried before; none where there is no hope of one."""
+    def _search(self, u: int, v: int, is_needed: bool = True) -> list[Move]:
+        """The move by a search between two nodes that was not tried before; none where there is no hope of one.
+
+        One that is needed and finds nothing lessens the hope for others at the same places.
+        """
         if not self._may_search(u, v):
             return []
         self._searched.add((u, v))
         found = self.moves.search(u, v)
         if found is not None:
             return [found]
-        for key in (("end", u), ("begin", v)):
+        for key in (("end", u), ("begin", v)) if is_needed else ():
             self._searched_in_vain[key] = self._searched_in_vain.get(key, 0) + 1
         return []
 

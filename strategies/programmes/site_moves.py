@@ -69,7 +69,7 @@ class SiteMoves:
     clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
     legs: dict[Hashable, tuple[Leg, ...]] = field(default_factory=dict)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
-    _cut_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
+    _cut_moves: dict[tuple[int, int, float], tuple[Move, ...]] = field(default_factory=dict)
     _folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     _driven: dict[Move, Move | None] = field(default_factory=dict)
@@ -121,12 +121,16 @@ class SiteMoves:
             self._options[u, v] = tuple(self._list_options(u, v))
         return self._options[u, v]
 
-    def list_cut_moves(self, u: int, v: int) -> tuple[Move, ...]:
-        """Moves with the ends of lines cut back for them, the cheapest first; what is left unworked is charged."""
-        if (u, v) not in self._cut_moves:
+    def list_cut_moves(self, u: int, v: int, beyond_m: float = 0.0) -> tuple[Move, ...]:
+        """Moves with the ends of lines cut back for them, the cheapest first; what is left unworked is charged.
+
+        All by as much together, more than `beyond_m` and no more than some move needs.
+        """
+        key = u, v, beyond_m
+        if key not in self._cut_moves:
             is_whole = self.gate in (u, v) or u in self.folded
-            self._cut_moves[u, v] = () if is_whole else tuple(self._list_cut_moves(u, v))
-        return self._cut_moves[u, v]
+            self._cut_moves[key] = () if is_whole else tuple(self._list_cut_moves(*key))
+        return self._cut_moves[key]
 
     def list_folded_moves(self, u: int, v: int) -> tuple[Move, ...]:
         """Moves with the implement folded, the cheapest first: it is folded already where a tractor comes in or stands
@@ -181,10 +185,9 @@ class SiteMoves:
             options += list_work_moves(self.site, self.finder, p, u % 2, q, v % 2)
         return sorted(options, key=attrgetter("cost_s"))
 
-    def _list_cut_moves(self, u: int, v: int) -> list[Move]:
-        """With no more cut off than some move needs."""
+    def _list_cut_moves(self, u: int, v: int, beyond_m: float) -> list[Move]:
         found = list[Move]()
-        for _, cuts in groupby(CUTS_M, key=sum):
+        for _, cuts in groupby((cut for cut in CUTS_M if sum(cut) > beyond_m), key=sum):
             ends = [(cut, self._cut_ends(u, v, *cut)) for cut in cuts]
             found += [
                 self.charge_cuts(move, *cut)

@@ -10,6 +10,7 @@ from fields.geometry.obstacles import Obstacle
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas, mark_worked_shares
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
@@ -84,3 +85,15 @@ def test_prices_are_assumed_only_where_nobody_gave_them() -> None:
     )  # type: ignore[arg-type]
     assert assumed.prices_assumed and not given.prices_assumed
     assert assumed.scenario["price_per_hour"] == given.scenario["price_per_hour"] == 40.0
+
+
+def test_tracks_without_room_are_no_headland_that_is_kept() -> None:
+    """Between closed edges 9 m apart the outer two of 8 tracks have no room: they are due, and told as such."""
+    request = PlanRequest(no_headland=True, width_m=1.2, bearing_deg=90.0, overhang_m=0.0, tractors=(1,))
+    site = prepare_context(WorkOrder(request, Field("strip", shapely.box(0.0, 0.0, 100.0, 9.0))))
+    why = {one.reason: one.area_m2 for one in find_unworked_areas(site)}
+    missing = site.layout.track_count - len({line.task.number for line in get_site_moves(site).lines})
+    assert missing > 0
+    length_m = site.layout.swaths[0].length_m
+    assert why["on tracks that the machine has no room to work"] == pytest.approx(missing * 1.2 * length_m, rel=0.1)
+    assert why[KEPT_HEADLAND] == pytest.approx(9.0 * (100.0 - length_m), rel=0.1)

@@ -1,6 +1,7 @@
 """The gate of a real service: who is let in, how much is read, and stops that wait for nothing."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -169,7 +170,7 @@ def test_everybody_stands_at_once_while_bodies_and_summaries_pour_in(
     for thread in threads:
         thread.join(30)
     assert sorted(took_s)[-2] < 0.5, took_s
-    assert sorted(heard_s)[-2] < 0.5, heard_s
+    assert sorted(heard_s)[-2] < 0.5 and math.isfinite(max(heard_s)), heard_s
 
 
 def test_figures_and_request_ids(running: Running, reader: dict[str, str]) -> None:

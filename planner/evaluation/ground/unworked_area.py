@@ -135,6 +135,8 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     yield "beside obstacles that are driven round", small
     if not layout.headland_passes:
         lines = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
+        strips = shapely.union_all(shapely.buffer(lines, half, cap_style="flat"), grid_size=GRID_M)
+        yield "on tracks that the machine has no room to work", strips
         headland_zone = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)
         yield KEPT_HEADLAND, headland_zone
         yield "too short for a track between its headlands", boundary

@@ -39,9 +39,9 @@ function byPattern(text) {
 
 // A label in quotes is translated within them.
 const translateQuoted = (value) => { const label = /^\u201c(.*)\u201d$/.exec(value)?.[1]; return label ? `\u201c${translate(label)}\u201d` : translateListed(value); };
-// A text, or texts with commas between them and the last after "or".
+// A text, or texts with commas between them and the last after "or"; what somebody typed is in quotes and stays.
 const translateListed = (value) => {
-  const whole = translate(value), [, first, last] = (whole === value && /^(.+) or (.+)$/s.exec(value)) || [];
+  const whole = translate(value), [, first, last] = (whole === value && /^([^'"]+) or ([^'"]+)$/s.exec(value)) || [];
   return last ? fillIn(messages["{items} or {last}"] ?? "{items} or {last}", { items: first.split(", ").map(translate).join(", "), last: translate(last) }) : whole;
 };
 const fillIn = (text, values) => text.replace(/\{(\w+)\}/g, (found, name) => values[name] ?? found);

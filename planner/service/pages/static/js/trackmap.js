@@ -7,6 +7,7 @@ import { edge, line, soil } from "./layers.js";
 
 const SAME_M = 0.5, SAME_SHARE = 0.2; // by which a track of another layout may lie aside or be longer and still be the same
 const NEAR_PX = 12, WIDTH_PX = 3, CHOSEN_PX = 7, DASH = [5, 5], DROP_DASH = [3, 4];
+const DROPPED = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
 const RANGE = /^(R?)(\d+)(?:-R?(\d+))?$/;
 
 /** The map; `changed()` when something else is wanted of a track. `show(answer, isLatest)` takes an estimate with its lines. */
@@ -15,7 +16,7 @@ export function trackMap(changed) {
   const told = el("p", { class: "small", role: "status" }), wanted = el("p", { class: "small" });
   const choice = el("select", { onchange: () => choose(choice.value) });
   const out = button("Leave out", () => wish(chosen, "out"), "small"), first = button("Work first", () => wish(chosen, "first"), "small");
-  const tractors = el("span", { class: "row" }), free = button("As planned", () => wish(chosen, null), "small"), clear = button("Clear all", () => { wishes.clear(); after(); }, "small");
+  const tractors = el("span", { class: "row" }), free = button("As planned", () => wish(chosen, null), "small"), clear = button("Clear all", () => { wishes.clear(); [kept, dropped] = [[], ""]; after(); }, "small");
   let lines = [], outlines = [], wishes = new Map(), chosen = "", dragging = null, fitted = "", layout = "", ground = "", pinned = {}, dropped = "";
   let kept = []; // lines of the layout before, each with what is wanted of it, until those of the next are there
 
@@ -44,7 +45,7 @@ export function trackMap(changed) {
   const takeKept = () => {
     const found = kept.map(([one, what]) => [successor(one)?.name, what]);
     wishes = new Map([...wishes, ...found.filter(([name]) => name)]);
-    if (found.some(([name]) => !name)) dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
+    dropped = found.some(([name]) => !name) ? DROPPED : "";
     kept = [];
     if (wishes.size) changed();
   };
@@ -90,7 +91,7 @@ export function trackMap(changed) {
       action.setAttribute("aria-pressed", String(wishes.get(chosen) === what));
     }
     free.disabled = !wishes.has(chosen);
-    clear.disabled = !wishes.size;
+    clear.disabled = !wishes.size && !kept.length;
     say(told, one ? (one.tractor ? t`${describe(chosen)}: tractor ${one.tractor}, number ${one.place} of its tour` : t`${describe(chosen)}: left`) : translate("Tap a track to choose it; drag it onto a track of another tractor to give it to that one."));
     say(wanted, summary());
     view.redraw();
@@ -105,8 +106,9 @@ export function trackMap(changed) {
   const summary = () => {
     const parts = [named("out").length && t`Left out: ${named("out").join(", ")}.`, named("first").length && t`First: ${named("first").join(", ")}.`];
     for (const k of takers()) parts.push(t`Tractor ${k}: ${named(k).join(", ")}.`);
-    return parts.filter(Boolean).join(" ") || dropped;
+    return [...parts, waits(), translate(dropped)].filter(Boolean).join(" ");
   };
+  const waits = () => (kept.length ? translate("What is wanted of single tracks is looked up in the new layout: plan in a moment, or clear it.") : "");
   const takers = () => [...new Set(wishes.values())].filter(Number.isInteger).sort((a, b) => a - b);
 
   const node = el("section", { class: "panel stack" }, el("h2", {}, "Tracks"), view.node, told,
@@ -114,6 +116,8 @@ export function trackMap(changed) {
   return {
     node,
     close: () => view.close(),
+    /** Why a request is not complete yet, "" where it is. */
+    waits,
     /** The lines of an estimate; answers without any leave what is shown. */
     show(answer, isLatest) {
       if (!answer.lines?.length) return;
@@ -139,7 +143,7 @@ export function trackMap(changed) {
       if (request.field !== ground) kept = [];
       if (lines.length && key !== layout && wishes.size) {
         if (request.field === ground) kept.push(...[...wishes].map(([name, what]) => [byName(name), what]).filter(([one]) => one));
-        else dropped = "Another layout: its tracks are numbered anew, and what was wanted of single ones is dropped.";
+        else dropped = DROPPED;
         wishes.clear();
         tell();
       }

@@ -141,6 +141,10 @@ export async function open(main, shell, _parts, query) {
     for (const marked of form.querySelectorAll("[aria-invalid]")) for (const name of ["aria-invalid", "aria-describedby"]) marked.removeAttribute(name);
     try {
       const values = asked();
+      if (tracks.waits()) {
+        running.hidden = true;
+        return put(trouble, note(tracks.waits(), "warn"));
+      }
       location.hash = `#/plan/${part(live.takeDrive(values) ?? (await post("plans", values)).id)}`;
     } catch (error) {
       running.hidden = true;

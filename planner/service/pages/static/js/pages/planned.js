@@ -66,7 +66,7 @@ async function shown(job, node, closing, nameFirst) {
     { "aria-pressed": String(plan === chosen), "aria-label": t`Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
   const report = el("details", { class: "panel" }, el("summary", {}, "Full report"));
   report.addEventListener("toggle", async () => { if (report.open && !report.querySelector("iframe")) report.append(await reportFrame("plans", job.id, "Report of the plan")); });
-  put(node, el("div", {}, (answer.summary ?? []).map((text, place) => el("p", { class: place ? null : "lead" }, text))),
+  put(node, el("div", {}, (answer.summary ?? [answer.advice, answer.unmet].filter(Boolean)).map((text, place) => el("p", { class: place ? null : "lead" }, text))),
     map.node, figures, send,
     el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks on plans are in the report.")),
     left, report,
