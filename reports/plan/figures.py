@@ -344,7 +344,9 @@ def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
         "plans": [build_entry(plan) for plan in ranking.plans],
         "best": None if best is None else build_entry(best),
         **pick_values(ranking, ("tractor_effects", "scenario")),
-        "advice": None if best is None or best.expected_cost is None else " ".join(summary),
+        "advice": None
+        if best is None or best.expected_cost is None
+        else " ".join(f"{each.rstrip('.')}." for each in summary),
         **pick_values(ranking, ("currency", "samples", "prices_assumed")),
         "unmet": unmet or None,
         "shortfalls": shortfalls,

@@ -95,7 +95,11 @@ def test_advice_and_what_it_is_of_survive(ranking: PlanRanking) -> None:
     )  # fmt: skip
     told = replace(ranking, plans=(sure,), currency="EUR", samples=10_000)
     data = json.loads(format_ranking_json(told), parse_constant=no_constant)
-    assert (data["advice"], data["currency"], data["samples"]) == (" ".join(data["summary"]), "EUR", 10_000)
+    assert (data["advice"], data["currency"], data["samples"]) == (
+        " ".join(f"{each.rstrip('.')}." for each in data["summary"]),
+        "EUR",
+        10_000,
+    )
     entry = data["plans"][0]
     assert (entry["finish_probability"], entry["finish_probability_interval"]) == (0.97, [0.966, 0.973])
     (row,) = csv.DictReader(io.StringIO(format_ranking_csv(told)))
