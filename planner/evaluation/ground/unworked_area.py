@@ -56,8 +56,7 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     )
     remainder = extract_polygons(shapely.difference(boundary, get_site_moves(context).covered_ground, grid_size=GRID_M))
     cut_off = _find_cut_off_ground(context)
-    passage_m = measure_passage_m(context.tractor, context.implement)
-    parts_by_reason.append((f"cut off: no passage as wide as the machines ({passage_m:g} m)", cut_off))
+    parts_by_reason.append((_describe_cut_off(context), cut_off))
     remainder = extract_polygons(shapely.difference(remainder, cut_off, grid_size=GRID_M))
     for why, zone in _iter_zones(context):
         part = extract_polygons(shapely.intersection(remainder, zone, grid_size=GRID_M))
@@ -79,9 +78,11 @@ def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None
         return None
     place = shapely.Point(piece.x_m, piece.y_m)
     reason = next(
-        (one.reason for one in find_unworked_areas(context) if shapely.dwithin(one.pieces, place, SLIVER_M).any()),
-        "reached by no pass of this plan",
+        (one.reason for one in find_unworked_areas(context) if shapely.dwithin(one.pieces, place, SLIVER_M).any()), ""
     )
+    if not reason:  # a plan may work another room than the largest, and leave that
+        left_whole = [one for one in _list_rooms(context) if one.intersects(place) and 2.0 * piece.m2 > one.area]
+        reason = _describe_cut_off(context) if left_whole else "reached by no pass of this plan"
     if reason in (KEPT_HEADLAND, LEFT_OUT):
         return None
     area = f"{piece.m2:.0f} m2" if piece.m2 < HECTARES_FROM_M2 else f"{1e-4 * piece.m2:.2f} ha"
@@ -110,11 +111,21 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
 
 
 def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
-    """Ground wide enough for the machines, folded where they fold, but without a passage to it."""
+    """Ground wide enough for the machines but without a passage to it: all rooms but the largest."""
+    rooms = shapely.union_all(_list_rooms(context)[1:], grid_size=GRID_M)
+    return extract_polygons(shapely.intersection(rooms, context.layout.field.workable_region))
+
+
+def _list_rooms(context: PlanningContext) -> list[shapely.Polygon]:
+    """Ground wide enough for the machines, folded where they fold, in parts without a passage, the largest first."""
     half_m, field = 0.5 * measure_passage_m(context.tractor, context.implement), context.layout.field
     parts = sorted(shapely.get_parts(compute_free_space(field, half_m)), key=lambda part: (-part.area, part.bounds))
-    grown = [part.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for part in parts[1:]]
-    return extract_polygons(shapely.intersection(shapely.union_all(grown, grid_size=GRID_M), field.workable_region))
+    return [part.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for part in parts]
+
+
+def _describe_cut_off(context: PlanningContext) -> str:
+    passage_m = measure_passage_m(context.tractor, context.implement)
+    return f"cut off: no passage as wide as the machines ({passage_m:g} m)"
 
 
 def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometry]]:
