@@ -17,6 +17,7 @@ from fields.documents.reader import read_field
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
 from fields.text_files import quote_path
+from fields.units import MINUTE_S
 from planner.day.field_times import (
     ALL_DONE,
     DEFAULT_FIELD_MINUTES,
@@ -52,7 +53,6 @@ from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
-from reports.common.wording import format_hours
 from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField, list_day_sentences
 from reports.plan.shortfall_wording import question_pull
 from vehicle.model.tractor import resolve_tractor
@@ -87,7 +87,9 @@ def explain_not_done(
         return NotDoneReason(f"doing it costs {added_cost:.2f} more than skipping it", (0, added_cost))
     late_s, fleet = min((_compute_lateness_s(problem, fleet, field), fleet) for fleet in able_fleets)
     if late_s > 0:
-        sentence = f"even if {names[fleet]} goes there first, it is {format_hours(max(late_s, 60))} too late"
+        hours, minutes = divmod(max(1, round(late_s / MINUTE_S)), 60)
+        late = f"{hours} h {minutes} min" if hours else f"{minutes} min"
+        sentence = f"even if {names[fleet]} goes there first, it is {late} too late"
         return NotDoneReason(sentence, (1, float(late_s)))
     return NotDoneReason("no fleet has time for it besides the other fields", (0, 0.0))
 

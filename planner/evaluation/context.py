@@ -79,11 +79,11 @@ class PlanningContext:
 
     The guided point may be anywhere in `free_space`. `fitting_turns[k]` says whether a turn over k lines fits a
     headland at right angles (index 0 unused); if none does, `driving_rules.turn_s[k]` is an estimate instead of a
-    simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `criteria` are the
-    risk settings, `supply` what every tractor carries, `cost_terms`
-    the prices and `workday` the day of a farm (None without one). `physics` are heights and load. `going_on` is what is
-    known of work that began earlier; what is done is ground of the field (`Field.done`). `time_share` limits
-    the computing where this context was made; it is not sent to another process.
+    simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `criteria` are the risk
+    settings, `supply` what every tractor carries, `cost_terms` the prices and `workday` the day of a farm (None without
+    one). `physics` are heights and load. `going_on` is what is known of work that began earlier; what is done is ground
+    of the field (`Field.done`). `time_share` limits the computing where this context was made; it is not sent to
+    another process.
     """
 
     request: PlanRequest

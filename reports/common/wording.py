@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import TypeVar
 
-from fields.units import DAY_S, FOOT_M, MINUTE_S
+from fields.units import DAY_S, FOOT_M
 from reports.common.language import US, get_units, mark_text, translate, translate_count
 from reports.common.plan_results import PlanRanking
 from vehicle.model.effects import EFFECTS_BY_ID
@@ -94,12 +94,6 @@ def format_duration(seconds: float | None) -> str:
     minutes, secs = divmod(rest, 60)
     sign = "-" if seconds <= -0.5 else ""
     return f"{sign}{hours}:{minutes:02d}:{secs:02d}"
-
-
-def format_hours(seconds: float) -> str:
-    """A time to the minute, ``1 h 5 min``."""
-    minutes = round(seconds / MINUTE_S)
-    return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
 
 
 def format_minutes(seconds: float | None) -> str:
