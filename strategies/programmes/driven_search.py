@@ -48,19 +48,23 @@ def search_estimated_tours(
 
 def _list_near(problem: OrderProblem) -> Tours:
     """Pairs of near nodes of lines that the same tractor may work."""
-    lines = np.arange(len(problem.move_s)) // 2
-    may_follow = (problem.allowed.T.astype(int) @ problem.allowed)[np.ix_(lines, lines)] > 0
-    move_s = np.where(may_follow & (lines[:, None] != lines), problem.move_s, NO_MOVE_S)
+    move_s = _bar_useless(problem, problem.move_s)
     nearest = np.argsort(move_s, axis=1, kind="stable")[:, :NEAR_NODES]
     nodes, places = np.nonzero(np.take_along_axis(move_s, nearest, axis=1) < NO_MOVE_S)
     near: Tours = np.column_stack([nodes, nearest[nodes, places]]).tolist()
     return near
 
 
+def _bar_useless(problem: OrderProblem, move_s: Floats) -> Floats:
+    """Seconds of moves, NO_MOVE_S between the nodes of a line, and of lines that no tractor may work both."""
+    lines = np.arange(len(move_s)) // 2
+    may_follow = (problem.allowed.T.astype(int) @ problem.allowed)[np.ix_(lines, lines)] > 0
+    return np.where(may_follow & (lines[:, None] != lines), move_s, NO_MOVE_S)
+
+
 def _list_others(table: MoveTable, problem: OrderProblem, tours: Tours, list_moves: ListMoves) -> list[tuple[int, int]]:
     """The cheapest moves that may take the place of those of tours that no drive found good."""
-    lines = np.arange(len(problem.move_s)) // 2
-    move_s = np.where(lines[:, None] != lines, problem.tabulate_moves()[0], NO_MOVE_S)
+    move_s = _bar_useless(problem, problem.tabulate_moves()[0])
 
     def list_joins(pairs: Tours) -> list[tuple[int, int]]:
         return [move for move in list_moves(pairs) if table.gate not in move]
