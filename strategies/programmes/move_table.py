@@ -52,7 +52,7 @@ class MoveTable:
     _proven: set[tuple[int, int]] = field(default_factory=set)
     _driven: set[Move] = field(default_factory=set)
     _failures: Floats = field(init=False)
-    _searched_in_vain: dict[tuple[str, int], int] = field(default_factory=dict)
+    _searched_in_vain: dict[tuple[str, str, int], int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         costs, is_estimated = self.moves.estimates.near
@@ -211,26 +211,34 @@ class MoveTable:
             return []
         self._searched.add((u, v))
         found = self.moves.search(u, v)
-        if found is not None:
-            return [found]
-        for key in (("end", u), ("begin", v)) if is_needed else ():
-            self._searched_in_vain[key] = self._searched_in_vain.get(key, 0) + 1
-        return []
+        if found is None and is_needed:
+            self._lose_hope("up", u, v)
+        return [] if found is None else [found]
 
     def _fold(self, u: int, v: int) -> Sequence[Move]:
         """The moves with the implement folded between two nodes that were not tried before."""
         if not self._may_fold(u, v):
             return ()
         self._folded.add((u, v))
-        return self.moves.list_folded_moves(u, v)
+        found = self.moves.list_folded_moves(u, v)
+        if not found:
+            self._lose_hope("folded", u, v)
+        return found
 
     def _may_search(self, u: int, v: int) -> bool:
-        """Whether a search may still find a move: not where others to or from the same place were in vain."""
-        vain = self._searched_in_vain
-        if (u, v) in self._searched or max(vain.get(("end", u), 0), vain.get(("begin", v), 0)) >= MOST_VAIN:
-            return False
-        return self.moves.has_way(u, v)
+        """Whether a search may still find a move."""
+        return (u, v) not in self._searched and self._has_hope("up", u, v) and self.moves.has_way(u, v)
 
     def _may_fold(self, u: int, v: int) -> bool:
         """Whether a move with the implement folded may still be found."""
-        return self.site.folded is not None and (u, v) not in self._folded
+        return self.site.folded is not None and (u, v) not in self._folded and self._has_hope("folded", u, v)
+
+    def _has_hope(self, implement: str, u: int, v: int) -> bool:
+        """Whether a search with the implement up or folded is likely to succeed: not where too many others from or to
+        the same place were in vain."""
+        return all(self._searched_in_vain.get((implement, *end), 0) < MOST_VAIN for end in (("end", u), ("begin", v)))
+
+    def _lose_hope(self, implement: str, u: int, v: int) -> None:
+        """Note that a search with the implement up or folded was in vain."""
+        for end in (("end", u), ("begin", v)):
+            self._searched_in_vain[implement, *end] = self._searched_in_vain.get((implement, *end), 0) + 1
