@@ -282,3 +282,12 @@ def test_the_page_on_architecture_is_two_pages_and_names_what_there_is() -> None
         name for row in table.splitlines() if row.count("|") > 2 for name in re.findall(r"`(\w+)`", row.split("|")[1])
     }
     assert named == {path.parent.name for path in (ROOT / "planner").glob("*/__init__.py")}
+
+
+def test_overlays_without_a_grid_are_made_in_one_place_that_knows_when_they_fail(modules: dict[str, Path]) -> None:
+    overlays = "difference", "intersection", "union", "union_all"
+    for name, file in modules.items():
+        calls = [node for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
+        made = [one for one in calls if isinstance(one.func, ast.Attribute) and one.func.attr in overlays]
+        plain = [ast.unparse(one) for one in made if all(keyword.arg != "grid_size" for keyword in one.keywords)]
+        assert name == "fields.geometry.overlays" or not [one for one in plain if one.startswith("shapely.")]

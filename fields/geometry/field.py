@@ -26,7 +26,7 @@ from fields.geometry.field_lines import (
 )
 from fields.geometry.geodesy import FloatArray, project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
-from fields.geometry.overlays import subtract_area
+from fields.geometry.overlays import subtract, subtract_area, unite
 
 MIN_REPORTED_M2 = 1.0
 HOLE_NAME = "a hole of the field"
@@ -127,18 +127,14 @@ class Field:
         """The ground to be worked: everything up to the margin except small obstacles."""
         if not self.small_obstacles:
             return self.margin_boundary or self.boundary
-        return orient(
-            shapely.difference(self.margin_boundary or self.boundary, shapely.union_all(self.small_obstacles)), 1.0
-        )
+        return orient(subtract(self.margin_boundary or self.boundary, unite(self.small_obstacles)), 1.0)
 
     @cached_property
     def region_without_obstacles(self) -> shapely.Geometry:
         """The field without its obstacles, but with margins and cut-off parts: the reference for shares of area."""
         if self.original_boundary is None:
             return self.boundary
-        return shapely.difference(
-            shapely.Polygon(self.original_boundary.exterior), shapely.union_all(self.solid_obstacles)
-        )
+        return subtract(shapely.Polygon(self.original_boundary.exterior), unite(self.solid_obstacles))
 
     @cached_property
     def due_region(self) -> shapely.Geometry:

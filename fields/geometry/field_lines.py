@@ -14,6 +14,7 @@ import shapely
 from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.geometry.coordinates import FieldFrame, parse_position
+from fields.geometry.overlays import intersect, subtract, unite
 from fields.raw_document import FieldDocument, RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
@@ -64,13 +65,13 @@ def read_fences(
                 f"Only {side.length:.0f} of {line.length:.0f} m of a {description} follow the boundary; the rest is "
                 "not used."
             )
-        fenced = shapely.union(fenced, side) if edge == FENCE else shapely.difference(fenced, _buffer_line(line))
+        fenced = unite([fenced, side]) if edge == FENCE else subtract(fenced, _buffer_line(line))
     return _merge_lines(fenced), tuple(remarks)
 
 
 def clip_outline_to_line(outline: shapely.LineString, line: shapely.LineString) -> shapely.Geometry:
     """The part of an outline within MACHINE_WIDTH_M of a line."""
-    return shapely.intersection(outline, _buffer_line(line))
+    return intersect(outline, _buffer_line(line))
 
 
 def _buffer_line(line: shapely.LineString) -> shapely.Geometry:
@@ -120,7 +121,7 @@ def check_fence_opening(
     """
     if not fences or entrance is not None:
         return
-    open_outline = shapely.difference(outline.exterior, shapely.buffer(shapely.union_all(fences), FENCE_WIDTH_M))
+    open_outline = subtract(outline.exterior, shapely.buffer(unite(fences), FENCE_WIDTH_M))
     merged = open_outline if open_outline.geom_type == "LineString" else shapely.line_merge(open_outline)
     # An opening across the start of the ring is in two parts until they are merged.
     if max((part.length for part in shapely.get_parts(merged)), default=0.0) < MACHINE_WIDTH_M:
@@ -275,21 +276,21 @@ def compute_overhang_region(
     parts: list[tuple[shapely.Geometry, float]] = [(shapely.LineString(outline.exterior.coords), overhang_m)]
     for one in overhangs:
         here = one.part.buffer(FENCE_WIDTH_M)
-        parts = [(shapely.difference(part, here), metres) for part, metres in parts] + [(one.part, one.overhang_m)]
-    fenced = shapely.union_all(list(fences))
+        parts = [(subtract(part, here), metres) for part, metres in parts] + [(one.part, one.overhang_m)]
+    fenced = unite(list(fences))
     fence_strip = fenced.buffer(FENCE_WIDTH_M)
-    parts = [(shapely.difference(part, fence_strip), metres) for part, metres in parts] + [(fenced, 0.0)]
+    parts = [(subtract(part, fence_strip), metres) for part, metres in parts] + [(fenced, 0.0)]
     strips = [ground]
     for part, metres in parts:
         behind = [_find_ground_behind(other, metres, ground) for other, less in parts if less < metres]
         strip = part.buffer(metres, quad_segs=ARC_SEGMENTS)
-        strips.append(shapely.difference(strip, shapely.union_all(behind)))
-    return shapely.union_all(strips)
+        strips.append(subtract(strip, unite(behind)))
+    return unite(strips)
 
 
 def _find_ground_behind(part: shapely.Geometry, depth_m: float, ground: shapely.Polygon) -> shapely.Geometry:
     """The ground outside up to a distance from a part of the outline, and square to it."""
-    pieces = shapely.get_parts(shapely.difference(part.buffer(depth_m, cap_style="flat"), ground))
+    pieces = shapely.get_parts(subtract(part.buffer(depth_m, cap_style="flat"), ground))
     # What lies beyond the other side of a narrow field does not touch the part.
-    along_m2 = shapely.area(shapely.intersection(pieces, part.buffer(FENCE_WIDTH_M)))
-    return shapely.union_all(pieces[along_m2 > FENCE_WIDTH_M**2])
+    along_m2 = shapely.area(intersect(pieces, part.buffer(FENCE_WIDTH_M)))
+    return unite(pieces[along_m2 > FENCE_WIDTH_M**2])

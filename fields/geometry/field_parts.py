@@ -102,7 +102,7 @@ def find_neck(ground: shapely.Geometry, main_core: shapely.Polygon, core: shapel
         middle_m = 0.5 * (low_m + high_m)
         low_m, high_m = (middle_m, high_m) if _is_joined(_shrink(ground, middle_m), ends) else (low_m, middle_m)
     apart = _shrink(ground, high_m)
-    link = shapely.difference(_shrink(ground, low_m), apart.buffer(2.0 * (high_m - low_m)))
+    link = shapely.difference(_shrink(ground, low_m), apart.buffer(2.0 * (high_m - low_m)), grid_size=GRID_M)
     nearest = shapely.shortest_line(*(_find_piece(list_polygons(apart), end) for end in ends))
     links = [part for part in list_polygons(link) if part.dwithin(nearest, LINK_REACH_M)]
     place = nearest.interpolate(0.5, normalized=True)

@@ -1,11 +1,13 @@
 """Unions, intersections and differences of areas: fast where GEOS gets them right, on a grid where it does not.
 
-Overlays on a grid never lose ground but take five times as long. Without a grid GEOS may lose area where edges nearly
-coincide, or take neighbours for one another, so every result is checked.
+Overlays on a grid never lose ground but take five times as long. Without a grid GEOS may fail, above all on buffers
+with sharp corners, which may cross themselves (`subtract`, `intersect` and `unite` then use one), and it may lose area
+where edges nearly coincide, or take neighbours for one another, so that the others check every result.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -26,15 +28,44 @@ def extract_polygons(shape: shapely.Geometry) -> shapely.Geometry:
     return shapely.multipolygons(parts[shapely.area(parts) > 0.0])
 
 
+def subtract(shapes: Any, others: Any) -> Any:
+    """What of shapes, one or an array, lies outside others."""
+    return _overlay(shapely.difference, shapes, others)
+
+
+def intersect(shapes: Any, others: Any) -> Any:
+    """What of shapes, one or an array, lies in others."""
+    return _overlay(shapely.intersection, shapes, others)
+
+
+def unite(shapes: Iterable[shapely.Geometry]) -> shapely.Geometry:
+    """The union of shapes of any kind."""
+    return _overlay(shapely.union_all, np.array([*shapes], dtype=np.object_))
+
+
+def _overlay(cut: Callable[..., Any], *shapes: Any) -> Any:
+    try:
+        return cut(*shapes)
+    except shapely.errors.GEOSException:
+        return cut(*map(_repair, shapes), grid_size=GRID_M)
+
+
+def _repair(shapes: Any) -> Any:
+    """Shapes, one or an array, valid, and areas without lines that become of narrow places."""
+    if isinstance(shapes, np.ndarray):
+        return np.array([_repair(one) for one in shapes], dtype=np.object_)
+    valid = shapely.make_valid(shapes, method="structure", keep_collapsed=False)
+    return extract_polygons(valid) if shapely.get_dimensions(valid) == 2 else valid
+
+
 def unite_areas(areas: Areas) -> shapely.Geometry:
     """The union of areas (n,), as polygons; slivers that cutting left are no ground."""
     parts = shapely.get_parts(areas)
     areas = parts[shapely.area(parts) > SLIVER_M2]
-    try:
-        union = extract_polygons(shapely.union_all(areas))
-    except shapely.errors.GEOSException:
-        return extract_polygons(shapely.union_all(shapely.make_valid(areas), grid_size=GRID_M))
-    return union if _covers_all_areas(union, areas) else extract_polygons(shapely.union_all(areas, grid_size=GRID_M))
+    union = extract_polygons(unite(areas))
+    if _covers_all_areas(union, areas):
+        return union
+    return extract_polygons(shapely.union_all(_repair(areas), grid_size=GRID_M))
 
 
 def _covers_all_areas(union: shapely.Geometry, areas: Areas) -> bool:
@@ -50,10 +81,7 @@ def _covers_all_areas(union: shapely.Geometry, areas: Areas) -> bool:
 
 def subtract_area(area: shapely.Geometry, part: shapely.Geometry) -> shapely.Geometry:
     """The part of an area outside another one, as polygons."""
-    try:
-        remainder = extract_polygons(shapely.difference(area, part))
-    except shapely.errors.GEOSException:
-        return _split_area(area, part)[1]
+    remainder = extract_polygons(subtract(area, part))
     # True only where the part lies wholly in the area.
     is_complete = abs(remainder.area + part.area - area.area) <= ROUNDING_SHARE * area.area
     return remainder if is_complete else _split_area(area, part)[1]
@@ -101,14 +129,11 @@ def measure_widths_m(parts: Areas) -> npt.NDArray[np.float64]:
 
 def _split_area(area: shapely.Geometry, part: shapely.Geometry) -> tuple[shapely.Geometry, shapely.Geometry]:
     """The parts of an area inside and outside another one; their areas add up."""
-    cut = shapely.intersection, shapely.difference
-    try:
-        inside, outside = (extract_polygons(one(area, part)) for one in cut)
-        if _adds_up(area, part, inside, outside):
-            return inside, outside
-    except shapely.errors.GEOSException:  # edges of buffers may cross by rounding
-        area, part = shapely.make_valid(area), shapely.make_valid(part)
-    inside, outside = (extract_polygons(one(area, part, grid_size=GRID_M)) for one in cut)
+    inside, outside = extract_polygons(intersect(area, part)), extract_polygons(subtract(area, part))
+    if _adds_up(area, part, inside, outside):
+        return inside, outside
+    valid, cut = (_repair(area), _repair(part)), (shapely.intersection, shapely.difference)
+    inside, outside = (extract_polygons(one(*valid, grid_size=GRID_M)) for one in cut)
     return inside, outside
 
 

@@ -219,7 +219,7 @@ def _order_cells(cells: list[_CellSwaths]) -> list[_CellSwaths]:
 
 
 def _find_cells_centroid(cells: list[_CellSwaths]) -> shapely.Point:
-    return shapely.union_all([one.region.centroid for one in cells]).centroid
+    return shapely.MultiPoint([one.region.centroid for one in cells]).centroid
 
 
 def _build_line(swath: Swath) -> shapely.LineString:

@@ -19,6 +19,7 @@ from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, MIN_SWATH_LENGTH_M, MITRE_LIMIT, multiply
 from fields.geometry.coordinates import MAX_LOCAL_M
 from fields.geometry.field import Field
+from fields.geometry.overlays import subtract, unite
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
 from fields.layout.cells import Cell, convert_to_compass_deg
 from fields.layout.headland_passes import compute_inner_region
@@ -418,9 +419,5 @@ def compute_free_space(field: Field, margin_m: float) -> shapely.Geometry:
     Corners that point inwards are passed in an arc: with sharp ones a neck is closed that leaves the margin on either
     side.
     """
-    open_ground = (
-        shapely.difference(field.boundary, shapely.union_all(field.small_obstacles))
-        if field.small_obstacles
-        else field.boundary
-    )
+    open_ground = subtract(field.boundary, unite(field.small_obstacles)) if field.small_obstacles else field.boundary
     return open_ground.buffer(-margin_m)

@@ -38,6 +38,6 @@ class PlannedLayout:
         region = layout.inner_region if layout.headland_passes else shapely.Polygon()
         if shapely.symmetric_difference(inside, region).area > MOST_OTHER_SHARE * max(region.area, inside.area):
             return False
-        swaths = shapely.union_all([shapely.LineString(swath.points_m) for swath in layout.swaths])
+        swaths = shapely.MultiLineString([swath.points_m for swath in layout.swaths])
         off_m = shapely.distance(swaths, shapely.points(self.middles + shift))
         return bool(len(off_m)) and float(np.median(off_m)) < MOST_OFF_M

@@ -12,6 +12,7 @@ import shapely
 
 from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.field import MIN_FENCE_MARGIN_M
+from fields.geometry.overlays import intersect, subtract, unite
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body, folds_at_gate, measure_half_m
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
@@ -52,7 +53,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
 
     def build_grounds(lane: shapely.Geometry) -> tuple[Ground, Ground]:
         allowed = (_compute_allowed(context, lane, *more_m) for more_m in ((0.0, spare_m), (TOLERANCE_M, EDGE_M)))
-        ground, proof_ground = (build_ground(shapely.difference(one, taken), cap_m) for one in allowed)
+        ground, proof_ground = (build_ground(subtract(one, taken), cap_m) for one in allowed)
         return ground, proof_ground
 
     ground, proof_ground = build_grounds(shapely.Polygon())
@@ -69,7 +70,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
         crop_stands=crop_stands,
-        kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
+        kept=build_ground(intersect(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
@@ -142,15 +143,15 @@ def _compute_allowed(
     gate = shapely.Polygon()
     if context.gateway is not None:
         gate = shapely.Point(context.gateway.in_pose[:2]).buffer(context.gate_half_width_m)
-    fences = shapely.difference(shapely.union_all(field.fences), gate)
+    fences = subtract(unite(field.fences), gate)
     outline = field.original_boundary or field.boundary
     overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + _measure_beside_guide_m(context))
     near = shapely.Polygon(outline.exterior).buffer(overhang_m, join_style="mitre")
-    edges = shapely.intersection(field.compute_overhang_region(overhang_m), near)
-    outside = shapely.union(edges, lane).buffer(tolerance_m, join_style="mitre")
+    edges = intersect(field.compute_overhang_region(overhang_m), near)
+    outside = unite([edges, lane]).buffer(tolerance_m, join_style="mitre")
     obstacle_m = context.request.margin_m + tolerance_m
     blocked = [one.buffer(max(obstacle_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
-    return shapely.difference(outside, shapely.union_all([*blocked, fences.buffer(fence_m)]))
+    return subtract(outside, unite([*blocked, fences.buffer(fence_m)]))
 
 
 def _measure_beside_guide_m(context: PlanningContext) -> float:

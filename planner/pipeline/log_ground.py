@@ -15,6 +15,7 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.geodesy import is_wgs84_longitude_latitude
+from fields.geometry.overlays import unite
 from fields.terrain.checks import check_height_range
 from fields.terrain.elevation import read_elevation
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid
@@ -203,7 +204,7 @@ def _build_driven_field(logs: Sequence[Log], crs: str | None) -> Field:
 
 def _widen_tracks(logs: Sequence[Log], reach_m: float) -> shapely.Geometry:
     lines = shapely.simplify([shapely.LineString(_list_places(log, log.used)) for log in logs], SIMPLIFIED_M)
-    return shapely.union_all(shapely.buffer(lines, reach_m, quad_segs=4))
+    return unite(shapely.buffer(lines, reach_m, quad_segs=4))
 
 
 def _fit_own_heights(logs: Sequence[Log]) -> ElevationGrid:

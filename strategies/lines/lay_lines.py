@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.overlays import Areas, clip_all_areas, subtract_area, unite_areas
+from fields.geometry.overlays import Areas, clip_all_areas, intersect, subtract_area, unite_areas
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
 from strategies.lines.work_line import (
     HOLE_PASS,
@@ -141,7 +141,7 @@ def _list_obstacle_rings(site: Site, left: shapely.Geometry) -> Iterator[LineDra
     for count, obstacle in enumerate(site.layout.field.small_obstacles if swaths else ()):
         ring = obstacle.convex_hull.buffer(away_m).exterior.simplify(RING_TOLERANCE_M)
         strip = ring.buffer(0.5 * site.width_m)
-        if shapely.intersection(strip, left).area > MIN_OWN_SHARE * strip.area:
+        if intersect(strip, left).area > MIN_OWN_SHARE * strip.area:
             left = subtract_area(left, strip)
             number = swaths[int(np.argmin(shapely.distance(lines, obstacle.centroid)))].line
             yield LineDraft(SWATH, number, (RING, count), np.asarray(ring.coords)[:, :2])

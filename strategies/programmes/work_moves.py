@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from fields.geometry.overlays import intersect, subtract
 from strategies.lines.work_line import SHARPEST_RAD, STRAIGHT_RAD, WorkLine
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
@@ -92,4 +93,4 @@ def _measure_missed_m2(
     half_m = 0.5 * site.width_m
     due = shapely.buffer(straight, half_m, cap_style="flat", join_style="mitre")
     worked = shapely.buffer(driven, half_m, cap_style="flat")
-    return float(shapely.intersection(shapely.difference(due, worked), site.work_ground).area)
+    return float(intersect(subtract(due, worked), site.work_ground).area)

@@ -1,10 +1,11 @@
 """Overlays of areas that GEOS gets wrong without a grid."""
 
 import numpy as np
+import pytest
 import shapely
 from shapely import affinity
 
-from fields.geometry.overlays import clip_all_areas, clip_area, subtract_area
+from fields.geometry.overlays import clip_all_areas, clip_area, intersect, subtract, subtract_area, unite
 
 # Two strips of 6 m side by side; shapely.intersection says of the second that it lies in the first.
 STRIPS = np.array(
@@ -33,3 +34,18 @@ def test_each_is_clipped_by_its_own_part() -> None:
     for strip, part, clipped in zip(STRIPS, shifted, clip_all_areas(STRIPS, shifted), strict=True):
         assert abs(clipped.area - clip_area(strip, part).area) < 1e-9
         assert 0.5 * strip.area < clipped.area < strip.area
+
+
+def test_ground_that_crosses_itself_is_cut_on_a_grid_where_that_fails_without() -> None:
+    ground = shapely.Polygon([(66.1, -152.5), (0.0, 0.0), (-237.3, -102.9)])
+    sliver = shapely.Polygon([(-221.7, -96.1), (66.1, -152.5), (38.7, -148.8)])
+    tip = shapely.Polygon([(38.7, -148.8), (33.2, -148.0), (36.4, -146.2)])
+    buffered = shapely.MultiPolygon([sliver, tip])  # as buffers with sharp corners come: the tip lies in the sliver
+    with pytest.raises(shapely.errors.GEOSException):
+        shapely.difference(ground, buffered)
+    outside, inside = subtract(ground, buffered), intersect(ground, buffered)
+    assert outside.is_valid
+    assert outside.area + inside.area == pytest.approx(ground.area, abs=0.5)  # edges move by half a cell of the grid
+    assert unite([ground, buffered]).area == pytest.approx(outside.area + unite([sliver, tip]).area, abs=0.5)
+    parts = subtract(np.array([ground, tip]), np.array([buffered, ground]))
+    assert [part.area for part in parts] == pytest.approx([outside.area, subtract(tip, ground).area], abs=0.5)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.overlays import subtract, unite
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import InteriorCellTable, measure_excursion_m, measure_outside_m
 from planner.evaluation.machine_outlines import build_body
@@ -61,9 +62,9 @@ class FenceIntrusionCheck(_IntrusionCheck):
 
     def __init__(self, context: PlanningContext) -> None:
         field = context.layout.field
-        fence = shapely.union_all(field.fences)
+        fence = unite(field.fences)
         if field.entrance is not None:
-            fence = shapely.difference(fence, shapely.Point(field.entrance).buffer(context.gate_half_width_m))
+            fence = subtract(fence, shapely.Point(field.entrance).buffer(context.gate_half_width_m))
         super().__init__(context, fence)
         self._area = shapely.Polygon((field.original_boundary or field.boundary).exterior)
         shapely.prepare(self._area)
@@ -77,7 +78,7 @@ class ObstacleIntrusionCheck(_IntrusionCheck):
 
     def __init__(self, context: PlanningContext, obstacle: shapely.Geometry | None = None) -> None:
         """Of one obstacle, or of all of the field."""
-        self._area = shapely.union_all(context.layout.field.solid_obstacles if obstacle is None else [obstacle])
+        self._area = unite(context.layout.field.solid_obstacles if obstacle is None else [obstacle])
         super().__init__(context, self._area.buffer(-MIN_OVERLAP_M))
 
     def _measure_boxes_m(self, boxes: Boxes) -> float:
@@ -309,8 +310,8 @@ def _build_grounds(
     outline: shapely.Polygon, region: shapely.Geometry, gate: shapely.Geometry
 ) -> tuple[shapely.Geometry, shapely.Geometry]:
     """The ground of the field, and where parts of machines may be, both with the gate."""
-    ground = shapely.union(outline, gate)
-    allowed = shapely.union(region.buffer(OVERHANG_TOLERANCE_M), ground)
+    ground = unite([outline, gate])
+    allowed = unite([region.buffer(OVERHANG_TOLERANCE_M), ground])
     shapely.prepare([ground, allowed])
     return ground, allowed
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite_areas
+from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
@@ -210,7 +210,7 @@ def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext
     is_out = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
     near, path = near[is_out], path[is_out]
     outside_m[near] = shapely.distance(shapely.points(path), boundary)
-    at_gate, with_gate = run.find_task_rows(tractor, (ENTER, LEAVE))[near], shapely.union(boundary, context.gate_area)
+    at_gate, with_gate = run.find_task_rows(tractor, (ENTER, LEAVE))[near], unite([boundary, context.gate_area])
     outside_m[near[at_gate]] = shapely.distance(shapely.points(path[at_gate]), with_gate)
     return outside_m
 

@@ -10,7 +10,7 @@ import shapely
 
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.field import MIN_FENCE_MARGIN_M
-from fields.geometry.overlays import extract_polygons
+from fields.geometry.overlays import extract_polygons, intersect, subtract, unite
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
@@ -113,7 +113,7 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
 def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
     """Ground wide enough for the machines but without a passage to it: all rooms but the largest."""
     rooms = shapely.union_all(_list_rooms(context)[1:], grid_size=GRID_M)
-    return extract_polygons(shapely.intersection(rooms, context.layout.field.workable_region))
+    return extract_polygons(intersect(rooms, context.layout.field.workable_region))
 
 
 def _list_rooms(context: PlanningContext) -> list[shapely.Polygon]:
@@ -141,8 +141,8 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
         )
     wide = boundary.buffer(-half + EDGE_M, join_style="mitre", mitre_limit=MITRE_LIMIT)
     wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_LIMIT)
-    yield f"narrower than the implement ({layout.width_m:g} m)", extract_polygons(shapely.difference(boundary, wide))
-    small = shapely.union_all(layout.field.small_obstacles).buffer(BEND_ZONE_WIDTHS * layout.width_m)
+    yield f"narrower than the implement ({layout.width_m:g} m)", extract_polygons(subtract(boundary, wide))
+    small = unite(layout.field.small_obstacles).buffer(BEND_ZONE_WIDTHS * layout.width_m)
     yield "beside obstacles that are driven round", small
     if not layout.headland_passes:
         lines = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.geometry.overlays import Areas, clip_area, subtract_area, unite_areas
+from fields.geometry.overlays import Areas, clip_area, intersect, subtract, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import Points, Rows, SweptArea, compute_swept_between_rows
 from vehicle.arrays import find_true_spans
@@ -77,7 +77,7 @@ def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Rows) -> Areas:
     remaining = marks.copy()
     for number in range(int(place.max(initial=-1)) + 1):
         pairs = place == number
-        remaining[mark[pairs]] = shapely.difference(remaining[mark[pairs]], swept.ground[other[pairs]])
+        remaining[mark[pairs]] = subtract(remaining[mark[pairs]], swept.ground[other[pairs]])
     return remaining
 
 
@@ -109,7 +109,7 @@ def _clip_marks_to_finished(
     """Marks clipped to the parts of strips swept before a row of the record, and the numbers of the strips."""
     before = swept.first[strip] < row
     marks, row, strip = marks[before], row[before], strip[before]
-    clipped = shapely.intersection(marks, _compute_swept_before(run, context, swept, strip, row))
+    clipped = intersect(marks, _compute_swept_before(run, context, swept, strip, row))
     return np.asarray(clipped, dtype=np.object_), strip
 
 

@@ -16,6 +16,7 @@ import shapely
 
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
+from fields.geometry.overlays import unite
 from fields.sample_fields import list_sample_names
 from fields.units import DAY_S
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
@@ -216,8 +217,8 @@ def _build_driving_area(saved: SavedPlan, field: Field | None, width_m: float) -
     """The ground that tractors may drive on: the field, and the paths of the plan."""
     # One buffer per leg: GEOS takes gigabytes for the buffer of all legs where many share a path.
     lines = np.array([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
-    driven_area = shapely.union_all(shapely.buffer(lines, 0.5 * width_m, quad_segs=4))
+    driven_area = unite(shapely.buffer(lines, 0.5 * width_m, quad_segs=4))
     if field is not None:
         shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
-        driven_area = shapely.union(driven_area, shapely.Polygon(_shift_ring(field.boundary.exterior, shift)))
+        driven_area = unite([driven_area, shapely.Polygon(_shift_ring(field.boundary.exterior, shift))])
     return shapely.simplify(driven_area, 0.05)

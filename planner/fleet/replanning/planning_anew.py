@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
+from fields.geometry.overlays import clip_area, extract_polygons, intersect, unite, unite_areas
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
@@ -82,7 +82,7 @@ class _TakenGround:
     @cached_property
     def area(self) -> shapely.Geometry:
         """All of it."""
-        return shapely.union_all(list(self.shapes.values()))
+        return unite(list(self.shapes.values()))
 
     def name_causes(self, place: shapely.Geometry) -> str:
         """What is there where a place touches it: ``tractor 1 and an obstacle``; "" for a place that does not."""
@@ -132,7 +132,7 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
     due = context.layout.field.due_region
-    blocked_m = shapely.intersection(due, taken.area).area / context.layout.width_m
+    blocked_m = intersect(due, taken.area).area / context.layout.width_m
     sentences = [
         *_describe_stands(remaining, whole),
         *([CLOSED_TEXT.format(causes=causes)] if causes else []),
@@ -190,7 +190,7 @@ def _build_taken_ground(remaining: RemainingWork, context: PlanningContext, half
                 tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
                 shapes.append(shapely.buffer(shapely.LineString([tail, nose]), away_m))
     found["an obstacle"] = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
-    return _TakenGround({cause: shapely.union_all(shapes) for cause, shapes in found.items()})
+    return _TakenGround({cause: unite(shapes) for cause, shapes in found.items()})
 
 
 def _can_help(remaining: RemainingWork, number: int) -> bool:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 import shapely
 import shapely.affinity
 
+from fields.geometry.overlays import intersect
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
@@ -411,7 +412,7 @@ class SafetyGuard:
         """Whether a machine (`poses` of its centre of mass) comes too near to an obstacle, or deeper into one."""
         machines = np.array([place_outline(self.boxes, pose) for pose in poses])
         for shape in obstacles:
-            distances_m = shapely.distance(machines, shape) - shapely.area(shapely.intersection(machines, shape))
+            distances_m = shapely.distance(machines, shape) - shapely.area(intersect(machines, shape))
             if distances_m[1:].min(initial=np.inf) < min(self.rules.obstacle_margin_m, distances_m[0] - ROUNDING_M):
                 return True
         return False

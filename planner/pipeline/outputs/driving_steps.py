@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.overlays import intersect, subtract, unite
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_records import DriverLeg
@@ -113,11 +114,11 @@ def _measure_finished_crossing(
     is_finished = worked_ground.finished_row <= row
     line = shapely.LineString(path)
     near = shapely.intersects(worked_ground.strips, line)
-    line = shapely.difference(line, shapely.union_all(worked_ground.strips[near & ~is_finished]))
+    line = subtract(line, unite(worked_ground.strips[near & ~is_finished]))
     metres: dict[str, float] = {}
     for strip in np.flatnonzero(near & is_finished).tolist():
         name = worked_ground.names[strip]
-        metres[name] = metres.get(name, 0.0) + float(shapely.intersection(line, worked_ground.strips[strip]).length)
+        metres[name] = metres.get(name, 0.0) + float(intersect(line, worked_ground.strips[strip]).length)
     by_metres = sorted(metres, key=lambda name: (metres[name], len(name), name))
     slight = np.cumsum([metres[name] for name in by_metres]) < MIN_CROSSED_M
     crossed = sorted(by_metres[slight.sum() :], key=lambda name: (len(name), name))

@@ -162,8 +162,8 @@ def exclude_cut_off_piece(largest_piece: UnworkedPiece | None, field: Field) -> 
 
 def _outline_obstacles(field: Field) -> tuple[Points, ...]:
     """Outlines of obstacles, clipped to the map of the field."""
-    page = shapely.box(*(field.original_boundary or field.boundary).bounds)
-    parts = shapely.get_parts([shapely.intersection(one.shape, page) for one in field.obstacles])
+    page = (field.original_boundary or field.boundary).bounds
+    parts = shapely.get_parts([shapely.clip_by_rect(one.shape, *page) for one in field.obstacles])
     return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from fields.geometry.outline_cleaning import list_polygons
-from fields.geometry.overlays import clip_area, extract_polygons, subtract_area, unite_areas
+from fields.geometry.overlays import clip_area, extract_polygons, intersect, subtract_area, unite, unite_areas
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.point_grids import TRACK_CELL_M, build_point_grid, level_tracks
 from fields.text_files import count_noun
@@ -85,9 +85,7 @@ def _find_overlap(strips: Sequence[shapely.Geometry]) -> shapely.Geometry:
     first, second = tree.query(strips, predicate="intersects")
     pairs = first < second
     shapes = np.array(strips, dtype=np.object_)
-    shared = [
-        extract_polygons(overlap) for overlap in shapely.intersection(shapes[first[pairs]], shapes[second[pairs]])
-    ]
+    shared = [extract_polygons(overlap) for overlap in intersect(shapes[first[pairs]], shapes[second[pairs]])]
     return unite_areas(np.array(shared, dtype=np.object_)) if shared else shapely.MultiPolygon()
 
 
@@ -166,6 +164,6 @@ def _find_region(runs: Sequence[ProjectedRun], crs: str, places: Array) -> shape
     outlines = [reproject_run(run, crs).outline for run in runs]
     known = [outline for outline in outlines if outline is not None]
     if len(known) == len(runs):
-        return shapely.union_all(known)
+        return unite(known)
     cells = np.unique(np.floor(places / TRACK_CELL_M), axis=0)
-    return shapely.union_all(shapely.buffer(shapely.points((cells + 0.5) * TRACK_CELL_M), REACH_M))
+    return unite(shapely.buffer(shapely.points((cells + 0.5) * TRACK_CELL_M), REACH_M))
