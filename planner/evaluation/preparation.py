@@ -58,7 +58,7 @@ from planner.farm.settings import Yard
 from planner.farm.workday import Workday, build_workday
 from planner.request.implement_choice import check_transport_width
 from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
-from planner.request.service_points import check_capacity, locate_service_point
+from planner.request.service_points import locate_service_point
 from planner.risk.assessment import build_decision_criteria
 from planner.risk.costs import CostTerms
 from strategies.path_planning.turns import (
@@ -136,7 +136,6 @@ def prepare_context(
     context = _lay_out_field(
         create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts, order.layout
     )
-    check_capacity(supply, context.layout)
     lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
     battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
     if battery is None:
