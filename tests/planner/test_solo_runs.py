@@ -38,7 +38,7 @@ def build_fleet(tractors: int) -> Plan:
 
 def build_solo_runs(site: PlanningContext) -> SoloRuns:
     rehearsal = IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.5, seed=site.request.seed)
-    return SoloRuns(site, rehearsal)
+    return SoloRuns(rehearsal)
 
 
 def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(

@@ -24,7 +24,7 @@ def simulate(site: Any, plan: Plan) -> SimulationRun:
 
 
 def resolve(site: Any, plan: Plan) -> tuple[SimulationRun, str | None]:
-    alone = SoloRuns(site, IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.05))
+    alone = SoloRuns(IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.05))
     rules = TrafficRules(site.tractor, site.implement, 0.05, 0.05, alone)
     return resolve_conflicts(plan, partial(simulate, site), lambda one, slack: schedule_plan(one, rules, slack))
 

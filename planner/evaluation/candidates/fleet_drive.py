@@ -19,7 +19,6 @@ from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.incremental import IncrementalSimulator
-from vehicle.sim.world import World
 
 MAX_ROWS = 5_000_000  # of all cached records: about 300 MB
 MAX_PLAN_ROWS = 2_500_000  # tractors of larger plans are simulated one after another, which needs less memory
@@ -56,14 +55,14 @@ def compute_machine_gap_m(context: PlanningContext) -> float:
 
 
 class SoloRuns:
-    """Simulates tractors of a context with nobody else on the field, each mission once and several in one world.
+    """Simulates tractors with nobody else on the field, each mission once and several in one world.
 
     Parts that a fleet has driven in the `rehearsal` are reused. On large fields runs of earlier plans are dropped for
     later ones.
     """
 
-    def __init__(self, context: PlanningContext, rehearsal: IncrementalSimulator) -> None:
-        self.context, self.rehearsal = context, rehearsal
+    def __init__(self, rehearsal: IncrementalSimulator) -> None:
+        self.rehearsal = rehearsal
         self._runs: dict[bytes, SimulationRun] = {}
 
     def __call__(self, plan: Plan, numbers: Sequence[int]) -> Iterator[SimulationRun]:
@@ -83,22 +82,11 @@ class SoloRuns:
         missions = [plan.missions[number] for number in batch.values()]
         self._drop_oldest_runs(missions)
         limits_s = [compute_timeout_s(Plan((mission,))) for mission in missions]
-        runs = [None] if is_large else self.rehearsal.simulate_alone(plan, list(batch.values()), limits_s)
-        for key, mission, run, limit_s in zip(batch, missions, runs, limits_s, strict=True):
-            self._runs[key] = run or self._simulate_mission(mission, limit_s)
-
-    def _simulate_mission(self, mission: Mission, limit_s: float) -> SimulationRun:
-        """The run of a mission in a world of its own."""
-        world = World(
-            Plan((mission,)),
-            self.context.tractor,
-            self.context.implement,
-            terrain=self.context.physics.terrain,
-            load=self.context.physics.driven_load,
-            seed=self.context.request.seed,
-            position_errors=self.context.position_errors,
-        )
-        return world.run(max_time_s=limit_s)
+        if is_large:
+            runs = [self.rehearsal.simulate_mission(missions[0], limits_s[0])]
+        else:
+            runs = self.rehearsal.simulate_alone(plan, list(batch.values()), limits_s)
+        self._runs.update(zip(batch, runs, strict=True))
 
     def _drop_oldest_runs(self, missions: Sequence[Mission]) -> None:
         """Drop the oldest runs until the next missions fit."""
@@ -124,7 +112,7 @@ class FleetDriver:
             position_errors=context.position_errors,
             seed=context.request.seed,
         )
-        self._alone = SoloRuns(context, self._rehearsal)
+        self._alone = SoloRuns(self._rehearsal)
         self._rules = TrafficRules(
             *machine, clearance_m, beside_m, self._alone, context.trajectory_cache, at_once=at_once
         )
