@@ -142,20 +142,25 @@ class Field:
         whole = self.region_without_obstacles
         return whole if self.done is None else subtract_area(whole, self.done)
 
+    @property
+    def whole_boundary(self) -> shapely.Polygon:
+        """The boundary before anything was subtracted."""
+        return self.original_boundary or self.boundary
+
     @cached_property
     def solid_obstacles(self) -> tuple[shapely.Geometry, ...]:
         """The ground under obstacles and holes of the outline, without a margin."""
-        holes = (self.original_boundary or self.boundary).interiors
+        holes = self.whole_boundary.interiors
         return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
 
     def compute_overhang_region(self, overhang_m: float) -> shapely.Geometry:
         """The ground over which parts of machines may reach: `overhang_m` beyond open edges, or what they allow."""
-        outline = self.original_boundary or self.boundary
+        outline = self.whole_boundary
         return compute_overhang_region(outline, self.fences, self.edge_overhangs, overhang_m)
 
     def open_edges(self) -> Field:
         """The field with MAX_OVERHANG_M, farther than machines reach, over edges without an overhang of their own."""
-        outline = shapely.LineString((self.original_boundary or self.boundary).exterior.coords)
+        outline = shapely.LineString(self.whole_boundary.exterior.coords)
         everywhere = EdgeOverhang(outline, MAX_OVERHANG_M)
         is_open = everywhere in self.edge_overhangs
         return self if is_open else replace(self, edge_overhangs=(everywhere, *self.edge_overhangs))
@@ -230,7 +235,7 @@ class Field:
             boundary=workable.boundary,
             margin_boundary=None if workable.margin_boundary is workable.boundary else workable.margin_boundary,
             small_obstacles=workable.small_obstacles,
-            original_boundary=self.original_boundary or self.boundary,
+            original_boundary=self.whole_boundary,
             remarks=remarks,
             cut_off_parts=workable.cut_off_parts if cut_off_m2 >= MIN_REPORTED_M2 else (),
         )

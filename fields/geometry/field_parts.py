@@ -40,7 +40,7 @@ def list_field_parts(field: Field, margin_m: float, width_m: float) -> tuple[Fie
 
     A part is where the middle of a machine can be, and half its width around it. Small parts are left out.
     """
-    boundary = field.original_boundary or field.boundary
+    boundary = field.whole_boundary
     margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
     workable = compute_workable_ground(boundary, field.obstacles, margins_m)
     ground = shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)

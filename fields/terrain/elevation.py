@@ -57,7 +57,7 @@ def read_elevation(path: str | Path, field: Field, crs: str | None = None) -> El
             The refusal names the parameter `elevation` or `elevation_crs`.
     """
     with attach_parameter("elevation"):
-        outline = shapely.Polygon((field.original_boundary or field.boundary).exterior)
+        outline = shapely.Polygon(field.whole_boundary.exterior)
         if is_raster_file(str(path)):
             raster = open_raster(str(path))
             grid = build_raster_grid(raster, field, outline, choose_crs(str(path), raster.crs, field, crs))

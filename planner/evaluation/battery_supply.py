@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 
 from fields.layout.swaths import Layout
-from planner.errors import RequestError, attach_parameter, mark_parameter
+from planner.errors import attach_parameter
 from planner.evaluation.field_physics import FieldPhysics
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import locate_service_point
@@ -33,8 +33,7 @@ def build_battery_supply(
 
     `headland_m` is the length of all headland passes.
 
-    Raises RequestError for a battery that does not last for the longest swath, and for a place to charge at that cannot
-    be read or is too far off.
+    Raises RequestError for a place to charge at that cannot be read or is too far off.
     """
     load = physics.fuel_load
     meter = None if load is None else build_leg_meter(tractor, load, physics.terrain)
@@ -58,9 +57,7 @@ def build_battery_supply(
     worked_m = [*lengths_m, headland_m]
     if sum(supply.compute_need(length_m, layout.width_m) for length_m in worked_m) <= AMPLE_SHARE * drive.usable_kwh:
         return None
-    located = _set_trips_apart(located, layout, rules, ground)
-    _check_longest_swath(located, layout)
-    return located
+    return _set_trips_apart(located, layout, rules, ground)
 
 
 def _set_trips_apart(supply: BatterySupply, layout: Layout, rules: DrivingRules, ground: str) -> BatterySupply:
@@ -71,18 +68,3 @@ def _set_trips_apart(supply: BatterySupply, layout: Layout, rules: DrivingRules,
     trip_m = DETOUR_FACTOR * float(shapely.distance(place, corners).max())
     trip_kwh = (1.0 + ESTIMATE_MARGIN) * supply.meter.compute_straight_kwh(trip_m, rules.turn_speed_mps, False, ground)
     return replace(supply, trip_kwh=trip_kwh, capacity=supply.usable_kwh - 2.0 * trip_kwh)
-
-
-def _check_longest_swath(supply: BatterySupply, layout: Layout) -> None:
-    """Raise RequestError where a charge does not last for the longest swath, as nobody charges half way along one."""
-    longest_m = max(swath.length_m for swath in layout.swaths)
-    need_kwh = supply.compute_need(longest_m, layout.width_m)
-    if need_kwh <= supply.capacity:
-        return
-    trips = f" besides {2.0 * supply.trip_kwh:.3g} kWh for the way to the charger and back" if supply.trip_kwh else ""
-    raise RequestError(
-        f"The battery has {supply.usable_kwh:.3g} kWh to use above its reserve, and the longest track of "
-        f"{longest_m:.0f} m takes {need_kwh:.3g} kWh{trips}; use a larger battery, a narrower implement "
-        f"({mark_parameter('width_m')}), or a {mark_parameter('bearing_deg')} with shorter tracks.",
-        parameter="tractor",
-    )

@@ -112,7 +112,7 @@ class PlanningContext:
         field = self.layout.field
         if field.entrance is None or self.request.no_headland or self.free_space.is_empty:
             return None
-        return build_entrance_lane(field.original_boundary or field.boundary, self.free_space, field.entrance)
+        return build_entrance_lane(field.whole_boundary, self.free_space, field.entrance)
 
     @property
     def pull(self) -> PullFigures | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from strategies.path_planning.machine_body import MachineBody
 from vehicle.model.tractor import Implement, Tractor
-from vehicle.sim.compile import compute_contact_boxes
+from vehicle.sim.compile import list_contact_boxes
 
 # A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
 GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
@@ -12,10 +12,7 @@ GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
 
 def build_body(tractor: Tractor, implement: Implement) -> MachineBody:
     """The outline boxes of tractor and implement, measured forward from the rear axle."""
-    boxes, axle = compute_contact_boxes(tractor, implement), tractor.rear_axle_m
-    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
-    sizes = tuple((boxes[low] + axle, boxes[high] + axle, boxes[half]) for low, high, half in ends)
-    return MachineBody(sizes, tractor.antenna_forward_m)
+    return MachineBody(list_contact_boxes(tractor, implement, -tractor.rear_axle_m), tractor.antenna_forward_m)
 
 
 def measure_passage_m(tractor: Tractor, implement: Implement) -> float:
@@ -31,13 +28,3 @@ def measure_half_m(tractor: Tractor, implement: Implement) -> float:
 def folds_at_gate(tractor: Tractor, implement: Implement) -> bool:
     """Whether an implement is folded on the way in and out, because it is too wide for the entrance."""
     return implement.folds and measure_half_m(tractor, implement) + GATE_MARGIN_M > GATE_HALF_WIDTH_M
-
-
-def build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
-    """The outline boxes of tractor and implement, measured forward from the guided point."""
-    guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
-    ends = compute_contact_boxes(tractor, implement)
-    return (
-        (ends["tail"] - guided_point_m, ends["nose"] - guided_point_m, ends["half_width"]),
-        (ends["tool_tail"] - guided_point_m, ends["tool_front"] - guided_point_m, ends["tool_half_width"]),
-    )

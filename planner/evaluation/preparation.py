@@ -39,7 +39,6 @@ from planner.evaluation.layout_choice import (
 )
 from planner.evaluation.machine_outlines import (
     build_body,
-    build_outline_boxes,
     folds_at_gate,
     measure_passage_m,
 )
@@ -58,7 +57,7 @@ from planner.farm.settings import Yard
 from planner.farm.workday import Workday, build_workday
 from planner.request.implement_choice import check_transport_width
 from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
-from planner.request.service_points import check_capacity, locate_service_point
+from planner.request.service_points import locate_service_point
 from planner.risk.assessment import build_decision_criteria
 from planner.risk.costs import CostTerms
 from strategies.path_planning.turns import (
@@ -71,6 +70,7 @@ from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+from vehicle.sim.compile import list_contact_boxes
 
 CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
 BYPASSED_WIDTHS = 4.0  # working widths across: the headland is not laid round smaller obstacles
@@ -136,7 +136,6 @@ def prepare_context(
     context = _lay_out_field(
         create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts, order.layout
     )
-    check_capacity(supply, context.layout)
     lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
     battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
     if battery is None:
@@ -264,7 +263,7 @@ def _build_base_rules(
         **_list_speeds(request),
         radius_m=radius_m,
         tool_m=reach.tool_m,
-        boxes=build_outline_boxes(tractor, implement),
+        boxes=list_contact_boxes(tractor, implement, tractor.antenna_forward_m - tractor.rear_axle_m),
         ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
         limits=build_driving_limits(tractor, ground),
     ).scale_spacing()

@@ -144,7 +144,7 @@ def _compute_allowed(
     if context.gateway is not None:
         gate = shapely.Point(context.gateway.in_pose[:2]).buffer(context.gate_half_width_m)
     fences = subtract(unite(field.fences), gate)
-    outline = field.original_boundary or field.boundary
+    outline = field.whole_boundary
     overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + _measure_beside_guide_m(context))
     near = shapely.Polygon(outline.exterior).buffer(overhang_m, join_style="mitre")
     edges = intersect(field.compute_overhang_region(overhang_m), near)

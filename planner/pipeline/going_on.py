@@ -449,9 +449,7 @@ def _check_same_job(name: str, saved: SavedPlan, request: PlanRequest, context: 
         )
     shift = np.asarray(saved.origin_m) - np.asarray(field.origin_m)
     planned = shapely.Polygon(np.array(rings[0]) + shift, [np.array(ring) + shift for ring in rings[1:]])
-    farthest_m = float(
-        shapely.hausdorff_distance(planned.boundary, (field.original_boundary or field.boundary).boundary)
-    )
+    farthest_m = float(shapely.hausdorff_distance(planned.boundary, field.whole_boundary.boundary))
     if farthest_m > MOST_SHIFT_M:
         raise RequestError(
             f"The boundary of field '{field.name}' is not the one that the plan {plan} was made for: they differ by "

@@ -126,8 +126,8 @@ def _warm_up_scheduling(tractor: Tractor, implement: Implement) -> None:
         steps = [np.outer([begin, begin + 12.0], heading) for begin in (-24.0, -12.0, 0.0)]
         return Mission(tuple(Leg(points, 1.4, may_wait=True) for points in steps))
 
-    def simulate_alone(solo_mission: Mission) -> SimulationRun:
-        return simulate(Plan((solo_mission,)), tractor, implement)
+    def simulate_alone(plan: Plan, numbers: Sequence[int]) -> Iterator[SimulationRun]:
+        return (simulate(Plan((plan.missions[number],)), tractor, implement) for number in numbers)
 
     schedule_plan(
         Plan((build_mission((1.0, 0.0)), build_mission((0.0, 1.0)))),

@@ -1,4 +1,4 @@
-"""Service points: where tanks are filled or emptied, and whether a load lasts for the longest swath."""
+"""Service points: where tanks are filled or emptied, and what plans say of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import shapely
 
 from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.field import Field
-from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest
 from strategies.rules.battery_supply import BatterySupply
@@ -66,29 +65,6 @@ def _parse_service_point(text: str, field: Field) -> Point:
     return place
 
 
-def check_capacity(supply: Supply | None, layout: Layout) -> None:
-    """Raise RequestError where a load does not last for the longest swath, as nobody refills half way along one."""
-    if supply is None:
-        return
-    longest = max((swath.length_m for swath in layout.swaths), default=0.0)
-    required = supply.compute_need(longest, layout.width_m)
-    if required > supply.capacity:
-        lasts_m = supply.capacity / supply.rate_per_m2 / layout.width_m
-        raise RequestError(
-            f"A capacity of {supply.capacity:g} lasts for {lasts_m:.0f} m of track at a rate of "
-            f"{supply.rate_per_m2:g} per m2, and the longest track of {longest:.0f} m takes {required:.6g}; use "
-            f"a capacity of {_ceil_to_three_digits(required):g} or more, "
-            f"a lower rate, or a {mark_parameter('bearing_deg')} with "
-            "shorter tracks."
-        )
-
-
-def _ceil_to_three_digits(need: float) -> float:
-    """A need rounded up to three digits."""
-    step = 10.0 ** (math.floor(math.log10(need)) - 2)
-    return math.ceil(need / step) * step
-
-
 def export_supply(supply: Supply) -> dict[str, float | str | None]:
     """What tractors carry, or their batteries, as plain values for a ranking."""
     x, y = supply.place or (0.0, 0.0)
@@ -118,8 +94,8 @@ def describe_supply(supply: Supply) -> tuple[str, ...]:
     return (
         f"Every tractor {action} {supply.rate_per_m2:g} l or kg per m2 worked and carries {supply.capacity:g}; it "
         f"{start_condition} in {supply.stop_s:g} s, {describe_service_point(supply)}.",
-        f"It does so between two tracks or on a headland pass, where that costs least time; after the last it "
-        f"{'keeps what it holds' if supply.collects else 'is not refilled'}.",
+        "It does so between two tracks or on a headland pass, where that costs least time, and within a track that "
+        f"takes more than a load; after the last it {'keeps what it holds' if supply.collects else 'is not refilled'}.",
     )
 
 

@@ -21,7 +21,7 @@ from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import REC_ANGLE, REC_LEG, REC_POSE, REC_SPEED
-from vehicle.sim.compile import compute_contact_boxes
+from vehicle.sim.compile import list_contact_boxes
 
 MIN_PART_M = 0.5  # on either side of a cut
 Points = npt.NDArray[np.float64]
@@ -226,11 +226,7 @@ def _find_order_gates(segments: _GroundSegments, plan: Plan) -> dict[tuple[int, 
 
 
 def _build_segments(run: SimulationRun, tractor: Tractor, implement: Implement) -> _GroundSegments:
-    boxes = compute_contact_boxes(tractor, implement)
-    bodies = (
-        _build_corners(boxes["nose"], boxes["tail"], boxes["half_width"]),
-        _build_corners(boxes["tool_front"], boxes["tool_tail"], boxes["tool_half_width"]),
-    )
+    bodies = [_build_corners(*box) for box in list_contact_boxes(tractor, implement)]
     rows = np.concatenate([_mark_segments(run, number) for number in range(run.plan.tractors)])
     ground = _build_hulls(run, rows, bodies)
     tractors, leg, row, _, *metric_columns = np.repeat(rows, len(bodies), axis=0).T
@@ -268,7 +264,7 @@ def _list_rows(first: int, last: int) -> IntArray:
     return np.append(np.arange(first, last, OUTLINE_ROW_STEP), last)
 
 
-def _build_corners(front_m: float, back_m: float, half_width_m: float) -> Array:
+def _build_corners(back_m: float, front_m: float, half_width_m: float) -> Array:
     """Corners (4, 2) of a box with BODY_MARGIN_M around it, forward and left of the centre of mass."""
     front_m, back_m, half_width_m = front_m + BODY_MARGIN_M, back_m - BODY_MARGIN_M, half_width_m + BODY_MARGIN_M
     return np.array(
@@ -276,7 +272,7 @@ def _build_corners(front_m: float, back_m: float, half_width_m: float) -> Array:
     )
 
 
-def _build_hulls(run: SimulationRun, marks: Array, bodies: tuple[Array, ...]) -> npt.NDArray[np.object_]:
+def _build_hulls(run: SimulationRun, marks: Array, bodies: list[Array]) -> npt.NDArray[np.object_]:
     """Convex hulls of every body on each segment, the bodies of a segment one after another."""
     rows = [_list_rows(first, last) for first, last in marks[:, 2:4].astype(np.int64).tolist()]
     sizes = np.array([len(each) for each in rows])

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,63 +21,46 @@ from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 from vehicle.sim.path_conflicts import find_conflicting_poses
 
-AnyArray = npt.NDArray[Any]
+Ints = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
+EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses are POSE_STEP_M apart
+MERGE_GAP_S = 2.0  # spans of head starts nearer than this are merged
 PLACE_KINDS = 4  # a place inside a segment or at its end, on either trajectory
-
-
-class ConflictCollector:
-    """The encounters of pairs of trajectories, collected for a whole fleet."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self._apart: list[AnyArray] = [np.zeros((0, 3), dtype=np.int64)]
-        self._apart_s: list[AnyArray] = [np.zeros((0, 2))]
-        self._stands: list[AnyArray] = [np.zeros((0, 2), dtype=np.int64)]
-        self._stands_s: list[AnyArray] = [np.zeros((0, 2))]
-
-    def add(
-        self, encounters: tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray, AnyArray], base_a: int, base_b: int
-    ) -> None:
-        """Add what `find_encounters` found for two trajectories, given the numbers at which their places begin."""
-        apart, apart_s, by_a, by_a_s, by_b, by_b_s = encounters
-        self._apart.append(apart + np.array([base_a, base_b, 0]))
-        self._stands += [by_a + np.array([base_a, base_b]), by_b + np.array([base_b, base_a])]
-        self._apart_s.append(apart_s)
-        self._stands_s += [by_a_s, by_b_s]
-
-    def merge_exclusions(self, together_s: float) -> tuple[AnyArray, AnyArray, AnyArray]:
-        """Segments, other segments and time spans between them; spans nearer than `together_s` are merged."""
-        keys, spans = np.concatenate(self._apart), np.concatenate(self._apart_s)
-        order = np.lexsort((spans[:, 0], keys[:, 2], keys[:, 1], keys[:, 0]))
-        keys, spans = np.ascontiguousarray(keys[order]), np.ascontiguousarray(spans[order])
-        count = _merge_spans(keys, spans, together_s)
-        return keys[:count, 0], keys[:count, 1], spans[:count]
-
-    def list_passings(self) -> tuple[AnyArray, AnyArray, AnyArray]:
-        """Hold points, segments that pass them, and when."""
-        keys = np.concatenate(self._stands)
-        return keys[:, 0], keys[:, 1], np.concatenate(self._stands_s)
+NO_ENCOUNTERS = np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros((0, 2))
 
 
 def find_encounters(
-    meeting_rows: AnyArray, time_a: AnyArray, time_b: AnyArray, holds_a: AnyArray, holds_b: AnyArray
-) -> tuple[AnyArray, AnyArray, AnyArray, AnyArray, AnyArray, AnyArray]:
+    meeting_rows: Ints, times: tuple[Floats, Floats], holds: tuple[Ints, Ints], bases: tuple[int, int]
+) -> tuple[Ints, Floats, Ints, Floats]:
     """How two trajectories interact where they meet, rows as from vehicle.sim.path_conflicts.
 
-    Rows (segment, other segment, kind) with time spans; then, for hold points of the first and of the second
-    trajectory, rows (hold point, other's segment) with the first and last time it passes since that segment began.
+    Rows (segment, other segment, kind) with time spans; then rows (hold point, segment of the other) with the first and
+    last time it passes since that segment began. `bases` are the numbers at which their places begin.
     """
+    (time_a, time_b), (holds_a, holds_b), (base_a, base_b) = times, holds, bases
+    place, first, last = meeting_rows.T
     apart, apart_s, count = _find_head_start_spans(meeting_rows, time_a, time_b, holds_a, holds_b)
-    by_a, by_a_s, standing_a = _find_passings_of_first(meeting_rows, time_b, holds_a, holds_b)
-    by_b, by_b_s, standing_b = _find_passings_of_second(meeting_rows, time_a, holds_a, holds_b)
-    return (
-        apart[:count],
-        apart_s[:count],
-        by_a[:standing_a],
-        by_a_s[:standing_a],
-        by_b[:standing_b],
-        by_b_s[:standing_b],
-    )
+    by_a, by_a_s = _find_passings(_list_visits(holds_a, place, place, first, last), len(holds_a), time_b, holds_b)
+    by_b, by_b_s = _find_passings(_list_visits(holds_b, first, last, place, place), len(holds_b), time_a, holds_a)
+    stands = np.concatenate([by_a + np.array([base_a, base_b]), by_b + np.array([base_b, base_a])])
+    return apart[:count] + np.array([base_a, base_b, 0]), apart_s[:count], stands, np.concatenate([by_a_s, by_b_s])
+
+
+def _list_visits(holds: Ints, low: Ints, high: Ints, first: Ints, last: Ints) -> Ints:
+    """Rows (hold point, first and last place of another trajectory there) for all hold points from `low` to `high`."""
+    begins = np.searchsorted(holds, low)
+    counts = np.searchsorted(holds, high, side="right") - begins
+    rows = np.repeat(np.arange(len(low)), counts)
+    numbers = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.column_stack([begins[rows] + numbers, first[rows], last[rows]])
+
+
+def _merge_exclusions(keys: Ints, spans: Floats) -> tuple[Ints, Ints, Floats]:
+    """Segments, other segments and time spans between them; spans nearer than MERGE_GAP_S are merged."""
+    order = np.lexsort((spans[:, 0], keys[:, 2], keys[:, 1], keys[:, 0]))
+    keys, spans = np.ascontiguousarray(keys[order]), np.ascontiguousarray(spans[order])
+    count = _merge_spans(keys, spans, MERGE_GAP_S)
+    return keys[:count, 0], keys[:count, 1], spans[:count]
 
 
 @compile_function
@@ -189,48 +171,21 @@ def _add_passing_rows(keys, times, count, latest, hold, segment, first, last, ti
 
 
 @compile_function
-def _find_passings_of_first(meeting_rows, time_b, holds_a, holds_b):  # type: ignore[no-untyped-def]
-    """Which segments of the second trajectory pass the hold points of the first, when, and the number of rows."""
+def _find_passings(visits, hold_count, time, holds):  # type: ignore[no-untyped-def]
+    """Rows (hold point, segment that passes it), and when, from rows of `_list_visits` to a trajectory with `holds`."""
     keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), np.int64(0)
-    latest = np.full((len(holds_a), 2), -1)
-    for row in range(len(meeting_rows)):
-        i, first, last = meeting_rows[row, 0], meeting_rows[row, 1], meeting_rows[row, 2]
-        hold = _find_hold_point_before(holds_a, i)
-        while hold >= 0 and holds_a[hold] == i:
-            u = max(0, _find_hold_point_before(holds_b, first) - 1)
-            while u < len(holds_b) - 1 and holds_b[u] <= last:
-                low, high = max(first, holds_b[u]), min(last, holds_b[u + 1])
-                if low <= high:
-                    keys, times, count = _add_passing_rows(
-                        keys, times, count, latest, hold, u, low, high, time_b, holds_b
-                    )
-                u += 1
-            hold -= 1
-    return keys, times, count
-
-
-@compile_function
-def _find_passings_of_second(meeting_rows, time_a, holds_a, holds_b):  # type: ignore[no-untyped-def]
-    """Which segments of the first trajectory pass the hold points of the second, when, and the number of rows."""
-    keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), np.int64(0)
-    latest = np.full((len(holds_b), 2), -1)
-    for row in range(len(meeting_rows)):
-        i, inner = meeting_rows[row, 0], _find_hold_point_before(holds_a, meeting_rows[row, 0])
-        hold = _find_hold_point_before(holds_b, meeting_rows[row, 1] - 1) + 1
-        while hold < len(holds_b) and holds_b[hold] <= meeting_rows[row, 2]:
-            first = inner
-            while first > 0 and holds_a[first] == i:
-                first -= 1
-            for s in range(first, min(inner + 1, len(holds_a) - 1)):
-                keys, times, count = _add_passing_rows(keys, times, count, latest, hold, s, i, i, time_a, holds_a)
-            hold += 1
-    return keys, times, count
-
-
-EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses are POSE_STEP_M apart
-MERGE_GAP_S = 2.0  # spans of head starts nearer than this are merged
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
+    latest = np.full((hold_count, 2), -1)
+    for row in range(len(visits)):
+        hold, first, last = visits[row, 0], visits[row, 1], visits[row, 2]
+        segment = max(0, _find_hold_point_before(holds, first - 1))
+        while segment < len(holds) - 1 and holds[segment] <= last:
+            low, high = max(first, holds[segment]), min(last, holds[segment + 1])
+            if low <= high:
+                keys, times, count = _add_passing_rows(
+                    keys, times, count, latest, hold, segment, low, high, time, holds
+                )
+            segment += 1
+    return keys[:count], times[:count]
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,32 +276,20 @@ def _build_zones(trajectories: list[SoloTrajectory], pair_meetings: dict[tuple[i
     holds = [np.asarray(trajectory.holds, dtype=np.int64) for trajectory in trajectories]
     base = np.concatenate(([0], np.cumsum([len(own_holds) for own_holds in holds]))).astype(np.int64)
     interacts = np.zeros((len(trajectories), len(trajectories)), dtype=np.bool_)
-    collector = ConflictCollector()
+    found = [NO_ENCOUNTERS]
     for (i, j), meeting_rows in pair_meetings.items():
         interacts[i, j] = interacts[j, i] = True
-        a, b = trajectories[i], trajectories[j]
-        collector.add(find_encounters(meeting_rows, a.time_s, b.time_s, holds[i], holds[j]), int(base[i]), int(base[j]))
-    places = int(base[-1])
-    segment, other_segment, span_s = collector.merge_exclusions(MERGE_GAP_S)
-    hold, passing_segment, passing_s = collector.list_passings()
-    is_standing = np.array(
-        [trajectory.is_on_field_at(n) for trajectory in trajectories for n in range(trajectory.segment_count + 1)],
-        dtype=np.bool_,
-    )
-    hold, passing_segment, passing_s = (
-        hold[is_standing[hold]],
-        passing_segment[is_standing[hold]],
-        passing_s[is_standing[hold]],
-    )
+        times = trajectories[i].time_s, trajectories[j].time_s
+        found.append(find_encounters(meeting_rows, times, (holds[i], holds[j]), (int(base[i]), int(base[j]))))
+    apart, apart_s, stands, passing_s = map(np.concatenate, zip(*found, strict=True))
+    segment, other_segment, span_s = _merge_exclusions(apart, apart_s)
+    is_on_field = [one.is_on_field_at(hold) for one in trajectories for hold in range(one.segment_count + 1)]
+    is_standing = np.array(is_on_field, dtype=np.bool_)[stands[:, 0]]
+    (hold, passing_segment), passing_s, places = stands[is_standing].T, passing_s[is_standing], int(base[-1])
     return ConflictZones(
         trajectories,
         base,
-        np.concatenate(
-            [
-                trajectory.time_s[trajectory_holds]
-                for trajectory, trajectory_holds in zip(trajectories, holds, strict=True)
-            ]
-        ),
+        np.concatenate([one.time_s[own_holds] for one, own_holds in zip(trajectories, holds, strict=True)]),
         ConflictTable.from_rows(
             np.concatenate([segment, other_segment]),
             np.concatenate([other_segment, segment]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -21,8 +21,8 @@ POSE_STEP_M = 0.8  # between poses of a trajectory
 MAX_CACHED_POSES = 1_000_000  # of all cached trajectories
 TURN_WEIGHT_M = 3.0  # metres of driving that count as much as a radian of turning
 Floats = npt.NDArray[np.float64]
-SoloSimulation = Callable[[Mission], SimulationRun]
-"""Simulates one mission with nobody else on the field."""
+SoloSimulation = Callable[[Plan, Sequence[int]], Iterable[SimulationRun]]
+"""Simulates some tractors of a plan, by number, each with nobody else on the field."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,16 +108,16 @@ class TrajectoryCache:
     meetings: dict[tuple[SoloTrajectory, SoloTrajectory, float], npt.NDArray[np.int64]] = field(default_factory=dict)
     pose_count: int = 0
 
-    def get_trajectory(self, mission: Mission, simulate_alone: SoloSimulation) -> SoloTrajectory | None:
-        """The trajectory of a mission, simulated if not cached; None if the tractor does not finish."""
-        key = compute_mission_key(mission)
-        if key not in self.trajectories:
-            free_legs = tuple(leg.copy_with(gates=(), follow=None) for leg in mission.legs)
-            run = simulate_alone(Mission(free_legs))
-            trajectory = _build_trajectory(mission, run) if run.outcome == DONE else None
+    def find_trajectories(self, plan: Plan, simulate_alone: SoloSimulation) -> list[SoloTrajectory | None]:
+        """The trajectory of every tractor of a plan, those simulated that are not cached; None for one that does not
+        finish."""
+        keys = [compute_mission_key(mission) for mission in plan.missions]
+        missing = {key: number for number, key in enumerate(keys) if key not in self.trajectories}
+        for (key, number), run in zip(missing.items(), simulate_alone(plan, [*missing.values()]), strict=True):
+            trajectory = _build_trajectory(plan.missions[number], run) if run.outcome == DONE else None
             self.pose_count += len(trajectory.poses) if trajectory else 0
             self.trajectories[key] = trajectory
-        return self.trajectories[key]
+        return [self.trajectories[key] for key in keys]
 
     def clear_if_too_large(self) -> None:
         """Empty the cache if it has become too large."""
@@ -133,7 +133,7 @@ def get_trajectories(
     """The trajectory of every tractor of a plan; None if one does not finish even alone."""
     cache = cache or TrajectoryCache()
     cache.clear_if_too_large()
-    trajectories = [cache.get_trajectory(mission, simulate_alone) for mission in plan.missions]
+    trajectories = cache.find_trajectories(plan, simulate_alone)
     complete = [trajectory for trajectory in trajectories if trajectory is not None]
     return complete if len(complete) == len(trajectories) else None
 

@@ -151,12 +151,6 @@ def shift_pose_ahead(pose: Pose, distance_m: float) -> Pose:
     return x + distance_m * math.cos(heading), y + distance_m * math.sin(heading), heading
 
 
-def require_radius(radius_m: float) -> None:
-    """Raise TurnError unless the radius is a positive finite number."""
-    if not (math.isfinite(radius_m) and radius_m > 0.0):
-        raise TurnError(f"Turning radius {radius_m} m must be above zero and finite; give the tractor's own.")
-
-
 def place_in_frame(a: Pose, b: Pose) -> tuple[float, float, float]:
     """Pose b as seen from pose a, to a millimetre and a microradian."""
     dx, dy, cosine, sine = b[0] - a[0], b[1] - a[1], math.cos(a[2]), math.sin(a[2])

@@ -93,7 +93,7 @@ class SiteMoves:
         """
         site, field = self.site, self.site.layout.field
         outline, spared_m = (
-            (field.original_boundary or field.boundary).exterior,
+            field.whole_boundary.exterior,
             site.layout.headland_m + site.rules.tool_m,
         )
         s_per_m = 1.0 / site.rules.turn_speed_mps + site.wheels_s_per_m

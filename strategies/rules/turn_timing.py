@@ -10,13 +10,7 @@ import numpy as np
 
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, Pose
-from strategies.path_planning.turns import (
-    build_fishtail,
-    build_omega_turn,
-    build_switch_back,
-    build_u_turn,
-    compute_turn_depth_m,
-)
+from strategies.path_planning.turns import list_turns, measure_turn_depth_m
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.legs import PATH_STEP_M
 from strategies.rules.turn_costs import TurnCosts
@@ -27,7 +21,7 @@ from vehicle.sim.world import simulate
 
 LEAD_M = 15.0  # straight before and after a turn, long enough to reach speed and settle
 MAX_TURN_S = 600.0  # a tractor that has not finished by then never will
-TURN_BUILDERS = {"u": (build_u_turn,), "omega": (build_omega_turn,), "switch-back": (build_switch_back, build_fishtail)}
+DEPTH_ROUNDING_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -83,19 +77,15 @@ class TurnTimer:
         times: list[float | None] = [0.0]
         max_lines = math.ceil(2.0 * self.driving_rules.radius_m / width_m) + 1
         for lines in range(1, max_lines + 1):
-            turn_times_s = [self.measure_seconds(path) for path in self._list_turns(lines * width_m, depth_m, kinds)]
+            turns = list_turns(lines * width_m, self.driving_rules.radius_m)
+            fitting = [
+                turn
+                for turn in turns
+                if turn.kind in kinds and measure_turn_depth_m(turn) <= depth_m + DEPTH_ROUNDING_M
+            ]
+            turn_times_s = map(self.measure_seconds, fitting)
             times.append(min((time for time in turn_times_s if time is not None), default=None))
         return tuple(times)
-
-    def _list_turns(self, spacing: float, depth_m: float, kinds: tuple[str, ...]) -> list[DrivePath]:
-        a, b = (0.0, 0.0, 0.5 * math.pi), (spacing, 0.0, -0.5 * math.pi)
-        radius = self.driving_rules.radius_m
-        turns = []
-        for kind in kinds:
-            if (kind == "u" and spacing < 2.0 * radius) or compute_turn_depth_m(kind, spacing, radius) > depth_m + 1e-6:
-                continue
-            turns += [path for build_turn in TURN_BUILDERS[kind] if (path := build_turn(a, b, radius))]
-        return turns
 
     def estimate_detour_s(self) -> float:
         """Estimated seconds of a detour where no turn fits, for comparing orders: two full circles."""
@@ -107,11 +97,9 @@ class TurnTimer:
         Raises StrategyError if the tractor does not complete them.
         """
         radius, driving_rules = self.driving_rules.radius_m, self.driving_rules
-        a, b = (0.0, 0.0, 0.5 * math.pi), (0.75 * radius, 0.0, -0.5 * math.pi)
         speeds, limits = (driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps), driving_rules.limits
         free_costs = TurnCosts(*speeds, 0.0, limits=limits)
-        three_arc_path, fishtail_path = build_switch_back(a, b, radius), build_fishtail(a, b, radius)
-        assert three_arc_path is not None and fishtail_path is not None
+        _, three_arc_path, fishtail_path = list_turns(0.75 * radius, radius)
         lost_three_s, lost_tail_s = (
             (self._measure_required_seconds(path) - free_costs.compute_time_s(path)) / 2.0
             for path in (three_arc_path, fishtail_path)

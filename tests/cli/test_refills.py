@@ -81,10 +81,3 @@ def test_an_implement_that_carries_nothing_is_not_refilled(plan: Headland) -> No
 def test_bad_requests_are_one_sentence(plan: Headland, options: tuple[str, ...], words: str) -> None:
     told = plan(*options)
     assert_refused(told, words)
-
-
-def test_a_tank_smaller_than_one_track_is_one_sentence(plan: Headland) -> None:
-    Path("farm.toml").write_text(FARM.replace("400.0", "50.0"), encoding="utf-8")
-    told = plan()
-    words = ("A capacity of 50 lasts for 56 m", "0.3 per m2", "use a capacity of", "a lower rate", "--bearing")
-    assert_refused(told, *words)

@@ -1,6 +1,6 @@
 """How two trajectories interact, counted pose by pose, and what is computed once for several plans."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -132,9 +132,9 @@ class TestWhatIsKnown:
         driven: list[Mission] = []
         known = TrajectoryCache()
 
-        def alone(mission: Mission) -> SimulationRun:
-            driven.append(mission)
-            return moved(mission)
+        def alone(plan: Plan, numbers: Sequence[int]) -> Iterator[SimulationRun]:
+            driven.extend(plan.missions[number] for number in numbers)
+            return (moved(plan.missions[number]) for number in numbers)
 
         same = [along(16.0), along(16.0)]
         assert same[0].legs[0].points is not same[1].legs[0].points
@@ -147,7 +147,7 @@ class TestWhatIsKnown:
 
     def test_who_does_not_get_home_alone_has_no_trajectory(self) -> None:
         mission = along(16.0)
-        assert get_trajectories(Plan((mission,)), lambda each: moved(each, outcome=TIMEOUT)) is None
+        assert get_trajectories(Plan((mission,)), lambda *_: [moved(mission, outcome=TIMEOUT)]) is None
 
     def test_meetings_are_looked_up_and_what_is_too_much_is_forgotten(self, monkeypatch: pytest.MonkeyPatch) -> None:
         known = TrajectoryCache()

@@ -14,7 +14,7 @@ from planner.evaluation.site import build_site
 from planner.pipeline.outputs.driving_steps import _classify_turn, list_steps
 from strategies.lines.line_wishes import name_line
 from strategies.moves.drives import build_path_legs
-from strategies.path_planning.turns import build_omega_turn, build_switch_back, build_u_turn
+from strategies.path_planning.turns import list_turns
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun, find_longest_reversing
 from vehicle.model.tractor import Implement, load_tractor
@@ -120,11 +120,9 @@ def test_a_way_says_how_far_it_is_reversed_and_over_what() -> None:
 @pytest.mark.parametrize("kind", ["u", "omega", "switch-back"])
 def test_turns_are_called_as_they_were_planned(place: Any, kind: str) -> None:
     site = place(shapely.box(0, 0, 60, 100), no_headland=True)
-    build = {"u": build_u_turn, "omega": build_omega_turn, "switch-back": build_switch_back}[kind]
     radius_m, width_m = site.driving_rules.radius_m, site.layout.width_m
     across_m = {"u": math.ceil(2.0 * radius_m / width_m), "omega": 1, "switch-back": 1}[kind] * width_m
-    path = build((0.0, 0.0, 0.5 * math.pi), (across_m, 0.0, -0.5 * math.pi), radius_m)
-    assert path is not None and path.kind == kind
+    path = next(turn for turn in list_turns(across_m, radius_m) if turn.kind == kind)
     assert _classify_turn(build_path_legs(build_site(site), path, LegTask("turn", 1))) == kind
 
 

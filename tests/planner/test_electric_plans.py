@@ -142,12 +142,13 @@ def test_stops_are_listed_with_their_energy() -> None:
     assert all(f"charge {amount:.1f} kWh" in text for text, amount in zip(texts, amounts, strict=True))
 
 
-def test_a_battery_too_small_for_a_track_is_refused() -> None:
+def test_a_battery_too_small_for_a_track_is_charged_within_the_track() -> None:
     tiny = SMALL.model_copy(update={"capacity_kwh": 0.3})
-    with pytest.raises(RequestError) as caught:
-        prepare(tiny)
-    assert str(caught.value).startswith("The battery has 0.24 kWh to use above its reserve, and the longest track of ")
-    assert "use a larger battery" in str(caught.value)
+    context, found = prepare(tiny), drive(tiny)
+    assert isinstance(context.supply, BatterySupply) and found.run is not None
+    longest_m = max(track.length_m for track in context.layout.swaths)
+    assert context.supply.compute_need(longest_m, 3.0) > context.supply.usable_kwh
+    assert found.result.charges and find_flat_battery(context, found.run) is None
 
 
 def test_a_plan_is_refused_whose_batteries_do_not_last() -> None:

@@ -221,7 +221,6 @@ def test_formations_that_would_have_to_part_say_what_helps(refill: str) -> None:
 @pytest.mark.parametrize(
     ("refill", "supply", "words"),
     [
-        (None, replace(TANK, capacity=50.0), "A capacity of 50 lasts for 56 m"),
         ("headland", None, "no implement carries anything"),
         ("nowhere", TANK, "'nowhere' is not a place; write headland, tender or x,y in metres"),
         ("1,2,3", TANK, "is not a place"),
@@ -235,12 +234,16 @@ def test_what_cannot_be_is_refused_in_a_sentence(refill: str | None, supply: Sup
     assert words in str(refusal.value)
 
 
-def test_a_tank_too_small_names_what_helps() -> None:
-    with pytest.raises(RequestError) as refusal:
-        site_for(None, True, replace(TANK, capacity=50.0))
-    longest = max(track.length_m for track in site_for(None).layout.swaths)
-    for part in ("50", "0.3 per m2", f"{longest:.0f} m", "use a capacity of", "a lower rate"):
-        assert part in str(refusal.value)
+def test_a_tank_smaller_than_a_track_takes_is_filled_within_the_track() -> None:
+    tank = replace(TANK, capacity=70.0)
+    context = site_for(None, True, tank)
+    assert max(tank.compute_need(track.length_m, WIDTH_M) for track in context.layout.swaths) > tank.capacity
+    found = simulate_candidate(context, Candidate("split-field", 1))
+    assert found.result.feasible and found.run is not None
+    ((_, left, used),) = levels(found.run.plan, tank)
+    assert min(left) >= -1e-6 and used / RATE == pytest.approx(
+        WIDTH_M * sum(track.length_m for track in context.layout.swaths), rel=0.03
+    )
 
 
 def test_the_field_file_says_where(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Tractors driven alone: each once, and those of an expected plan together."""
+"""Tractors driven alone: each once, and those of a plan together."""
 
 from typing import Any
 
@@ -14,6 +14,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.sim.incremental import IncrementalSimulator
+from vehicle.sim.world import World
 
 
 @pytest.fixture(scope="module")
@@ -35,37 +36,38 @@ def build_fleet(tractors: int) -> Plan:
     return Plan(tuple(missions))
 
 
+def build_solo_runs(site: PlanningContext) -> SoloRuns:
+    rehearsal = IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.5, seed=site.request.seed)
+    return SoloRuns(rehearsal)
+
+
 def test_who_is_driven_alone_is_forgotten_only_where_records_are_long(
     round_site: PlanningContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    one, other, third = remove_gates(build_fleet(3)).missions
-    alone = SoloRuns(round_site)
-    first = alone(one)
-    alone(other)
-    assert alone(one) is first
+    plan, alone = build_fleet(3), build_solo_runs(round_site)
+    (first,) = alone(plan, [0])
+    _, again = alone(plan, [1, 0])
+    assert again is first
     monkeypatch.setattr("planner.evaluation.candidates.fleet_drive.MAX_ROWS", 0)
-    alone(third)
-    again = alone(one)
+    _, again = alone(plan, [2, 0])
     assert again is not first and np.array_equal(again.record, first.record)
 
 
-def test_of_an_expected_plan_all_others_are_driven_with_the_second_that_is_asked_for(
-    round_site: PlanningContext, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("most_rows", [0, 10_000])
+def test_those_not_driven_yet_are_driven_together_as_each_would_drive(
+    round_site: PlanningContext, monkeypatch: pytest.MonkeyPatch, most_rows: int
 ) -> None:
-    plan = build_fleet(4)
-    free, site = remove_gates(plan).missions, round_site
-    rehearsal = IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.5, seed=site.request.seed)
-    alone, plain, driven, apart = SoloRuns(site, rehearsal), SoloRuns(site), [], rehearsal.simulate_alone
+    monkeypatch.setattr("planner.evaluation.candidates.fleet_drive.MAX_PLAN_ROWS", most_rows)
+    plan, alone, driven = build_fleet(4), build_solo_runs(round_site), []
+    together = alone.rehearsal.simulate_alone
 
     def noted(plan: Plan, numbers: list[int], most_s: list[float]) -> Any:
         driven.append(numbers)
-        return apart(plan, numbers, most_s)
+        return together(plan, numbers, most_s)
 
-    monkeypatch.setattr(rehearsal, "simulate_alone", noted)
-    alone.expect_plan(plan)
-    for number in (2, 0, 1, 3):
-        run, own = alone(free[number]), plain(free[number])
+    monkeypatch.setattr(alone.rehearsal, "simulate_alone", noted)
+    runs = [*alone(plan, [2]), *alone(plan, range(4))]
+    assert driven == ([[2], [0, 1, 3]] if most_rows else [])
+    for run, number in zip(runs, (2, 0, 1, 2, 3), strict=True):
+        own = World(Plan((remove_gates(plan).missions[number],)), round_site.tractor, round_site.implement).run()
         assert run.record.tobytes() == own.record.tobytes() and run.outcome == own.outcome
-    assert driven == [[2], [0, 1, 3]]
-    alone(Mission(free[0].legs[:1]))
-    assert len(driven) == 2  # that is no tractor of the plan

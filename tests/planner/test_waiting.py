@@ -13,6 +13,7 @@ from planner.traffic.precedence import TrafficRules, schedule_plan
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, SimulationRun
+from vehicle.sim.incremental import IncrementalSimulator
 from vehicle.sim.world import World
 
 SPEED = 5 / 3.6
@@ -23,7 +24,8 @@ def simulate(site: Any, plan: Plan) -> SimulationRun:
 
 
 def resolve(site: Any, plan: Plan) -> tuple[SimulationRun, str | None]:
-    rules = TrafficRules(site.tractor, site.implement, 0.05, 0.05, SoloRuns(site))
+    alone = SoloRuns(IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.05))
+    rules = TrafficRules(site.tractor, site.implement, 0.05, 0.05, alone)
     return resolve_conflicts(plan, partial(simulate, site), lambda one, slack: schedule_plan(one, rules, slack))
 
 

@@ -15,7 +15,6 @@ from strategies.path_planning.paths import (
     TurnError,
     advance_along_segment,
     merge_segments,
-    require_radius,
 )
 from tests.examples import count_examples
 from tests.strategies.primitive_paths import find_backing_paths, find_dubins_paths, find_three_arc_paths
@@ -185,12 +184,6 @@ def test_joining_merges_equal_neighbours_and_drops_empty_segments() -> None:
 def test_a_path_without_segments_stays_where_it_is() -> None:
     path = merge_segments((1, 2, 0.5), [PathSegment(0.0, 0.0, 1)], "route")
     assert path.segments == () and path.end == (1, 2, 0.5) and path.sample() == []
-
-
-@pytest.mark.parametrize("radius", [0.0, -4.0, math.nan, math.inf])
-def test_radius_that_is_not_one_is_refused(radius: float) -> None:
-    with pytest.raises(TurnError, match="must be above zero and finite; give the tractor"):
-        require_radius(radius)
 
 
 @pytest.mark.parametrize("step", [0.0, -1.0, math.nan])

@@ -1,4 +1,4 @@
-"""Turns timed by simulation, and the headland sized for them."""
+"""Turns timed by simulation."""
 
 import math
 from typing import Any
@@ -6,20 +6,12 @@ from typing import Any
 import pytest
 
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.turns import (
-    TurnReach,
-    build_u_turn,
-    compute_available_turn_depth_m,
-    compute_headland_m,
-    compute_turn_depth_m,
-    list_allowed_kinds,
-)
+from strategies.path_planning.turns import list_turns
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_timing import TurnTimer
 from vehicle.model.tractor import GuidanceParameters, Implement, load_tractor
 
 RADIUS_M, SPEED_MPS = 4.3, 5.0 / 3.6
-UP, DOWN = math.pi / 2, -math.pi / 2
 
 
 def clock(**changes: Any) -> TurnTimer:
@@ -30,8 +22,7 @@ def clock(**changes: Any) -> TurnTimer:
 class TestTiming:
     @pytest.mark.parametrize("spacing_m", [9.0, 12.0, 30.0])
     def test_a_u_turn_takes_its_length_at_its_speed(self, spacing_m: float) -> None:
-        path = build_u_turn((0.0, 0.0, UP), (spacing_m, 0.0, DOWN), RADIUS_M)
-        assert path is not None
+        (path,) = list_turns(spacing_m, RADIUS_M)
         seconds = clock().measure_seconds(path)
         # The straight that it is held against is as long as what lies before and after it.
         assert seconds == pytest.approx((math.pi * RADIUS_M + spacing_m - 2 * RADIUS_M) / SPEED_MPS, abs=0.5)
@@ -58,25 +49,3 @@ class TestTiming:
         assert set(blind.measure_best_times(3.0, 20.0, ("u", "omega"))[1:]) == {None}
         with pytest.raises(StrategyError, match=r"does not complete a plain turn of 4\.30 m radius"):
             blind.measure_reversal_costs()
-
-
-class TestSizing:
-    REACH = TurnReach(tool_m=2.3, margin_m=1.5)
-
-    def test_by_hand(self) -> None:
-        # Switch-back over 3 m: R sin(acos(1/2 - 3/4R)) = 4.06 m, less than R; 2.3 + 4.3 + 1.5 = 8.1, so 8.5 m.
-        assert compute_headland_m("auto", 3.0, RADIUS_M, self.REACH) == 8.5
-        # Omega over 3 m: R + sqrt(4R^2 - (R + 1.5)^2) = 4.3 + 6.35; with 3.8 that is 14.45, so 14.5 m.
-        assert compute_headland_m("omega", 3.0, RADIUS_M, self.REACH) == 14.5
-
-    @pytest.mark.parametrize("kind", ["omega", "switch-back"])
-    @pytest.mark.parametrize("width_m", [2.0, 3.0, 5.0, 12.0])
-    def test_what_it_is_sized_for_fits_and_half_a_metre_less_would_not(self, kind: str, width_m: float) -> None:
-        headland = compute_headland_m(kind, width_m, RADIUS_M, self.REACH)
-        needed = max(compute_turn_depth_m(kind, min(width_m, 2 * RADIUS_M), RADIUS_M), RADIUS_M)
-        assert needed <= compute_available_turn_depth_m(headland, self.REACH) + 1e-9
-        assert needed > compute_available_turn_depth_m(headland - 0.5, self.REACH)
-
-    def test_a_plain_u_is_allowed_beside_what_is_asked_for(self) -> None:
-        assert list_allowed_kinds("auto") == ("u", "omega", "switch-back")
-        assert list_allowed_kinds("omega") == ("u", "omega") and list_allowed_kinds("u") == ("u",)

@@ -8,7 +8,7 @@ import pytest
 
 from tests.vehicle.bits import assert_same_bits
 from vehicle.missions.plan import LEAVE, LegGate, LegTask, Mission, Plan
-from vehicle.missions.run import SimulationRun
+from vehicle.missions.run import TIMEOUT, SimulationRun
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.incremental import SNAPSHOT_INTERVAL_S, IncrementalSimulator
@@ -47,7 +47,7 @@ def simulator(eg105: Tractor, implement: Implement) -> IncrementalSimulator:
     return IncrementalSimulator(eg105, implement, stop_clearance_m=CLEARANCE_M)
 
 
-def driven_apart(simulator: IncrementalSimulator, plan: Plan, numbers: list[int]) -> list[SimulationRun | None]:
+def driven_apart(simulator: IncrementalSimulator, plan: Plan, numbers: list[int]) -> list[SimulationRun]:
     return simulator.simulate_alone(plan, numbers, [FOREVER_S] * len(numbers))
 
 
@@ -60,7 +60,6 @@ def test_each_is_driven_as_in_its_own_world(
         assert simulator.simulate(plan, FOREVER_S).outcome == "conflict"
     runs = driven_apart(simulator, plan, [2]) + driven_apart(simulator, plan, [0, 1])
     for run, number in zip(runs, (2, 0, 1), strict=True):
-        assert run is not None
         assert_same_bits(run, in_world(Plan((plan.missions[number],)), eg105, implement))
 
 
@@ -106,17 +105,18 @@ def test_a_tractor_that_has_left_the_field_blocks_nobody(
     assert_same_bits(run, in_world(plan, eg105, implement))
 
 
-def test_runs_that_need_their_own_world_are_none(
+def test_runs_that_need_their_own_world_get_it(
     build: Any, simulator: IncrementalSimulator, eg105: Tractor, implement: Implement
 ) -> None:
     plan = standing(abreast(build, meet=False), 0, 2, 300.0)
     known, late = simulator.simulate_alone(plan, [0, 1], [FOREVER_S, 200.0])
-    assert late is None and known is not None
     assert_same_bits(known, in_world(Plan((plan.missions[0],)), eg105, implement))
-    errors = IncrementalSimulator(
-        eg105, implement, stop_clearance_m=CLEARANCE_M, position_errors=load_default_error_table()
-    )
-    assert driven_apart(errors, plan, [0, 1, 2]) == [None, None, None]
+    assert late.outcome == TIMEOUT and late.time_s[-1] == pytest.approx(200.0, abs=0.1)
+    table = load_default_error_table()
+    errors = IncrementalSimulator(eg105, implement, stop_clearance_m=CLEARANCE_M, position_errors=table)
+    for run, mission in zip(driven_apart(errors, plan, [0, 1, 2]), plan.missions, strict=True):
+        own = World(Plan((mission,)), eg105, implement, position_errors=table, seed=1)
+        assert_same_bits(run, own.run(max_time_s=FOREVER_S))
 
 
 def test_independent_tractors_drive_through_each_other(build: Any, eg105: Tractor, implement: Implement) -> None:

@@ -93,6 +93,15 @@ def compute_contact_boxes(tractor: Tractor, implement: Implement) -> dict[str, f
     }
 
 
+def list_contact_boxes(
+    tractor: Tractor, implement: Implement, from_m: float = 0.0
+) -> tuple[tuple[float, float, float], ...]:
+    """Rear and front end and half the width (m) of both boxes, from a point `from_m` ahead of the centre of mass."""
+    ends = compute_contact_boxes(tractor, implement)
+    names = ("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")
+    return tuple((ends[rear] - from_m, ends[front] - from_m, ends[half]) for rear, front, half in names)
+
+
 def compute_lateral_ease(tractor: Tractor) -> float:
     """The lateral error times speed (m2/s) up to which guidance corrects without weaving.
 
@@ -144,10 +153,8 @@ def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | 
     model, boxes = np.zeros((), dtype=MODEL), compute_contact_boxes(tractor, implement)
     steering, guidance, speed = tractor.steering, tractor.guidance, tractor.speed
     rate = math.radians(steering.rate_deg_per_s)
-    reach = max(
-        math.hypot(max(abs(boxes["nose"]), abs(boxes["tail"])), boxes["half_width"]),
-        math.hypot(max(abs(boxes["tool_front"]), abs(boxes["tool_tail"])), boxes["tool_half_width"]),
-    )
+    sizes = list_contact_boxes(tractor, implement)
+    reach = max(math.hypot(max(abs(rear), abs(front)), half) for rear, front, half in sizes)
     values = {
         "mass": tractor.mass_kg, "inertia": tractor.inertia_kg_m2,
         "front": tractor.front_axle_m, "rear": tractor.rear_axle_m, "track": tractor.track_m,

@@ -105,15 +105,15 @@ class IncrementalSimulator:
             self._last_finished_plan = current
         return run
 
-    def simulate_alone(
-        self, plan: Plan, tractors: Sequence[int], max_times_s: Sequence[float]
-    ) -> list[SimulationRun | None]:
+    def simulate_alone(self, plan: Plan, tractors: Sequence[int], max_times_s: Sequence[float]) -> list[SimulationRun]:
         """Runs of some tractors of a plan without waiting, each alone on the field and for `max_times_s` at most.
 
-        None for a tractor that needs a World of its own, as all do with position errors, which are drawn per tractor.
+        They share a world, but for one that is not done by then or may have stalled, and with position errors, which
+        are drawn per tractor.
         """
         if self.position_errors is not None and len(self.position_errors):
-            return [None] * len(tractors)
+            limits = zip(tractors, max_times_s, strict=True)
+            return [self.simulate_mission(plan.missions[tractor], max_s) for tractor, max_s in limits]
         unchanged = ((n, entry) for n, entry in self._solo_runs.items() if n < plan.tractors and n not in tractors)
         self._solo_runs = {n: entry for n, entry in unchanged if _has_same_legs(entry, plan.missions[n])}
         self._solo_fleet = None
@@ -132,12 +132,18 @@ class IncrementalSimulator:
         run = world.run(
             independent=True, max_time_s=max(max_times_s), progress=keep_snapshot, chunk_s=SNAPSHOT_INTERVAL_S
         )
+        runs = list[SimulationRun]()
         for place, (tractor, leg_ends_m, max_s) in enumerate(zip(tractors, world.leg_ends_m, max_times_s, strict=True)):
             own_snapshots = [(entry, places[place]) for entry, places in snapshots]
             solo_run = extract_solo_run(run, place, leg_ends_m, own_snapshots, max_s)
             if solo_run is not None:
                 self._solo_runs[tractor] = solo_run
-        return [self._solo_runs[tractor].run if tractor in self._solo_runs else None for tractor in tractors]
+            runs.append(solo_run.run if solo_run else self.simulate_mission(plan.missions[tractor], max_s))
+        return runs
+
+    def simulate_mission(self, mission: Mission, max_time_s: float) -> SimulationRun:
+        """The run of one tractor in a World of its own."""
+        return self._build_world(Plan((mission,))).run(max_time_s=max_time_s)
 
     def _list_shared_snapshots(
         self, earlier: SimulatedPlan | None, plan: Plan, tractors: Sequence[int]

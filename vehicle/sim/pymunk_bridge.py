@@ -21,7 +21,7 @@ from vehicle.errors import VehicleError
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import BODY_WIDTH
 from vehicle.sim.body_memory import NO_OFFSETS, find_body_offsets
-from vehicle.sim.compile import compute_contact_boxes
+from vehicle.sim.compile import list_contact_boxes
 
 MIN_SOLVER_ITERATIONS = 1  # each iteration costs time in every step, even without contacts
 FRICTION = 0.5  # any value would do: plans in which tractors touch are reported as collisions
@@ -50,12 +50,10 @@ class ContactBoxes:
     """
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], tractor: Tractor, implement: Implement) -> None:
-        boxes = compute_contact_boxes(tractor, implement)
-        tractor_box = _build_corners(boxes["tail"], boxes["nose"], boxes["half_width"])
-        tool_box = _build_corners(boxes["tool_tail"], boxes["tool_front"], boxes["tool_half_width"])
+        corners = [_build_corners(*box) for box in list_contact_boxes(tractor, implement)]
         self._space = space
         self._iterations = pymunk.Space().iterations
-        self._shapes = [(_build_shape(body, tractor_box), _build_shape(body, tool_box)) for body in bodies]
+        self._shapes = [[_build_shape(body, each) for each in corners] for body in bodies]
         self.present: Booleans = np.zeros(len(bodies), dtype=np.bool_)
         self.required: Booleans = np.zeros(len(bodies), dtype=np.bool_)
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -21,12 +19,11 @@ from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.incremental import IncrementalSimulator
-from vehicle.sim.world import World
 
 MAX_ROWS = 5_000_000  # of all cached records: about 300 MB
-MAX_PLAN_ROWS = 2_500_000  # larger plans are simulated one tractor after another, which needs less memory
+MAX_PLAN_ROWS = 2_500_000  # tractors of larger plans are simulated one after another, which needs less memory
 ROWS_PER_S = 10.0
-BATCH_SIZE = 8  # tractors simulated in one world, with little overhead; they finish at about the same time
+BATCH_SIZE = 8  # tractors simulated in one world, with little overhead
 TIMEOUT_FACTOR = 4.0  # times the seconds at the speeds of the legs: bends are driven more slowly
 
 
@@ -57,89 +54,39 @@ def compute_machine_gap_m(context: PlanningContext) -> float:
     return measure_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)
 
 
-@dataclass(eq=False)
-class _ExpectedPlan:
-    """A plan, and whether one of its tractors has been requested."""
-
-    original: Plan
-    is_requested: bool = False
-
-    @cached_property
-    def ungated_plan(self) -> Plan:
-        """The plan with nobody waiting."""
-        return remove_gates(self.original)
-
-    @cached_property
-    def mission_keys(self) -> list[bytes]:
-        """The key of each tractor's mission."""
-        return [compute_mission_key(mission) for mission in self.ungated_plan.missions]
-
-
 class SoloRuns:
-    """Simulates missions of a context with nobody else on the field.
+    """Simulates tractors with nobody else on the field, each mission once and several in one world.
 
-    Of an expected plan the first requested tractor is simulated alone, as it may suffice; with the second one the
-    others follow in one world. Parts that a fleet has driven in the `rehearsal` are reused. On large fields runs of
-    earlier plans are dropped for later ones.
+    Parts that a fleet has driven in the `rehearsal` are reused. On large fields runs of earlier plans are dropped for
+    later ones.
     """
 
-    def __init__(self, context: PlanningContext, rehearsal: IncrementalSimulator | None = None) -> None:
-        self.context, self.rehearsal = context, rehearsal
+    def __init__(self, rehearsal: IncrementalSimulator) -> None:
+        self.rehearsal = rehearsal
         self._runs: dict[bytes, SimulationRun] = {}
-        self._expected_plans: list[_ExpectedPlan] = []
 
-    def expect_plan(self, plan: Plan) -> None:
-        """Announce one more plan."""
-        if all(plan is not one.original for one in self._expected_plans):
-            self._expected_plans.append(_ExpectedPlan(plan))
+    def __call__(self, plan: Plan, numbers: Sequence[int]) -> Iterator[SimulationRun]:
+        """The runs of these tractors of a plan in which they wait for nobody, one after another."""
+        plan = remove_gates(plan)
+        keys = [compute_mission_key(mission) for mission in plan.missions]
+        for place, number in enumerate(numbers):
+            if keys[number] not in self._runs:
+                missing = {keys[n]: n for n in numbers[place:] if keys[n] not in self._runs}
+                self._simulate(plan, missing)
+            yield self._runs[keys[number]]
 
-    def __call__(self, mission: Mission) -> SimulationRun:
-        """The run of a mission in which its tractor waits for nobody."""
-        key = compute_mission_key(mission)
-        if key not in self._runs:
-            self._simulate_expected(key)
-        if key not in self._runs:
-            self._drop_oldest_runs([mission])
-            world = World(
-                Plan((mission,)),
-                self.context.tractor,
-                self.context.implement,
-                terrain=self.context.physics.terrain,
-                load=self.context.physics.driven_load,
-                seed=self.context.request.seed,
-                position_errors=self.context.position_errors,
-            )
-            self._runs[key] = world.run(max_time_s=compute_timeout_s(Plan((mission,))))
-        return self._runs[key]
-
-    def _simulate_expected(self, key: bytes) -> None:
-        """Simulate the tractor with this key of an expected plan, and others with it."""
-        expected = (
-            next((expected for expected in self._expected_plans if key in expected.mission_keys), None)
-            if self.rehearsal
-            else None
-        )
-        if expected is None or self.rehearsal is None or _estimate_rows(expected.ungated_plan.missions) > MAX_PLAN_ROWS:
-            return
-        number, missions = expected.mission_keys.index(key), expected.ungated_plan.missions
-        numbers = [number]
-        if expected.is_requested:
-            missing = [
-                n
-                for n, other in enumerate(expected.mission_keys)
-                if other not in self._runs and expected.mission_keys.index(other) == n
-            ]
-            order = sorted(missing, key=lambda n: (-compute_planned_s(missions[n]), n))
-            batch_start = order.index(number) // BATCH_SIZE * BATCH_SIZE
-            numbers = sorted(order[batch_start : batch_start + BATCH_SIZE])
-        expected.is_requested = True
-        self._drop_oldest_runs([missions[n] for n in numbers])
-        runs = self.rehearsal.simulate_alone(
-            expected.ungated_plan, numbers, [compute_timeout_s(Plan((missions[n],))) for n in numbers]
-        )
-        self._runs.update(
-            {expected.mission_keys[n]: run for n, run in zip(numbers, runs, strict=True) if run is not None}
-        )
+    def _simulate(self, plan: Plan, missing: Mapping[bytes, int]) -> None:
+        """Simulate the first tractors that are missing of a plan without gates, by the keys of their missions."""
+        is_large = _estimate_rows(plan.missions) > MAX_PLAN_ROWS
+        batch = dict(list(missing.items())[: 1 if is_large else BATCH_SIZE])
+        missions = [plan.missions[number] for number in batch.values()]
+        self._drop_oldest_runs(missions)
+        limits_s = [compute_timeout_s(Plan((mission,))) for mission in missions]
+        if is_large:
+            runs = [self.rehearsal.simulate_mission(missions[0], limits_s[0])]
+        else:
+            runs = self.rehearsal.simulate_alone(plan, list(batch.values()), limits_s)
+        self._runs.update(zip(batch, runs, strict=True))
 
     def _drop_oldest_runs(self, missions: Sequence[Mission]) -> None:
         """Drop the oldest runs until the next missions fit."""
@@ -165,7 +112,7 @@ class FleetDriver:
             position_errors=context.position_errors,
             seed=context.request.seed,
         )
-        self._alone = SoloRuns(context, self._rehearsal)
+        self._alone = SoloRuns(self._rehearsal)
         self._rules = TrafficRules(
             *machine, clearance_m, beside_m, self._alone, context.trajectory_cache, at_once=at_once
         )
@@ -173,8 +120,7 @@ class FleetDriver:
     def measure_alone_s(self, plan: Plan) -> list[float]:
         """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
         self._time_share.check()
-        self._alone.expect_plan(plan)
-        runs = map(self._alone, remove_gates(plan).missions)
+        runs = self._alone(plan, range(plan.tractors))
         return [run.duration_s if run.outcome == DONE else 0.0 for run in runs]
 
     def drive(self, plan: Plan) -> tuple[SimulationRun, str | None]:
@@ -189,7 +135,6 @@ class FleetDriver:
     def _schedule(self, plan: Plan, slack: float) -> Plan | None:
         """The plan with gates at which tractors wait for one another."""
         self._time_share.check()
-        self._alone.expect_plan(plan)
         return schedule_plan(plan, self._rules, slack)
 
 

@@ -66,7 +66,7 @@ class FenceIntrusionCheck(_IntrusionCheck):
         if field.entrance is not None:
             fence = subtract(fence, shapely.Point(field.entrance).buffer(context.gate_half_width_m))
         super().__init__(context, fence)
-        self._area = shapely.Polygon((field.original_boundary or field.boundary).exterior)
+        self._area = shapely.Polygon(field.whole_boundary.exterior)
         shapely.prepare(self._area)
 
     def _measure_boxes_m(self, boxes: Boxes) -> float:
@@ -285,7 +285,7 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
     On the way in and out the gate of the entrance counts as ground of the field.
     """
     field = context.layout.field
-    outline = shapely.Polygon((field.original_boundary or field.boundary).exterior)
+    outline = shapely.Polygon(field.whole_boundary.exterior)
     region = field.compute_overhang_region(context.request.overhang_m)
     table = InteriorCellTable(outline, compute_reach_m(context))
     grounds = [_build_grounds(outline, region, gate) for gate in (shapely.Polygon(), context.gate_area)]

@@ -10,7 +10,7 @@ import shapely
 import shapely.affinity
 
 from vehicle.model.tractor import Implement, Tractor
-from vehicle.sim.compile import compute_contact_boxes
+from vehicle.sim.compile import list_contact_boxes
 
 Array = npt.NDArray[np.float64]
 ROUNDING_M = 0.01  # rounding, of distances that must not become smaller
@@ -19,15 +19,8 @@ PREDICTION_ERROR_M = 0.15  # of poses predicted along legs
 
 def build_footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPolygon:
     """Outlines of tractor and implement, the centre of mass at the origin, forward along x."""
-    table = build_box_table(tractor, implement)
-    return shapely.MultiPolygon([shapely.box(tail, -half, nose, half) for tail, nose, half in table.tolist()])
-
-
-def build_box_table(tractor: Tractor, implement: Implement) -> Array:
-    """Tail, nose and half width (2, 3) of tractor and implement, from the centre of mass."""
-    box = compute_contact_boxes(tractor, implement)
-    half, tool = box["half_width"], box["tool_half_width"]
-    return np.array([[box["tail"], box["nose"], half], [box["tool_tail"], box["tool_front"], tool]])
+    boxes = list_contact_boxes(tractor, implement)
+    return shapely.MultiPolygon([shapely.box(rear, -half, front, half) for rear, front, half in boxes])
 
 
 def is_leading_away(path: Array, place: Array, distances_m: Array, least_m: float) -> bool:

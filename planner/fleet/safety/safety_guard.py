@@ -32,7 +32,6 @@ from planner.fleet.safety.motion_prediction import (
 from planner.fleet.safety.outlines import (
     PREDICTION_ERROR_M,
     ROUNDING_M,
-    build_box_table,
     build_footprint,
     is_leading_away,
     place_outline,
@@ -40,7 +39,7 @@ from planner.fleet.safety.outlines import (
 from planner.fleet.safety.possible_area import PossibleArea
 from planner.fleet.safety.separation import CONTACT_M, NearPair, SafetyDanger, sort_pair
 from vehicle.missions.plan import ENTER, LEAVE
-from vehicle.sim.compile import build_model_record
+from vehicle.sim.compile import build_model_record, list_contact_boxes
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
 
 Array = npt.NDArray[np.float64]
@@ -72,7 +71,7 @@ class SafetyGuard:
         self.tractor, self.rules, self.twins = plan.tractor, rules, twins or TwinPredictions()
         self.model = np.array([build_model_record(plan.tractor, plan.implement)])
         self.boxes = build_footprint(plan.tractor, plan.implement)
-        self.box_table = build_box_table(plan.tractor, plan.implement)
+        self.box_table = np.array(list_contact_boxes(plan.tractor, plan.implement))
         self.reach_m = float(self.model[0]["reach"])
         self.clearance_m = min(rules.clearance_m, plan.clearance_m)
         self.beside_m = min(rules.beside_m, self.clearance_m)

@@ -54,7 +54,7 @@ def build_field_picture(context: PlanningContext, title: str, lines: Sequence[Wo
     """The field with its headland passes, cells and the swaths among work lines, without tractors."""
     layout = context.layout
     swaths = [line for line in lines if line.task.kind == SWATH]
-    boundary = layout.field.original_boundary or layout.field.boundary
+    boundary = layout.field.whole_boundary
     return PlanDrive(
         title=title,
         boundary=np.asarray(boundary.exterior.coords)[:, :2],
@@ -162,7 +162,7 @@ def exclude_cut_off_piece(largest_piece: UnworkedPiece | None, field: Field) -> 
 
 def _outline_obstacles(field: Field) -> tuple[Points, ...]:
     """Outlines of obstacles, clipped to the map of the field."""
-    page = (field.original_boundary or field.boundary).bounds
+    page = field.whole_boundary.bounds
     parts = shapely.get_parts([shapely.clip_by_rect(one.shape, *page) for one in field.obstacles])
     return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
 

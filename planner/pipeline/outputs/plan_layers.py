@@ -84,7 +84,7 @@ def _iter_driven_rows(plan: Plan) -> Iterator[Row]:
 def _iter_field_rows(context: PlanningContext) -> Iterator[Row]:
     """Boundary, obstacles, fences and entrance of the field."""
     field = context.layout.field
-    outline = field.original_boundary or field.boundary
+    outline = field.whole_boundary
     yield {
         "kind": BOUNDARY_KIND, "name": field.name, "length_m": float(outline.exterior.length),
         "area_m2": float(outline.area), "geometry": outline,

@@ -318,7 +318,7 @@ def _export_ground(context: PlanningContext) -> dict[str, Any]:
     inside = shapely.get_parts(layout.inner_region) if layout.headland_passes else ()
     return {
         "name": field.name,
-        "boundary_m": _export_rings(field.original_boundary or field.boundary),
+        "boundary_m": _export_rings(field.whole_boundary),
         "inside_headland_m": [_export_rings(part) for part in inside if part.area > 0.0],
         "done_m": [] if field.done is None else [_export_rings(part) for part in shapely.get_parts(field.done)],
         "obstacles": [

@@ -73,7 +73,7 @@ def count_uploaded_fields(file_path: str, **options: Any) -> dict[str, Any]:
 def _describe_field(field: Field) -> dict[str, Any]:
     from fields.documents.writer import build_field_geojson
 
-    shape = field.original_boundary or field.boundary
+    shape = field.whole_boundary
     rings = [np.asarray(ring.coords) for ring in (shape.exterior, *shape.interiors)]
     obstacles = [np.asarray(one.shape.exterior.coords) for one in field.obstacles]
     return {
