@@ -90,13 +90,6 @@ def test_where_every_turn_fits_nothing_is_estimated(facts: dict[str, Any]) -> No
     assert facts["turns"]["estimated_turn_s_by_swaths"] == {}
 
 
-def test_the_map_is_a_picture(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
-    outcome = headland("field", small, "--local", "--png", tmp_path / "map.png")
-    assert outcome.status == 0
-    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG\r\n\x1a\n")
-    assert [path.name for path in tmp_path.iterdir()] == ["map.png"]
-
-
 def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: Path) -> None:
 
     def saved(**properties: Any) -> Path:

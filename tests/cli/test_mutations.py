@@ -144,8 +144,3 @@ def test_names_in_a_farm_file_break_no_line(headland: Run, folder: Path) -> None
         outcome = headland(*words)
         assert outcome.status in (0, 2) and not CONTROLS.search(outcome.out + outcome.err)
         assert outcome.status == 0 or len(outcome.sentences) == 1
-
-
-def test_a_plan_with_bearings_of_cells_is_shown(headland: Run, folder: Path) -> None:
-    assert json.loads((folder / "plan.json").read_text())["scenario"]["cell_bearings"] == [[1, 0.0]]
-    assert headland("show", "plan.json").status == 0

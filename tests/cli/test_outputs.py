@@ -51,6 +51,7 @@ REFUSED = [
     ("plan good.geojson#0 --local --save ./good.geojson", "would overwrite the field"),
     ("plan good.geojson --local --html new.html --save new.html", "new.html would overwrite another result"),
     ("field good.png --local --png good.png", "would overwrite the field"),
+    ("plan good.geojson --local --elevation good.png --png good.png", "would overwrite the file of heights"),
     ("field good.geojson --local --tractor my.png --png my.png", "would overwrite the tractor file"),
     ("drive --steer 20 --tractor my.html --html my.html", "my.html would overwrite the tractor file"),
     ("design mass --tractor my.png --png my.png", "would overwrite the tractor file"),

@@ -67,11 +67,9 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--html good.geojson/x.html", ("cannot be written",)),
     ("--save inner", ("is a folder",)),
     ("--html old.html --tractors 0", ("0 tractors",)),
-    ("--save good.geojson", ("would overwrite the field",)),
     ("--gnss-table=", ("The file name is empty",)),
     ("--gnss-table inner", ("'inner' is a folder",)),
     (f"--tractors {'9' * 5000}", ("is not a count",)),
-    ("--html new.html --save ./new.html", ("would overwrite another result",)),
 ]
 
 

@@ -119,9 +119,3 @@ def test_force_writes_over_a_file(headland: Headland, folder: Path) -> None:
 def test_what_looks_odd_is_a_note(headland: Headland, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--turning-radius", 11)
     assert made.status == 0 and made.err.startswith("Note: ") and "diameter" in made.err
-
-
-@pytest.mark.parametrize("words", [("tractor", "new"), ("tractor", "check"), ("farm", "new"), ("farm", "check")])
-def test_help_shows_an_example(headland: Headland, words: tuple[str, ...]) -> None:
-    outcome = headland(*words, "--help")
-    assert outcome.status == 0 and f"Example: headland {' '.join(words)}" in " ".join(outcome.out.split())

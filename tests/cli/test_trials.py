@@ -181,7 +181,3 @@ def test_a_negative_wheelbase_is_refused(headland: Run, tmp_path: Path) -> None:
     path.write_text(text.replace("front_axle_m = 1.3\n", "front_axle_m = -1.3\n", 1), encoding="utf-8")
     outcome = headland("drive", "--steer", "20", "--tractor", path)
     assert outcome.status == 2 and "front_axle_m = -1.3" in outcome.sentences[0]
-
-
-def test_gnss_help_shows_an_example(headland: Run) -> None:
-    assert "Example: headland gnss fit" in " ".join(headland("gnss", "fit", "--help").out.split())

@@ -18,11 +18,10 @@ import pandas as pd
 from tests.diagnosis.drawn_sets import list_combined_effects, list_single_effects, list_special_cases, make_drawn_case
 from tests.diagnosis.mixups import MIXUPS, mix_up
 from tests.truth.body import Ground
-from tests.truth.cases import ColumnClock, TruthCase
+from tests.truth.cases import ColumnClock, Law, TruthCase
 from tests.truth.drives import default_programme, one_way_programme, reversing, three_speeds_programme
 from tests.truth.effects import NEUTRAL
 from tests.truth.fifth import make_fifth_logs
-from tests.truth.fourth import MACHINES, MASS_POINT_M, make_fourth_logs, make_unseen_case
 from tests.truth.menus import draw_reference
 from tests.truth.model import make_logs as make_first_logs
 from tests.truth.second import TRACTORS
@@ -35,7 +34,7 @@ from vehicle.model.tractor import Tractor, load_tractor
 UNSEEN_SEED, UNSEEN_RUNS, VARIED_SEED = 500_000, 5, 7_000_000
 DATA = Path(__file__).parent / "data"
 REAL_LOGS = tuple((str(DATA / f"{name}.csv"), str(DATA / f"{name}.toml"), "asphalt") for name in ("rav4", "track_car"))
-FOREIGN = {"third": make_third_logs, "fourth": make_fourth_logs, "fifth": make_fifth_logs}
+FOREIGN = {"third": make_third_logs, "fifth": make_fifth_logs}
 REFERENCES = ("first", "second", *FOREIGN, "demo", "varied", "mixups", "real")
 VARIED = ("third", "fifth")
 VARIED_KINDS, VARIED_EVERY = ("clean", "effect", "pair", "closed_loop"), 3
@@ -135,8 +134,7 @@ def draw_second(seed: int) -> list[LogSet]:
 def draw_foreign(reference: str, seed: int) -> list[LogSet]:
     """All cases of a reference that draws its own, by kind."""
     cases = sorted(draw_reference(reference, seed), key=lambda case: case.kind)
-    return [LogSet(reference, case, tractor="lawn" if (reference, case.programme) == ("fourth", "lawn") else "eg105")
-            for case in cases]  # fmt: skip
+    return [LogSet(reference, case) for case in cases]
 
 
 def draw_demo(seed: int) -> list[LogSet]:
@@ -187,15 +185,8 @@ DRAWS: dict[str, Callable[[int], list[LogSet]]] = {
 
 
 def load_set_tractor(one: LogSet) -> Tractor:
-    """The tractor file that a set is diagnosed with: a lawn tractor has its own geometry and no measured steering."""
-    if one.tractor != "lawn":
-        return load_tractor(Path(one.tractor) if one.tractor.endswith(".toml") else one.tractor)
-    m, ahead = MACHINES["lawn"], MASS_POINT_M["lawn"]
-    radius = {"right": [m.right_c, m.right_p], "left": [m.left_c, m.left_p]}
-    sizes = {"name": "lawn tractor", "mass_kg": m.mass + m.axle_mass, "front_axle_m": m.base - ahead,
-             "rear_axle_m": ahead, "track_m": m.track, "length_m": 1.8, "width_m": 1.0, "rear_overhang_m": 0.3,
-             "antenna_forward_m": ahead, "radius": {"soil": radius}, "source": {}}  # fmt: skip
-    return Tractor.model_validate({**load_tractor("eg105").model_dump(), **sizes})
+    """The tractor file that a set is diagnosed with."""
+    return load_tractor(Path(one.tractor) if one.tractor.endswith(".toml") else one.tractor)
 
 
 def make_frames(one: LogSet) -> Frames:
@@ -229,6 +220,15 @@ def make_first_frames(case: TruthCase) -> Frames:
     uneven: dict[str, object] = {"origin": (536000.0, 4769000.0), "uneven": 0.5, "gaps": 1}
     conditions = uneven if case.programme == "uneven" else {}
     return make_first_logs({**case.effects, **case.outside}, case.seed, drives, rate_hz=case.rate_hz, **conditions)
+
+
+def make_unseen_case(case: TruthCase, seed: int) -> TruthCase:
+    """The same truth with other draws of ground, noise and drives; what befell single runs is left out."""
+    laws = tuple(
+        Law(law.effect, "constant", {"value": law.values["other"]}) if law.kind == "by_run" else law
+        for law in case.laws
+    )
+    return replace(case, seed=seed, laws=laws, faults=())
 
 
 def make_unseen_frames(one: LogSet) -> Frames:

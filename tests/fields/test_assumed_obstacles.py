@@ -116,10 +116,6 @@ class TestPoints:
         )
         assert field.compute_ground_with_margin(0.0).area_m2 < 20_000 - np.pi * (9 + 16 + 1.5**2 + 1) + 3
 
-    def test_an_obstacle_with_its_role_is_as_ever(self, tmp_path: Path) -> None:
-        field = with_field(tmp_path, feature(point(60, 50), role="obstacle", kind="pole", name="Strommast"))
-        assert summarise(field) == [("pole", "Strommast", 0.25)] and field.remarks == ()
-
     def test_labels_samples_and_marks_are_none(self, tmp_path: Path) -> None:
         names = ("Acker 7", "14", "Bodenprobe 1", "A")
         field = with_field(tmp_path, *(feature(point(40 + 10 * at, 50), name=name) for at, name in enumerate(names)))
@@ -292,25 +288,6 @@ class TestFormats:
     def to_degrees(self, x: float, y: float) -> str:
         lon, lat = PLANE.to_degrees(x, y)
         return f"{lon:.9f},{lat:.9f}"
-
-    def placemark(self, name: str, *places: tuple[float, float]) -> str:
-        where = " ".join(self.to_degrees(*place) for place in places)
-        kind = "Point" if len(places) == 1 else "LineString"
-        form = f"<{kind}><coordinates>{where}</coordinates></{kind}>"
-        if len(places) > 3:
-            ring = f"<LinearRing><coordinates>{where}</coordinates></LinearRing>"
-            form = f"<Polygon><outerBoundaryIs>{ring}</outerBoundaryIs></Polygon>"
-        return f"<Placemark><name>{name}</name>{form}</Placemark>"
-
-    def test_kml_as_drawn_in_a_globe(self, tmp_path: Path) -> None:
-        square = [(x, y) for x, y in SQUARE_M]
-        marks = [self.placemark("Acker", *square, square[0]), self.placemark("Strommast", (100, 50)),
-                 self.placemark("Acker", (90, 50)), self.placemark("Zufahrt", (0, 50))]  # fmt: skip
-        place = tmp_path / "hof.kml"
-        kml = '<?xml version="1.0"?><kml xmlns="http://www.opengis.net/kml/2.2"><Document>{}</Document></kml>'
-        place.write_text(kml.format("".join(marks)))
-        field = read_field(place)
-        assert summarise(field) == [("pylon", "Strommast", 3.0)] and field.entrance is not None
 
     def test_waypoints_of_a_track(self, tmp_path: Path) -> None:
         def spell(tag: str, place: tuple[float, float], inner: str = "") -> str:

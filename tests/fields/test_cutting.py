@@ -88,10 +88,6 @@ class TestDivided:
         assert {first.bearing_rad, other.bearing_rad} == {EAST, math.radians(50)}
         assert min(first.region.area, other.region.area) > 200 * 80 - 1
 
-    def test_parts_of_a_region_may_differ(self) -> None:
-        apart = shapely.union_all([shapely.box(0, 0, 240, 30), shapely.box(300, 0, 330, 240)])
-        assert {part.bearing_rad for part in divide_region(apart, BOTH, 3.0)} == {EAST, NORTH}
-
     def test_nothing_is_not_divided(self) -> None:
         assert divide_region(shapely.Polygon(), BOTH, 3.0) == []
 

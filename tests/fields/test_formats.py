@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from fields import FieldError, list_fields, read_field
+from fields import list_fields, read_field
 from fields.documents import sources
 from fields.documents.sources import FIELD_FORMATS, FOREIGN_EXTENSIONS, find_field_format
 from fields.formats import geojson, gpx, isoxml, shapefile
@@ -39,15 +39,6 @@ def test_a_new_form_is_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert [one.area_ha for one in list_fields(place)] == [0.09, 0.25]
     field = read_field(f"{place}#square-1")
     assert field.area_m2 == pytest.approx(2500.0) and field.crs is None and field.source == "drawn"
-
-
-def test_a_foreign_form_is_named_with_a_way_out(tmp_path: Path) -> None:
-    place = tmp_path / "parcels.dxf"
-    place.write_bytes(b"")
-    with pytest.raises(
-        FieldError, match=r"is DXF, but fields are read from GeoJSON, Shapefile, KML, .* and AgOpenGPS; convert it"
-    ):
-        read_field(place)
 
 
 def test_records_are_found_in_the_modules_of_formats() -> None:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError, Layout, lay_swaths, list_sample_names, read_field
-from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M
 from fields.layout.bearings import FAN_DEG, list_candidate_bearings, list_trial_bearings
 from fields.layout.parallel_lines import find_line_chords, space_lines
 from tests.examples import count_examples
@@ -52,15 +51,6 @@ class TestRectangle:
         end = max(headland, implement / 2)
         assert len(layout.swaths) == layout.track_count == count
         assert layout.total_length_m == pytest.approx(count * (length - 2 * end), rel=1e-9)
-
-    def test_covers_all_but_the_headland(self) -> None:
-        layout = lay_swaths(rectangle(270, 70), 3.0, 10.0)
-        assert swaths(layout).area == pytest.approx(250 * 70, rel=1e-9)
-
-    def test_one_line_when_the_field_is_little_wider_than_the_implement(self) -> None:
-        layout = lay_swaths(rectangle(100, 3.04), 3.0, 10.0)
-        assert len(layout.swaths) == 1
-        assert layout.swaths[0].start_m == pytest.approx((10.0, 1.5), abs=1e-5)
 
     @pytest.mark.parametrize(
         ("bearing", "expected"), [(0, 0), (180, 0), (360, 0), (-90, 90), (270, 90), (450, 90), (30, 30)]
@@ -108,15 +98,6 @@ class TestShapes:
         assert len(layout.swaths) >= 20
         assert min(track.length_m for track in layout.swaths) > 250.0
 
-    def test_short_pieces_are_left_out(self) -> None:
-        field = Field("t", shapely.Polygon([(0, 0), (100, 0), (50, 80)]))
-        assert min(track.length_m for track in lay_swaths(field, 3.0, 4.0, 90.0).swaths) >= MIN_SWATH_LENGTH_M - 1e-6
-
-    def test_more_headland_never_gives_more_track(self) -> None:
-        field = read_field("denmark")
-        totals = [lay_swaths(field, 3.0, headland, 100.0).total_length_m for headland in (0, 3, 6, 9, 12, 15)]
-        assert totals == sorted(totals, reverse=True)
-
     @pytest.mark.parametrize("name", list_sample_names())
     def test_samples_are_covered_without_leaving_the_field(self, name: str) -> None:
         field = read_field(name)
@@ -126,10 +107,6 @@ class TestShapes:
         assert worked.area > 0.75 * field.area_m2
         room = layout.inner_region.buffer(1e-3)
         assert all(room.covers(shapely.LineString([track.start_m, track.end_m])) for track in layout.swaths)
-
-    def test_same_input_same_layout(self) -> None:
-        field = read_field("denmark")
-        assert lay_swaths(field, 3.0, 9.0).swaths == lay_swaths(field, 3.0, 9.0).swaths
 
 
 @st.composite

@@ -73,11 +73,6 @@ class TestEarth:
         assert all(value == round(value) for value in field.origin_m)
         assert max(map(abs, field.boundary.centroid.coords[0])) <= 0.75
 
-    def test_southern_hemisphere(self, saved: Any) -> None:
-        field = read_field(saved(polygon(moved(SQUARE_DEG, -63.4, -86.6))))
-        assert field.crs == "EPSG:32721"
-        assert field.origin_m[1] > 5_000_000
-
     @pytest.mark.parametrize("dx", [0.0009, 0.0011])
     def test_across_the_date_line(self, saved: Any, dx: float) -> None:
         ring = [[(x - 5.0 - dx + 360.0) % 360.0, y - 68.0] for x, y in SQUARE_DEG]
@@ -160,9 +155,6 @@ class TestChoice:
 
 
 class TestRefusals:
-    def test_not_json(self, saved: Any) -> None:
-        assert "is not JSON" in refusal(saved("POLYGON ((0 0, 1 1))"))
-
     def test_not_text(self, tmp_path: Path) -> None:
         (tmp_path / "x.geojson").write_bytes(b"\xff\xfe\x00\x81")
         assert "UTF-8" in refusal(tmp_path / "x.geojson")
@@ -185,10 +177,6 @@ class TestRefusals:
     def test_self_crossing_says_where(self, saved: Any) -> None:
         text = refusal(saved(polygon([[0, 0], [200, 200], [200, 0], [0, 200]])), local=True)
         assert "crosses itself at (100, 100)" in text
-
-    def test_hole_outside(self, saved: Any) -> None:
-        text = refusal(saved(polygon(SQUARE_M, moved([[0, 0], [10, 0], [10, 10]], 500))), local=True)
-        assert "a hole lies outside" in text
 
     @pytest.mark.parametrize("ring", [[], [[0, 0]], [[0, 0], [200, 0], [0, 0], [200, 0], [0, 0]]])
     def test_too_few_points(self, saved: Any, ring: Any) -> None:

@@ -43,11 +43,6 @@ class TestManyPoints:
         assert shapely.covers(shapely.Polygon(ring).buffer(1e-6), field.boundary)
         assert len(field.boundary.exterior.coords) <= 2.0 * np.pi * 150.0 / 3.0 + 1
 
-    def test_an_ordinary_outline_keeps_every_point(self, saved: Any) -> None:
-        ring = self.circle(300)
-        field = read_field(saved(polygon(ring)), local=True)
-        assert len(field.boundary.exterior.coords) == 301 and field.remarks == ()
-
     def test_spikes_are_refused(self, saved: Any) -> None:
         ring = [[1.0 * x, y * (1 + i % 2)] for i, (x, y) in enumerate(self.circle(8_000))]
         assert "has 8000 points, and without its spikes it would change" in refusal(saved(polygon(ring)), local=True)
@@ -66,10 +61,6 @@ class TestNotUsed:
             "Features of the field file that are not used: 2 Point with role 'crop', 1 Polygon with role 'entrance', "
             "1 feature without a known geometry. An obstacle has the role 'obstacle' or is a hole of the boundary"
         )
-
-    def test_a_polygon_with_the_role_of_an_obstacle_is_no_second_field(self, saved: Any) -> None:
-        pond = feature(polygon(moved([[0, 0], [5, 0], [5, 5]], 50, 50)), role="obstacle")
-        assert read_field(saved(collection(pond, feature(polygon(SQUARE_M)))), local=True).area_m2 == 20_000
 
     def test_of_a_file_that_is_used_whole_nothing_is_said(self, saved: Any) -> None:
         zone = feature(polygon([[-10, -10], [20, -10], [20, 0]]), ground="asphalt")
@@ -138,11 +129,6 @@ class TestNames:
         text = '{"type": "Polygon", "coordinates": [[[0, 0], [%s, 0], [1, 1]]]}'
         assert "thousands of digits" in refusal(saved(text % ("1" * 5000)), local=True)
         assert "not finite" in refusal(saved(text % ("1" * 4000)), local=True)
-
-    def test_deep_coordinates(self, saved: Any) -> None:
-        deep = '{"type": "Polygon", "coordinates": %s%s}'
-        for depth in (200, 900, 5_000, 200_000):
-            refusal(saved(deep % ("[" * depth, "]" * depth)), local=True)
 
     @pytest.mark.parametrize("size", ["1e-308", "1e308", "-1e308"])
     def test_numbers_at_the_ends_of_floats(self, saved: Any, size: str) -> None:

@@ -134,14 +134,6 @@ def test_kml_and_kmz(tmp_path: Path) -> None:
     assert [one.name for one in read_field(tmp_path / "farm.kmz").guidance_lines] == ["AB 1"]
 
 
-def test_a_bomb_of_entities_is_refused(tmp_path: Path) -> None:
-    path = kml(tmp_path)
-    text = path.read_text().replace("?>", '?><!DOCTYPE k [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>', 1)
-    path.write_text(text)
-    with pytest.raises(FieldError, match="entities"):
-        read_field(path)
-
-
 def test_a_track_round_the_field_is_its_boundary(tmp_path: Path) -> None:
     points = shapely.get_coordinates(in_degrees(shapely.LineString(OUTLINE.exterior.coords)))[:-1]
     way = "".join(f'<trkpt lat="{y:.8f}" lon="{x:.8f}"/>' for x, y in points)

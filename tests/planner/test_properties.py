@@ -122,11 +122,6 @@ def test_sides_of_the_headland_are_work_for_tractors_without_a_track() -> None:
     }
 
 
-def test_two_tractors_take_half_as_long_on_blocks(small_site: PlanningContext, evaluate_once: Any) -> None:
-    one, two = (evaluate_once(small_site, "split-field", count).time_s for count in (1, 2))
-    assert 0.4 * one < two < 0.65 * one
-
-
 def test_worked_share_is_that_of_the_tracks(small_site: PlanningContext, evaluate_once: Any) -> None:
     # 12 tracks of 3 m cover the whole width of 36 m; both headlands are left.
     expected = 100 * (80 - 2 * small_site.layout.headland_m) / 80

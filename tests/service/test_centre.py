@@ -265,16 +265,6 @@ def test_two_that_would_meet_stand_before_clearance_is_lost(speed: float, from_m
     assert going == [0.0, 0.0]
 
 
-def test_of_two_that_stand_near_one_goes_on_when_its_way_is_clear() -> None:
-    fleet = start_fleet(fleet_plan(2, 3, apart_m=20.0))
-    fleet.run(2)
-    for state in fleet.manager.states:
-        state.holds.add(Hold.TOO_NEAR)
-    fleet.run(2 * FleetRules().release_s + 1)
-    assert not any(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
-    assert [e.data["tractor"] for e in fleet.events if e.what == "goes on"] == [1, 2]
-
-
 def test_an_obstacle_blocks_the_legs_it_touches_and_the_rest_goes_on() -> None:
     fleet = start_fleet()
     fleet.run(2)

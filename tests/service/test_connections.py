@@ -20,7 +20,6 @@ from planner.service.fleets.fleet_socket import PENDING_LIMITS, hold_place_until
 from planner.service.gateway.connection_limits import (
     ConnectionLimits,
     ConnectionRegistry,
-    RateLimiter,
     compute_network_key,
 )
 from planner.service.gateway.connection_protocol import (
@@ -323,11 +322,3 @@ def test_a_link_of_many_pings_or_fragments_is_ended_and_an_ordinary_one_is_not()
         ):
             link.send("x" for _ in range(400))
             link.recv(5.0)
-
-
-def test_an_allowance_lets_so_many_through_at_once_and_then_so_many_a_second() -> None:
-    now = [0.0]
-    allowance = RateLimiter(5.0, 3.0, lambda: now[0])
-    assert [allowance.take_token() for _ in range(5)] == pytest.approx([0.0, 0.0, 0.0, 0.2, 0.2])
-    now[0] = 10.0
-    assert [allowance.take_token() for _ in range(4)] == pytest.approx([0.0, 0.0, 0.0, 0.2])

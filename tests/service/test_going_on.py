@@ -234,11 +234,6 @@ def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
     assert not any(manager.blocked_legs)
 
 
-def test_nobody_goes_on_where_all_are_left_out(plan: FleetPlan) -> None:
-    with pytest.raises(FleetManagerError, match="keep at least one"):
-        extract_remaining_work(at(plan, 0.4), [0, 1, 2], 100.0)
-
-
 @dataclass
 class LiveFleet:
     """All but the network: steering, speed control and noise of every robot, releases and orders."""

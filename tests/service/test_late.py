@@ -15,7 +15,7 @@ from planner.fleet.manager.operator_orders import STOP_SEEN_S
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import Hold, TractorReport
+from planner.fleet.model.tractor_state import TractorReport
 from planner.fleet.session.clients import FrameOutbox
 from planner.fleet.session.fleet_twins import LEAP_DELAY_S, FleetTwins
 from planner.fleet.session.inbound_frames import ResumeFrame, StartFrame, StateFrame, StopAllFrame, TakeLeaseFrame
@@ -237,15 +237,6 @@ def test_a_plan_of_the_rest_is_driven_only_while_what_it_was_made_of_holds() -> 
     fleet.manager.operators.adopt_plan("anna", replace(fleet.manager.plan), fleet.now)
     with pytest.raises(FleetManagerError, match="Another plan was accepted"):
         check_proposal_still_fits(asked, fleet.manager)
-
-
-def test_one_whose_tracks_were_given_away_drives_no_more_though_it_has_not_failed() -> None:
-    fleet = start_fleet(fleet_plan(2))
-    fleet.run(5)
-    fleet.manager.operators.adopt_plan("anna", replace(fleet.manager.plan), fleet.now, (1,))
-    fleet.run(10)
-    state = fleet.manager.states[1]
-    assert Hold.REASSIGNED in state.holds and not state.failed and fleet.standing == [False, True]
 
 
 def test_an_alarm_that_comes_and_goes_unseen_is_one_and_an_obstacle_seen_again_is_none() -> None:

@@ -141,15 +141,6 @@ def test_a_doubt_outlives_a_restart_of_the_service() -> None:
     assert doubt.pose == scene.state.doubt.pose and doubt.speed_mps == scene.state.doubt.speed_mps
 
 
-def test_who_drives_fast_is_belied_by_its_progress_alone() -> None:
-    """At 4 m/s each step of progress is more than the noise of one."""
-    motion = CredibleMotion(1.1, 3.0)
-    for number in range(50):
-        leg_pose = np.array([0.0, 0.4 * number, math.pi / 2])
-        motion.add_report(TractorReport(0.0, 0.0, math.pi / 2, 0.0), leg_pose, 0.1 * number, 0.1 * number)
-    assert motion.doubt is not None and motion.doubt.suspect == PROGRESS
-
-
 FLOATING = (
     (-1.0, -64.332, 2.794), (-0.8, -64.309, 2.792), (-0.5, -64.304, 2.759), (-0.2, -64.353, 2.747),
     (0.0, -64.408, 2.689), (0.2, -64.344, 2.661), (0.5, -64.062, 2.627), (0.7, -63.888, 2.592),

@@ -179,14 +179,6 @@ def test_two_fleets_that_are_driven_at_each_other_stop_apart_and_both_are_told()
         ) and its != theirs
 
 
-def test_fleets_that_do_not_know_each_other_meet() -> None:
-    """What the test above shows is not that they would have missed each other."""
-    ground = Ground(lane(*NORTH), lane(*SOUTH))
-    ground.hood.remove("a", 0.0)
-    ground.start()
-    assert ground.run(40) == 0.0
-
-
 @pytest.mark.parametrize("first", [0, 1])
 def test_of_two_that_cross_that_of_the_fleet_added_first_goes_first_and_the_other_after_it(first: int) -> None:
     ways = [lane((-30.0, 0.0), (40.0, 0.0)), lane((0.0, -30.0), (0.0, 40.0))]

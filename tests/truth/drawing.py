@@ -43,9 +43,8 @@ class Cause(NamedTuple):
 class Menu:
     """What a reference draws from: how many cases of each kind (`faint`: small effects) and its causes outside.
 
-    `programmes` are those of a kind of case or of law, and under "" of all others; `fault_runs` the programme and the
+    `programmes` are those of a kind of case, and under "" of all others; `fault_runs` the programme and the
     runs in which each of FAULTS shows at once, `bend_runs` those with bends, `day_s` the period of laws of the day.
-    `more` draws cases of its own of a kind.
     """
 
     stream: int
@@ -56,11 +55,10 @@ class Menu:
     fault_runs: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=dict)
     bend_runs: tuple[int, ...] = ()
     day_s: float = 6000.0
-    more: Mapping[str, Callable[[Rng], list[TruthCase]]] = field(default_factory=dict)
 
-    def build(self, kind: str, rng: Rng, effects: Effects | None = None, *, of: str = "", **fields: Any) -> TruthCase:
-        """A case in a programme of its kind (or `of` another) at one of the rates."""
-        names = self.programmes.get(of or kind, self.programmes[""])
+    def build(self, kind: str, rng: Rng, effects: Effects | None = None, **fields: Any) -> TruthCase:
+        """A case in a programme of its kind at one of the rates."""
+        names = self.programmes.get(kind, self.programmes[""])
         chosen = {"programme": str(rng.choice(names)), "rate_hz": float(rng.choice(self.rates_hz))}
         return build_case(kind, 0, effects, **chosen | fields)
 
@@ -221,7 +219,7 @@ def draw_laws(menu: Menu, rng: Rng) -> list[TruthCase]:
         effects = {name: {"bearing_deg": float(rng.uniform(0.0, 360.0))}} if name == "cross_slope_drift" else {}
         period = {"period_s": menu.day_s} if kind == "over_day" else {}
         law = Law(name, kind, draw_numbers(values, rng) | period)
-        cases.append(menu.build("law", rng, effects, of=kind, laws=(law,), also=also))
+        cases.append(menu.build("law", rng, effects, laws=(law,), also=also))
     return cases
 
 
@@ -284,6 +282,6 @@ def draw_cases(menu: Menu, seed: int) -> list[TruthCase]:
     for number, kind in enumerate(KINDS):
         if kind in menu.counts:
             rng = np.random.default_rng([seed, menu.stream, number])
-            drawn = DRAWERS[kind](menu, rng) + (menu.more[kind](rng) if kind in menu.more else [])
+            drawn = DRAWERS[kind](menu, rng)
             cases += [replace(case, seed=seed * 1000 + number * 50 + place) for place, case in enumerate(drawn)]
     return cases

@@ -103,18 +103,17 @@ def calibrate_tractor() -> tuple[Array, Array, float]:
     return *mirror_curve(bends, CIRCLES_RAD), trial / find_bend(0.0, MAP_SPEED_MPS, 16.0, trial)
 
 
-def drive_run(case: TruthCase, parts: Array, bearing_deg: float, index: int, quiet: bool = False) -> Array:
-    """Rows of a run every 5 ms before any instrument sees it; `quiet` is even ground and a perfect receiver."""
-    rows, tool = int((parts[-1, 1] + MARGIN_S) / ROW_S), Instruments() if quiet else INSTRUMENTS
+def drive_run(case: TruthCase, parts: Array, bearing_deg: float, index: int) -> Array:
+    """Rows of a run every 5 ms before any instrument sees it."""
+    rows = int((parts[-1, 1] + MARGIN_S) / ROW_S)
     time = ROW_S * np.arange(rows, dtype=np.float64)
     rng, field = np.random.default_rng([case.seed, index, 54]), np.random.default_rng([case.seed, 55])
-    loud = 0.0 if quiet else 1.0
-    ruts, tilts = (draw_waves(field, loud * size, WAVES, 20.0) for size in (RUT_RAD, TILT_RAD))
-    pulses = loud * PULSES * np.column_stack([draw_slow(rng, time, 0.4, time[-1] + 1.1, 40) for _ in range(2)])
+    ruts, tilts = (draw_waves(field, size, WAVES, 20.0) for size in (RUT_RAD, TILT_RAD))
+    pulses = PULSES * np.column_stack([draw_slow(rng, time, 0.4, time[-1] + 1.1, 40) for _ in range(2)])
     base, laws = build_parameters(case, index)
     start = np.array([*rng.uniform(-8.0, 8.0, 2), math.radians(bearing_deg)])
     return body.drive_tractor(
-        start, parts, draw_position_errors(case, index, time, tool), loud * rng.standard_normal(rows), pulses, ruts,
+        start, parts, draw_position_errors(case, index, time, INSTRUMENTS), rng.standard_normal(rows), pulses, ruts,
         tilts, index * find_gap(case), base, laws, mark_broken(case.faults, index, time),
         guide_driver(case), *calibrate_tractor(),
     )  # fmt: skip
@@ -132,10 +131,9 @@ def guide_driver(case: TruthCase) -> Array:
     return np.array([*(round(age / ROW_S) for age in ages), *find_antenna(values), ANTENNA_FORWARD_M, bias])
 
 
-def log_run(case: TruthCase, name: str, parts: Array, bearing_deg: float, index: int,
-            tool: Instruments = INSTRUMENTS) -> pd.DataFrame:  # fmt: skip
+def log_run(case: TruthCase, name: str, parts: Array, bearing_deg: float, index: int) -> pd.DataFrame:
     """A run as its loggers have it, its name in `attrs`."""
-    rows = drive_run(case, parts, bearing_deg, index, quiet=tool == Instruments())
+    rows = drive_run(case, parts, bearing_deg, index)
     rng, outside = np.random.default_rng([case.seed, index, 52]), case.outside
     speed = rows[:, body.RIM if "rim_speed" in outside else body.SPEED]
     wheel = follow_play(rows[:, body.MOTOR].copy(), outside.get("wheel_hysteresis", {}).get("angle_deg", 0.0))
@@ -144,11 +142,14 @@ def log_run(case: TruthCase, name: str, parts: Array, bearing_deg: float, index:
     )
     signals = Signals(ROW_S, index * find_gap(case), east, north, heading, speed, wheel, command, down)
     places = signals.place_antenna(case, index, sway_m=find_lean(case, rows))
-    places = spoil_places(case, rows, places + draw_position_errors(case, index, signals.time_s, tool))
+    places = spoil_places(case, rows, places + draw_position_errors(case, index, signals.time_s, INSTRUMENTS))
     headings = np.degrees(heading) + signals.follow(case, "heading_bias", index)
     headings = spoil_headings(case, rows, headings, places, rng)
-    times = list_row_times(float(parts[-1, 1]), case.rate_hz, tool, rng)
-    columns, now = record_run(case, index, signals, places, headings, times, tool, rng), pick_held(rows, times, ROW_S)
+    times = list_row_times(float(parts[-1, 1]), case.rate_hz, INSTRUMENTS, rng)
+    columns, now = (
+        record_run(case, index, signals, places, headings, times, INSTRUMENTS, rng),
+        pick_held(rows, times, ROW_S),
+    )
     columns |= {"speed_command_mps": np.abs(now[:, body.TARGET]), "shuttle": now[:, body.GEAR].astype(int),
                 "implement": now[:, body.DOWN].astype(int)}  # fmt: skip
     if "stamp_jitter" in outside:

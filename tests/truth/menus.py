@@ -1,10 +1,10 @@
 """What each reference draws its cases from: kinds, programmes, rates, causes outside the catalogue, and faults.
 
-The causes are described where they act: tests.truth.third_outside, fourth, fifth and fifth_outside.
+The causes are described where they act: tests.truth.third_outside, fifth and fifth_outside.
 """
 
-from tests.truth.cases import ColumnClock, TruthCase
-from tests.truth.drawing import Cause, Either, Menu, Rng, build_case, draw_cases
+from tests.truth.cases import TruthCase
+from tests.truth.drawing import Cause, Either, Menu, draw_cases
 
 PLACE, TIME = ("place", "position", "north", "east", "field"), ("time", "day", "minute", "later", "run")
 WAYS = ("bearing", "heading", "direction", "north", "east")
@@ -49,51 +49,6 @@ THIRD = Menu(
     },
     bend_runs=(2, 3, 4),
 )  # fmt: skip
-
-
-def draw_lawn(rng: Rng) -> list[TruthCase]:
-    """A lawn tractor at 5 Hz, as it is and with steering once written every 2 s (no dead time shows)."""
-    hidden = {"steering_offset": {"angle_deg": float(rng.uniform(-2.1, -1.5))},
-              "steering_gain": {"ratio": float(rng.choice([0.75, 1.3]))},
-              "steering_dead_time": {"time_s": float(rng.uniform(0.3, 0.4))}}  # fmt: skip
-    old = dict.fromkeys(("steering", "steering_command"), ColumnClock(hold_s=2.0, hold_jitter=0.1))
-    clear = ("steering_offset", "steering_gain")
-    return [build_case("mixed", 0, hidden, columns=old, wanted=clear, programme="lawn", rate_hz=5.0),
-            build_case("mixed", 0, hidden, programme="lawn", rate_hz=5.0)]  # fmt: skip
-
-
-FOURTH = Menu(
-    stream=44,
-    counts={"clean": 4, "effect": 10, "pair": 4, "closed_loop": 3, "column": 5, "law": 5, "fault": 6, "outside": 6,
-            "odd_run": 2, "one_sided": 2, "one_speed": 2, "mixed": 3},
-    programmes={"": ("three_speeds", "drawn"), "clean": ("three_speeds", "drawn", "lines"), "closed_loop": ("lines",),
-                "by_implement": ("drawn",), "odd_run": ("three_speeds",), "one_sided": ("right_only",),
-                "one_speed": ("one_speed",), "mixed": ("drawn",)},
-    outside={
-        "tine_grip": Cause({"share": (0.4, 0.8)}, IMPLEMENT, programme="drawn"),
-        "loose_hitch": Cause({"play_m": (0.12, 0.25)}, IMPLEMENT, programme="drawn"),
-        "engine_droop": Cause({"share": (0.25, 0.45)}, ("steering", "speed")),
-        "soft_field": Cause({"share": (0.25, 0.4)}, ("place", "patch")),
-        "furrow_pull": Cause({"angle_deg": (1.2, 2.0)}, ("place", "position")),
-        "rear_steer": Cause({"ratio": (0.15, 0.3)}, ("angle", "steering"), ("steering_gain",)),
-        "torque_steer": Cause({"deg_per_weight": (20.0, 40.0)}, ("speed", "acceleration", "start")),
-        "steering_hunt": Cause({"time_s": (0.16, 0.22)}, ("steering", "wheel", "command"),
-                               ("steering_lag", "steering_dead_time")),
-        "gyro_walk": Cause({"size_deg": (1.5, 3.0)}, ("heading", "time")),
-        "compass_deviation": Cause({"size_deg": (2.5, 5.0), "bearing_deg": BEARING_DEG},
-                                   ("heading", "direction", "bearing")),
-        "multipath": Cause({"size_m": (0.12, 0.3)}, ("place", "position")),
-        "antenna_sway": Cause({"m_per_mps2": (0.12, 0.25)}, ("lateral", "speed", "antenna", "turn")),
-        "base_drift": Cause({"size_m": (0.4, 0.9), "period_s": (30.0, 80.0)}, ("time", "position")),
-        "radar_threshold": Cause({"speed_mps": (0.9, 1.2)}, ("speed",), ("speed_scale",)),
-        "articulated": Cause({"here": 1.0}, ("angle", "steering", "articulated", "place")),
-    },
-    fault_runs=dict.fromkeys(
-        ("loose", "stuck", "wanders", "jumps", "position_frozen", "heading_frozen", "speed_frozen",
-         "wheel_sensor_frozen"), ("three_speeds", (2, 3, 4, 5))),
-    bend_runs=(2, 3, 4, 5),
-    more={"mixed": draw_lawn},
-)  # fmt: skip
 FIFTH = Menu(
     stream=57,
     counts={"clean": 4, "effect": 9, "faint": 2, "pair": 3, "closed_loop": 2, "column": 3, "law": 4, "fault": 4,
@@ -137,7 +92,7 @@ FIFTH = Menu(
     },
     bend_runs=(4, 5, 6),
 )  # fmt: skip
-MENUS = {"third": THIRD, "fourth": FOURTH, "fifth": FIFTH}
+MENUS = {"third": THIRD, "fifth": FIFTH}
 
 
 def draw_reference(name: str, seed: int) -> list[TruthCase]:

@@ -49,9 +49,6 @@ class Receiver:
     clock_s: float = 0.003
 
 
-EXACT = Receiver(0.0, 0.0, 30.0, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 @dataclass(frozen=True)
 class Second:
     """One of TRACTORS with hidden `effects`, on ground of a roughness (rad per m), logged at `rate_hz`.

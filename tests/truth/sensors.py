@@ -34,9 +34,6 @@ class Instruments:
     lean_deg_per_mps2: float = 0.4
 
 
-PERFECT = Instruments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def log_times(duration_s: float, rate_hz: float, uneven: float, gaps: int, rng: np.random.Generator) -> Array:
     """Instants of the rows: even, or each moved by up to `uneven` of half a step, with `gaps` holes of 1 to 3 s."""
     times = np.arange(0.0, duration_s - 1e-9, 1.0 / rate_hz)

@@ -103,12 +103,6 @@ def test_another_version_is_refused(data: dict[str, Any], version: Any, sentence
     assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)
 
 
-def test_a_file_from_before_versions_is_refused(data: dict[str, Any]) -> None:
-    del data["format_version"]
-    with pytest.raises(MissionError, match="has no 'format_version'"):
-        parse_plan(json.dumps(data))
-
-
 @pytest.mark.parametrize(("text", "sentence"), [
     ("", "The plan is not JSON"),
     ("{", "The plan is not JSON"),

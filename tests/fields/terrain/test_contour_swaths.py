@@ -12,7 +12,7 @@ from hypothesis import strategies as some
 
 from fields.errors import FieldError
 from fields.geometry.field import Field
-from fields.layout.contours import STEP_M, GuideCurve, lay_contour_swaths, measure_climb, smooth_contour
+from fields.layout.contours import STEP_M, GuideCurve, lay_contour_swaths, smooth_contour
 from fields.layout.swaths import Layout, lay_swaths, measure_min_spacing_m
 from fields.terrain.elevation_grid import ElevationGrid
 
@@ -68,18 +68,6 @@ def test_swaths_cover_the_ground_inside_the_headland() -> None:
     strips = [shapely.LineString(swath.points_m).buffer(0.51 * WIDTH_M, cap_style="flat") for swath in layout.swaths]
     missed = shapely.difference(layout.inner_region, shapely.union_all(strips))
     assert missed.area < 0.001 * layout.inner_region.area
-
-
-def test_swaths_climb_less_than_straight_ones() -> None:
-    def heights(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return -0.1 * np.hypot(x - 60.0, y + 60.0)
-
-    layout, grid = lay(heights), build_grid(heights)
-    climbs = [
-        measure_climb(lay_swaths(layout.field, WIDTH_M, 2.0 * WIDTH_M, bearing, headland_passes=2).swaths, grid)
-        for bearing in range(0, 180, 15)
-    ]
-    assert measure_climb(layout.swaths, grid) < 0.2 * min(climbs)
 
 
 @settings(max_examples=4)

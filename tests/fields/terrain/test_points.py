@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from fields.errors import HeadlandError
 from fields.geometry.field import Field
@@ -154,18 +152,6 @@ def test_a_plane_is_read_from_every_format(tmp_path: Path, write: Callable[[Path
     expected = {"feet": write in (write_csv_in_feet, write_geojson_properties), "RTK": write is write_agopengps}
     assert {word: any(word in remark for remark in grid.remarks) for word in expected} == expected
     assert f"{len(POINTS)} points of" in grid.source
-
-
-@given(
-    east=st.floats(-0.3, 0.3), north=st.floats(-0.3, 0.3), spacing=st.floats(3.0, 20.0), base=st.floats(-200.0, 3000.0)
-)
-@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_points_of_any_plane_give_the_plane(
-    tmp_path: Path, east: float, north: float, spacing: float, base: float
-) -> None:
-    surface, points = build_plane(east, north, base), lay_passes(spacing, 4.0)
-    grid = read_elevation(write_points_csv(tmp_path / "plane.csv", points, surface(*points.T)), FIELD)
-    assert np.abs(measure_errors(grid, surface)).max() < 2e-3
 
 
 @pytest.mark.parametrize(("surface", "error_m"), [(bowl, 0.005), (hills, 0.01)])
