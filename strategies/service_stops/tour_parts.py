@@ -58,6 +58,11 @@ class TourPart:
             return other.is_first
         return (self.piece + 1, self.pieces) == (other.piece, other.pieces)
 
+    def reverse(self, table: MoveTable) -> TourPart:
+        """The same piece driven the other way."""
+        turned = build_part(table, self.node ^ 1, self.pieces - 1 - self.piece, self.pieces)
+        return replace(turned, is_stand=self.is_stand)
+
 
 def build_part(table: MoveTable, node: int, piece: int = 0, pieces: int = 1) -> TourPart:
     """A piece of a line of a table; the whole line by default."""
