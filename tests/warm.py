@@ -59,13 +59,10 @@ from pathlib import Path
 import numpy as np
 from planner.cli.main import main
 from planner.fleet.session.fleet_twins import warm_up
-from strategies.service_stops.load_search import LoadOrderingTask, order_in_loads
 from tests.truth.drives import three_speeds_programme
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
 warm_up()
-seconds = np.ones((12, 12))
-order_in_loads(LoadOrderingTask(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
 second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
 here = Path.cwd()
 for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):

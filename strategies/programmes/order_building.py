@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from strategies.programmes.order_tours import NO_MOVE_S, SUM_SHARE, sum_rows, update_row
+from strategies.programmes.order_tours import NO_MOVE_S, sum_rows, update_row
 from vehicle.jit import compile_for_views, compile_function
 
 NO_GAP: Any = np.int64(-1)
@@ -83,7 +83,7 @@ def _choose_insertion(insertions, tours, tables):  # type: ignore[no-untyped-def
                 if added_s >= NO_MOVE_S:
                     break
                 finish_s = tours.seconds[row] + added_s
-                cost = (1.0 - SUM_SHARE) * max(finish_s - longest_s, 0.0) + SUM_SHARE * added_s
+                cost = (1.0 - tables.sum_share) * max(finish_s - longest_s, 0.0) + tables.sum_share * added_s
                 if cost < first:
                     first, second, line_row = cost, min(first, second), row
                 else:

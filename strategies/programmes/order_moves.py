@@ -23,9 +23,9 @@ from strategies.programmes.order_tours import (
     SECOND,
     SIDE_A,
     SIDE_B,
-    SUM_SHARE,
     THIRD,
     can_make_move,
+    charge_new_excess,
     clear_pieces,
     count_new_clashes,
     make_move,
@@ -112,7 +112,7 @@ def _time_spliced(tours, tables, row, a, low_a, high_a, turns_a, b, low_b, high_
 
 
 @compile_for_views
-def _weigh_rows(tours, a, new_a_s, b, new_b_s, left_s):  # type: ignore[no-untyped-def]
+def _weigh_rows(tours, tables, a, new_a_s, b, new_b_s, left_s):  # type: ignore[no-untyped-def]
     """The cost when the tours of rows a and b (or of one) take so long and lines of this value are left."""
     left = len(tours.seconds) - 1
     total_s, longest_s = tours.total_s[0], 0.0
@@ -125,7 +125,7 @@ def _weigh_rows(tours, a, new_a_s, b, new_b_s, left_s):  # type: ignore[no-untyp
         if row >= 0 and row != a and row != b:
             longest_s = max(longest_s, tours.seconds[row])
             break
-    return (1.0 - SUM_SHARE) * longest_s + SUM_SHARE * total_s + left_s
+    return (1.0 - tables.sum_share) * longest_s + tables.sum_share * total_s + left_s
 
 
 @compile_inlined
@@ -159,7 +159,7 @@ def _weigh_transfer(tours, tables, move):  # type: ignore[no-untyped-def]
                 left_s += sign * tables.value_s[tours.nodes[a, place] // 2]
         if a != left:
             new_a_s -= onward_s + work_s
-    return _weigh_rows(tours, a, new_a_s, b, new_b_s, left_s)
+    return _weigh_rows(tours, tables, a, new_a_s, b, new_b_s, left_s)
 
 
 @compile_inlined
@@ -173,7 +173,7 @@ def _weigh_tails(tours, tables, move):  # type: ignore[no-untyped-def]
     else:
         new_a_s = _time_spliced(tours, tables, a, a, BEGIN, p - 1, ONWARD, b, q, end_b, ONWARD)
         new_b_s = _time_spliced(tours, tables, b, b, BEGIN, q - 1, ONWARD, a, p, end_a, ONWARD)
-    return _weigh_rows(tours, a, new_a_s, b, new_b_s, tours.seconds[len(tours.seconds) - 1])
+    return _weigh_rows(tours, tables, a, new_a_s, b, new_b_s, tours.seconds[len(tours.seconds) - 1])
 
 
 @compile_for_views
@@ -185,7 +185,7 @@ def make_best_move(tours, tables, cost) -> bool:  # type: ignore[no-untyped-def]
         new_cost = _weigh_tails(tours, tables, move) if move[2] == TAILS else _weigh_transfer(tours, tables, move)
         if new_cost < best_cost - MIN_GAIN_S:
             _set_move(tours, move)
-            new_cost += RULE_S * count_new_clashes(tours, tables)
+            new_cost += RULE_S * count_new_clashes(tours, tables) + charge_new_excess(tours, tables)
             if new_cost < best_cost - MIN_GAIN_S and can_make_move(tours, tables):
                 best, best_cost = number, new_cost
     if best > 0:
@@ -373,7 +373,7 @@ def _list_insertions(tours, tables, line) -> None:  # type: ignore[no-untyped-de
 def improve_tours(tours, tables) -> float:  # type: ignore[no-untyped-def]
     """Make the best move near each queued line until none helps; returns the cost of the tours then."""
     left = len(tours.seconds) - 1
-    cost = weigh_tours(tours)
+    cost = weigh_tours(tours, tables)
     while tours.queue_state[1] > 0:
         line = pop_line(tours)
         a, p = tours.row_of[line], tours.place_of[line]
@@ -386,5 +386,5 @@ def improve_tours(tours, tables) -> float:  # type: ignore[no-untyped-def]
             _list_ends(tours, tables, a, p)
         if make_best_move(tours, tables, cost):
             push_line(tours, line)
-            cost = weigh_tours(tours)
+            cost = weigh_tours(tours, tables)
     return cost

@@ -2,11 +2,12 @@
 
 Work lines are numbered; node 2 i is line i driven forward, 2 i + 1 backward. The cost of a programme, in seconds, is
 
-    (1 - SUM_SHARE) * the longest tour + SUM_SHARE * the sum of all tours + the value of the lines left,
+    (1 - sum_share) * the longest tour + sum_share * the sum of all tours + the value of the lines left,
 
 for one tractor its tour and the lines left. A tour is the way from the entrance, moves, work and the way home; a
 tractor without lines takes no time. Where no move leads UNREACHED_S is charged, far more than all lines are worth:
-such a line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S.
+such a line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S,
+every tour that takes more than a load RULE_S for each load more.
 
 Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two
 runs of lines change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no
@@ -29,6 +30,7 @@ from strategies.programmes.order_tours import (
     BEGIN,
     FIRST,
     FOURTH,
+    LOAD_TOLERANCE,
     MIN_GAIN_S,
     NEIGHBOURS,
     NO_MOVE_S,
@@ -75,6 +77,8 @@ class OrderProblem:
     may begin and end anywhere. `allowed` (k, n): which lines a tractor may work. `stage` (n,) puts lines of a lower
     stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
     `clashes` (2, 2 n, 2 n) are the nodes of which no two tours may begin (0) or end (1) with both; None: any may.
+    `need` (n,) is the share of a load that a line takes, and no tour may take more than one load; None: no line takes
+    any. `sum_share` is what a second of the sum of all tours costs, beside the longest.
 
     Raises HeadlandError where shapes or values do not fit.
     """
@@ -88,12 +92,16 @@ class OrderProblem:
     stage: Ints
     stage_s: float = RULE_S
     clashes: Bools | None = None
+    need: Floats | None = None
+    sum_share: float = SUM_SHARE
 
     def __post_init__(self) -> None:
         n, k = len(self.work_s), len(self.begin_s)
         shapes = {"move_s": (2 * n, 2 * n), "value_s": (n,), "begin_s": (k, 2 * n), "end_s": (k, 2 * n)}
         if self.clashes is not None:
             shapes["clashes"] = (2, 2 * n, 2 * n)
+        if self.need is not None:
+            shapes["need"] = (n,)
         for name, shape in {**shapes, "allowed": (k, n), "stage": (n,)}.items():
             found = getattr(self, name).shape
             if found != shape:
@@ -104,7 +112,7 @@ class OrderProblem:
             values = getattr(self, name)
             if np.isnan(values).any() or (values < 0.0).any():
                 raise HeadlandError(f"{name} holds {np.nanmin(values)} or no number; give seconds of 0 and more.")
-        limit_s = SUM_SHARE * UNREACHED_S
+        limit_s = self.sum_share * UNREACHED_S
         if not self.work_s.sum() + self.value_s.sum() < limit_s:
             raise HeadlandError(f"Work and value of all lines add up to {limit_s:.0e} s or more; give less.")
 
@@ -161,8 +169,16 @@ def compute_cost_s(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> flo
         finish_s.append(seconds)
     worked = {node // 2 for tour in tours for node in tour}
     left_s = sum(float(value) for line, value in enumerate(problem.value_s) if line not in worked)
-    clashes_s = RULE_S * count_clashes(problem, tours)
-    return (1.0 - SUM_SHARE) * max(finish_s) + SUM_SHARE * sum(finish_s) + left_s + clashes_s
+    rules_s = RULE_S * count_clashes(problem, tours) + _charge_excesses(problem, tours)
+    return (1.0 - problem.sum_share) * max(finish_s) + problem.sum_share * sum(finish_s) + left_s + rules_s
+
+
+def _charge_excesses(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> float:
+    """What tours that take more than a load are charged (s)."""
+    if problem.need is None:
+        return 0.0
+    needs = [sum(float(problem.need[node // 2]) for node in tour) for tour in tours]
+    return RULE_S * sum(max(0.0, need - 1.0 - LOAD_TOLERANCE) for need in needs)
 
 
 def count_clashes(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> int:
@@ -195,7 +211,10 @@ def search_programmes(
     work_s, value_s = (np.ascontiguousarray(values, np.float64) for values in (problem.work_s, problem.value_s))
     allowed = np.ascontiguousarray(problem.allowed, np.bool_)
     clashes = np.zeros((2, 0, 0), bool) if problem.clashes is None else np.ascontiguousarray(problem.clashes)
-    tables = OrderTables(move_s, begin_s, end_s, work_s, value_s, allowed, after, before, clashes)
+    need = np.zeros(0) if problem.need is None else np.ascontiguousarray(problem.need, np.float64)
+    tables = OrderTables(
+        move_s, begin_s, end_s, work_s, value_s, allowed, after, before, clashes, need, problem.sum_share
+    )
     found = _search_tours(tables, create_tours(k, n), given, start is not None, kicks, seed)
     return [[int(node) for node in tour if node >= 0] for tour in found]
 
@@ -281,7 +300,7 @@ def _drop_runs(tours, tables) -> None:  # type: ignore[no-untyped-def]
                 worth_s += tables.value_s[tours.nodes[row, high] // 2]
                 saved_s = _time_run(tours, tables, row, low, high)
                 finish_s = max(tours.seconds[row], others_s) - max(tours.seconds[row] - saved_s, others_s)
-                gain = (1.0 - SUM_SHARE) * finish_s + SUM_SHARE * saved_s - worth_s
+                gain = (1.0 - tables.sum_share) * finish_s + tables.sum_share * saved_s - worth_s
                 if gain > most_gain:
                     _set_leaving(tours, row, low, high)
                     gain -= RULE_S * (count_new_clashes(tours, tables) - tours.clashes[0])

@@ -19,6 +19,7 @@ UNREACHED_S = 1e8  # charged where no move leads: more than all lines are worth,
 RULE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 NO_MOVE_S = 1e6  # seconds from which on a move counts as none
 DETOUR_S = 90.0  # guessed for a move that only a search may find, beside its way; charged where two have met
+LOAD_TOLERANCE = 1e-9  # relative rounding of sums
 MIN_GAIN_S = 1e-3  # above the rounding of sums of UNREACHED_S
 PIECES = 4  # segments of which a move makes a tour
 # NumPy's values: for every Python constant passed on, the called function would be compiled once more.
@@ -36,8 +37,9 @@ class OrderTables(NamedTuple):
     """The problem as the search reads it.
 
     Seconds of moves (2 n, 2 n), of ways in and home (k, 2 n) and of work (n,), what a line is worth (n,), which tractor
-    may work it (k, n), the nodes that most cheaply follow or precede each node (2 n, neighbours), and of which nodes no
-    two tours may begin or end with both (2, 2 n, 2 n; empty: any may).
+    may work it (k, n), the nodes that most cheaply follow or precede each node (2 n, neighbours), of which nodes no
+    two tours may begin or end with both (2, 2 n, 2 n; empty: any may), the share of a load that a line takes (n; empty:
+    none), and what a second of the sum of all tours costs.
     """
 
     move_s: Any
@@ -49,6 +51,8 @@ class OrderTables(NamedTuple):
     after: Any
     before: Any
     clashes: Any
+    need: Any
+    sum_share: Any
 
 
 class Tours(NamedTuple):
@@ -57,9 +61,10 @@ class Tours(NamedTuple):
     `onward_s` and `backward_s` (k + 1, n): seconds from the begin of a tour up to the end of a place, and those of the
     same lines driven the other way round. `seconds` (k + 1,): those of the tours; last the value of the lines left.
     `longest` (3,): the tractors that finish last. `total_s` (1,): the sum of all. `clashes` (1,): how many pairs of
-    tours begin, and end, as no two may. `row_of` and `place_of` (n,): where a line is. `queue` (n,): a ring of lines
-    near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is in it. `pieces` (2, PIECES, 4): the
-    segments (row, low, high, whether reversed) of which a move makes the two rows `rows` (2,), -1: none. `moves`
+    tours begin, and end, as no two may. `needs` (k + 1,): the loads that the lines of a row take. `excess` (1,): what
+    tours are charged that take more than one. `row_of` and `place_of` (n,): where a line is. `queue` (n,): a ring of
+    lines near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is in it. `pieces` (2, PIECES, 4):
+    the segments (row, low, high, whether reversed) of which a move makes the two rows `rows` (2,), -1: none. `moves`
     (m, 6): those to be weighed, from the second on; the first holds how many there are. `scratch` (2, n): the rows it
     makes. `touched` (k + 1,): rows that have changed.
     """
@@ -72,6 +77,8 @@ class Tours(NamedTuple):
     longest: Any
     total_s: Any
     clashes: Any
+    needs: Any
+    excess: Any
     row_of: Any
     place_of: Any
     queue: Any
@@ -99,6 +106,8 @@ def create_tours(k: int, n: int) -> Tours:
         longest=np.zeros(3, np.int64),
         total_s=np.zeros(1),
         clashes=np.zeros(1, np.int64),
+        needs=np.zeros(k + 1),
+        excess=np.zeros(1),
         row_of=np.full(n, k),
         place_of=np.arange(n),
         queue=np.zeros(n, np.int64),
@@ -118,9 +127,12 @@ def update_row(tours, tables, row) -> None:  # type: ignore[no-untyped-def]
     nodes, onward_s, backward_s = tours.nodes[row], tours.onward_s[row], tours.backward_s[row]
     length, left = tours.lengths[row], len(tours.lengths) - 1
     tours.touched[row] = True
+    tours.needs[row] = 0.0
     for place in range(length):
         line = nodes[place] // 2
         tours.row_of[line], tours.place_of[line] = row, place
+        if len(tables.need) > 0:
+            tours.needs[row] += tables.need[line]
     if row == left:
         worth_s = 0.0
         for place in range(length):
@@ -143,12 +155,19 @@ def update_row(tours, tables, row) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
+def _charge_excess(need) -> float:  # type: ignore[no-untyped-def]
+    """What a tour is charged whose lines take so many loads (s)."""
+    return RULE_S * max(0.0, need - 1.0 - LOAD_TOLERANCE)  # type: ignore[no-any-return]
+
+
+@compile_for_views
 def sum_rows(tours, tables) -> None:  # type: ignore[no-untyped-def]
-    """Note the three tractors that finish last (-1 where there are fewer), the seconds of all, and their clashes."""
+    """Note the three tractors that finish last (-1: there are fewer), the seconds of all, their clashes and excess."""
     first = second = third = NO_ROW
-    tours.total_s[0] = 0.0
+    tours.total_s[0] = tours.excess[0] = 0.0
     for row in range(len(tours.seconds) - 1):
         tours.total_s[0] += tours.seconds[row]
+        tours.excess[0] += _charge_excess(tours.needs[row])
         if first < 0 or tours.seconds[row] > tours.seconds[first]:
             first, second, third = row, first, second
         elif second < 0 or tours.seconds[row] > tours.seconds[second]:
@@ -217,11 +236,27 @@ def count_new_clashes(tours, tables):  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
-def weigh_tours(tours) -> float:  # type: ignore[no-untyped-def]
+def charge_new_excess(tours, tables) -> float:  # type: ignore[no-untyped-def]
+    """What all tours are charged for more than a load each once the move that is set is made (s)."""
+    charge, left = tours.excess[0], len(tours.seconds) - 1
+    for side in range(2 if len(tables.need) > 0 else 0):
+        row, need = tours.rows[side], 0.0
+        if row < 0 or row == left:
+            continue
+        for number in range(PIECES):
+            piece = tours.pieces[side, number]
+            for place in range(piece[1], piece[2] + 1):
+                need += tables.need[tours.nodes[piece[0], place] // 2]
+        charge += _charge_excess(need) - _charge_excess(tours.needs[row])
+    return charge  # type: ignore[no-any-return]
+
+
+@compile_for_views
+def weigh_tours(tours, tables) -> float:  # type: ignore[no-untyped-def]
     """The cost of the tours as they are."""
     longest_s = tours.seconds[tours.longest[0]]
-    left_s = tours.seconds[len(tours.seconds) - 1] + RULE_S * tours.clashes[0]
-    return (1.0 - SUM_SHARE) * longest_s + SUM_SHARE * tours.total_s[0] + left_s  # type: ignore[no-any-return]
+    left_s = tours.seconds[len(tours.seconds) - 1] + RULE_S * tours.clashes[0] + tours.excess[0]
+    return (1.0 - tables.sum_share) * longest_s + tables.sum_share * tours.total_s[0] + left_s  # type: ignore[no-any-return]
 
 
 @compile_for_views

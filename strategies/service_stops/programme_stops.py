@@ -25,8 +25,8 @@ from strategies.programmes.tour_legs import (
 )
 from strategies.rules.legs import add_wait_points, make_mission
 from strategies.rules.supply import PLACE, Supply
+from strategies.service_stops.load_tours import order_for_loads
 from strategies.service_stops.stop_moves import StopMoves
-from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
 from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
 from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
@@ -181,4 +181,5 @@ def stop_programme(
     `moves` lead to the place of the supply; `stages` (n,) say which lines come first, all at any time by default.
     Raises StrategyError where no stops are enough.
     """
-    return add_stops(programme, supply, moves, order_for_loads(programme, supply, moves, stages))
+    tours = [order_for_loads(programme.table, supply, moves, stages, tour) if tour else () for tour in programme.tours]
+    return add_stops(programme, supply, moves, tours)

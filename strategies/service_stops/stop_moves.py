@@ -49,10 +49,6 @@ class StopMoves:
         """For every place the trips to it and on, between two nodes after so many metres of each."""
         return [(Trip(*before, place, True), Trip(*after, place, False)) for place in range(len(self.places))]
 
-    def is_known(self, trip: Trip) -> bool:
-        """Whether its move was driven, or there is none."""
-        return trip in self._moves
-
     def get_move(self, trip: Trip) -> Move | None:
         """The cheapest move that was driven well; None if there is none."""
         if trip not in self._moves:

@@ -15,6 +15,7 @@ from strategies.programmes.order_building import insert_lines
 from strategies.programmes.order_moves import improve_tours
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, count_clashes, search_programmes
 from strategies.programmes.order_tours import (
+    RULE_S,
     SUM_SHARE,
     UNREACHED_S,
     OrderTables,
@@ -64,7 +65,7 @@ def list_tours(n: int, size: int) -> np.ndarray[Any, np.dtype[np.int64]]:
 
 def find_least_cost_s(problem: OrderProblem) -> float:
     """The cost of the best programme, all of them tried: for every tractor the best tour of every set of lines."""
-    n, k = len(problem.work_s), len(problem.begin_s)
+    n, k, sum_share = len(problem.work_s), len(problem.begin_s), problem.sum_share
     move_s, begin_s, end_s = problem.tabulate_moves()
     quickest_s = np.full((k, 2**n), np.inf)
     quickest_s[:, 0] = 0.0
@@ -73,6 +74,8 @@ def find_least_cost_s(problem: OrderProblem) -> float:
         lines = tours // 2
         seconds = begin_s[tractor, tours[:, 0]] + end_s[tractor, tours[:, -1]] + problem.work_s[lines].sum(axis=1)
         seconds = seconds + move_s[tours[:, :-1], tours[:, 1:]].sum(axis=1)
+        if problem.need is not None:
+            seconds += RULE_S * np.maximum(0.0, problem.need[lines].sum(axis=1) - 1.0)
         seconds[~problem.allowed[tractor, lines].all(axis=1)] = np.inf
         np.minimum.at(quickest_s[tractor], (1 << lines).sum(axis=1), seconds)
     least_s = np.inf
@@ -80,16 +83,24 @@ def find_least_cost_s(problem: OrderProblem) -> float:
         sets = [sum(1 << line for line in range(n) if shares[line] == tractor) for tractor in range(k)]
         seconds = quickest_s[np.arange(k), sets]
         left_s = sum(problem.value_s[line] for line in range(n) if shares[line] == k)
-        least_s = min(least_s, (1.0 - SUM_SHARE) * seconds.max() + SUM_SHARE * seconds.sum() + left_s)
+        if np.isfinite(seconds).all():
+            least_s = min(least_s, (1.0 - sum_share) * seconds.max() + sum_share * seconds.sum() + left_s)
     return float(least_s)
 
 
+def limit_loads(problem: OrderProblem, seed: int) -> OrderProblem:
+    """The problem with tours that are loads: what counts is their sum."""
+    need = np.random.default_rng(seed).uniform(0.1, 0.9, len(problem.work_s))
+    return replace(problem, need=need, sum_share=1.0)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("no_move_share", [0.0, 0.4])
-def test_few_lines_are_nearly_always_in_the_best_order(no_move_share: float) -> None:
+@pytest.mark.parametrize(("no_move_share", "are_loads"), [(0.0, False), (0.4, False), (0.0, True)])
+def test_few_lines_are_nearly_always_in_the_best_order(no_move_share: float, are_loads: bool) -> None:
     best_count = 0
     for seed in SEEDS:
         problem = make_problem(seed, 1 + seed % 5, 1 + seed // 5 % 2, no_move_share=no_move_share, stages=1 + seed % 3)
+        problem = limit_loads(problem, seed) if are_loads else problem
         cost_s = compute_cost_s(problem, search_programmes(problem, KICKS, seed))
         least_s = find_least_cost_s(problem)
         assert cost_s >= least_s - 1e-6
@@ -114,6 +125,7 @@ def improve_once(tables, tours):  # type: ignore[no-untyped-def]
 def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
     for seed in range(10):
         problem = make_problem(seed, 40, k, no_move_share=0.2, stages=2, clash_share=0.3)
+        problem = replace(problem, need=np.full(40, 0.03), sum_share=0.4)
         near = np.argsort(problem.move_s + UNREACHED_S * np.eye(80), axis=1, kind="stable")[:, :6]
         tables = OrderTables(
             *problem.tabulate_moves(),
@@ -123,6 +135,8 @@ def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
             near,
             near[:, ::-1].copy(),
             problem.clashes,
+            problem.need,
+            problem.sum_share,
         )
         arrays = create_tours(k, 40)
         cost_s = improve_once(tables, arrays)
