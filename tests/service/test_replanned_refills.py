@@ -54,9 +54,8 @@ Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 @pytest.fixture(scope="module", params=["early", pytest.param("late", marks=pytest.mark.matrix)])
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
-    early = 0.1 if plan.scenario.refill == "0,30" else 0.15  # between them the one that failed bars the way there
     late = 0.6 if plan.scenario.refill == "tender" else 0.45
-    manager, runs = at(plan, early if request.param == "early" else late), []
+    manager, runs = at(plan, 0.15 if request.param == "early" else late), []
     manager.operators.mark_failed("anna", 1, 1.0)
     watched = lambda run, supply: runs.append(run) or find_service_conflict(run, supply)  # noqa: E731
     with pytest.MonkeyPatch.context() as patch:
