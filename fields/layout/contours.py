@@ -17,9 +17,8 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
+from fields.geometry.arithmetic import GRID_M, MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
-from fields.geometry.overlays import intersect
 from fields.layout.headland_passes import compute_inner_region
 from fields.layout.parallel_lines import FloatArray, PatternRules, compute_axes, fill_region
 from fields.layout.swaths import (
@@ -155,7 +154,9 @@ def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[Fl
     heights = np.unique(np.round(np.quantile(grid.heights_m[inside], HEIGHT_SHARES), 6))
     for height_m in heights.tolist():
         pieces = [points for points in trace_height(grid, height_m) if math.dist(points[0], points[-1]) > STEP_M]
-        lengths = [intersect(shapely.LineString(points), region).length for points in pieces]
+        lengths = [
+            shapely.intersection(shapely.LineString(points), region, grid_size=GRID_M).length for points in pieces
+        ]
         if lengths and max(lengths) >= MIN_CONTOUR_SHARE * math.sqrt(region.area):
             yield pieces[int(np.argmax(lengths))]
 
