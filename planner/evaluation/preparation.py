@@ -19,7 +19,7 @@ from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide, lay_he
 from fields.layout.options import replace_bearings
 from fields.layout.swaths import Layout, check_width, compute_free_space
 from fields.units import MPS_PER_KMH
-from planner.errors import attach_parameter
+from planner.errors import RequestError, attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.evaluation.field_physics import (
@@ -138,6 +138,9 @@ def prepare_context(
     )
     lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
     battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
+    served = supply or battery
+    if served is not None and (refusal := served.explain_least_load(context.layout.width_m)):
+        raise RequestError(refusal, parameter="tractor" if battery else None)
     if battery is None:
         return context
     supplied = replace(context, supply=battery)

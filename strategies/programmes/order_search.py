@@ -77,8 +77,8 @@ class OrderProblem:
     may begin and end anywhere. `allowed` (k, n): which lines a tractor may work. `stage` (n,) puts lines of a lower
     stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
     `clashes` (2, 2 n, 2 n) are the nodes of which no two tours may begin (0) or end (1) with both; None: any may.
-    `need` (n,) is the share of a load that a line takes, and no tour may take more than one load; None: no line takes
-    any. `sum_share` is what a second of the sum of all tours costs, beside the longest.
+    `need` (n,) is the share of a load that a line takes, and what a tour takes beyond one load is charged RULE_S for a
+    load; None: no line takes any. `sum_share` is what a second of the sum of all tours costs, beside the longest.
 
     Raises HeadlandError where shapes or values do not fit.
     """

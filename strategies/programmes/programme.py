@@ -252,7 +252,7 @@ def pose_problem(
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
-        value_s=LEFT_FACTOR * own_s + START_VALUE_S * np.isin(np.arange(len(lines)), np.array(starts, int) // 2),
+        value_s=LEFT_FACTOR * own_s + extra_s + START_VALUE_S * np.isin(np.arange(len(lines)), np.array(starts) // 2),
         begin_s=ends_s[0],
         end_s=ends_s[1],
         allowed=may,

@@ -88,7 +88,14 @@ class BatterySupply(Supply):
 
     def explain_small_load(self, need: float) -> str:
         """Why a piece of work cannot be done with one load, and what helps."""
+        left_kwh = f"{max(self.capacity, 0.0):.3g}"
+        if self.trip_kwh:
+            return (
+                f"Work between two stops takes at least {need:.3g} kWh, and of the battery {left_kwh} kWh can be used "
+                "for it besides the way to the charger and back; use a nearer charger, a larger battery or a smaller "
+                "reserve."
+            )
         return (
-            f"One piece of work takes {need:.3g} kWh without a stop, and of the battery {self.capacity:.3g} kWh can be "
-            "used for it; use a larger battery, a smaller reserve, a narrower implement, or shorter tracks."
+            f"Work between two stops takes at least {need:.3g} kWh, and of the battery {left_kwh} kWh can be used for "
+            "it; use a larger battery, a smaller reserve or a narrower implement."
         )

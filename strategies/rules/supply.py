@@ -10,6 +10,7 @@ from vehicle.missions.plan import REFILL, Leg
 
 PLACE, HEADLAND, SERVICE_VEHICLE = "place", "headland", "tender"
 Point = tuple[float, float]
+LEAST_LOAD_M = 10.0  # of work that a load lasts for at least: with less a tractor does little but stop
 
 
 @dataclass(frozen=True)
@@ -71,9 +72,14 @@ class Supply:
         """The same for loads that count the ways to the place and back leg by leg."""
         return self
 
+    def explain_least_load(self, width_m: float) -> str | None:
+        """Why a load does not even last for LEAST_LOAD_M of work of this width; None where it does."""
+        need = self.compute_need(LEAST_LOAD_M, width_m)
+        return self.explain_small_load(need) if need > self.capacity else None
+
     def explain_small_load(self, need: float) -> str:
         """Why a piece of work cannot be done with one load, and what helps."""
         return (
-            f"One side of a headland pass needs {need:.0f} l or kg without a stop, but a load is {self.capacity:g}; "
-            "use a larger tank, a lower rate, or square corners."
+            f"Work between two stops takes at least {need:.3g} l or kg, and a load is {self.capacity:g}; use a larger "
+            "tank or a lower rate."
         )

@@ -36,7 +36,8 @@ class LoadTours:
 
     Attributes:
         gaps: the tour.
-        stages: (n,) which lines come first.
+        moves: lead to the place and on.
+        stages: which lines of the table come first.
         loads: the nodes of every load in order; one without any may be filled.
     """
 
@@ -85,12 +86,21 @@ class LoadTours:
         off_s, on_s = np.array(estimates_s).min(axis=1).T
         return on_s, off_s + self.gaps.supply.estimate_stop_s(self.gaps.total_need)
 
+    @cached_property
+    def goes_on(self) -> npt.NDArray[np.bool_]:
+        """Which node goes on along its line in which (2 n, 2 n)."""
+        return np.array([[before.leads_to(after) for after in self.ways] for before in self.ways])
+
+    @cached_property
+    def need(self) -> Floats:
+        """The share (n,) of a load that every part takes."""
+        return _measure_needs(self.gaps)
+
     def pose_problem(self, costs: Floats) -> OrderProblem:
         """The search for the loads with these costs (n + 1, n + 1) of moves between lines."""
         table, ways, has_lane = self.gaps.table, self.ways, self.gaps.table.site.lane is not None
         nodes = np.array([way.node for way in ways])
         is_first, is_last = np.array([[way.is_first, way.is_last] for way in ways]).T
-        goes_on = np.array([[before.leads_to(after) for after in ways] for before in ways])
         moves_s = np.where(is_last[:, None] & is_first[None, :], costs[np.ix_(nodes, nodes)], np.inf)
         begin_s, end_s = (np.repeat(trips_s[None], len(self.loads), axis=0) for trips_s in self.trips_s)
         begin_s[0] = np.where(is_first, np.minimum(costs[-1, nodes], NO_MOVE_S) * has_lane, np.inf)
@@ -101,14 +111,14 @@ class LoadTours:
         begin_s[:, is_barred], end_s[:, is_barred] = np.inf, np.inf
         lengths_m = np.array([part.last_m - part.first_m for part in self.gaps.tour])
         return OrderProblem(
-            move_s=np.where(goes_on, 0.0, moves_s),
+            move_s=np.where(self.goes_on, 0.0, moves_s),
             work_s=lengths_m / table.site.rules.work_speed_mps,
             value_s=np.full(len(lengths_m), PART_VALUE_S),
             begin_s=begin_s,
             end_s=end_s,
             allowed=self.allowed,
             stage=self.part_stages,
-            need=_measure_needs(self.gaps),
+            need=self.need,
             sum_share=1.0,
         )
 
@@ -137,7 +147,7 @@ def order_for_loads(
     loads as can be, and in those that cost least. What it finds is cut to loads where that costs least, and searched
     again.
     """
-    best = TourGaps(table, supply, cut_to_loads(table, supply, tour), moves, is_rough=True)
+    given = best = TourGaps(table, supply, cut_to_loads(table, supply, tour), moves, is_rough=True)
     if moves is None or best.choose_gaps() == ():
         return tuple(best.tour)
     best_s, starts = _estimate_cost_s(best), [(best, _cut_at_stops(best)), (best, _fill_loads(best))]
@@ -153,7 +163,8 @@ def order_for_loads(
         if cost_s < best_s:
             best, best_s = found, cost_s
             starts.append((found, _cut_at_stops(found)))
-    return tuple(best.tour)
+    is_served = TourGaps(table, supply, best.tour, moves).choose_gaps() is not None
+    return tuple(best.tour if is_served else given.tour)
 
 
 def _measure_needs(gaps: TourGaps) -> Floats:

@@ -310,6 +310,6 @@ class TourGaps:
             return self.supply.explain_small_load(largest)
         x, y = self.supply.place or (0.0, 0.0)
         return (
-            f"No path with a turning radius of {self.table.site.rules.radius_m:.1f} m leads to the place to refill at "
-            f"({x:.0f}, {y:.0f} m) and back before a load is used up; use another place, or refill on the headland."
+            f"No path with a turning radius of {self.table.site.rules.radius_m:.1f} m leads to the place of service at "
+            f"({x:.0f}, {y:.0f}) m and back before a load is used up; use another place, or the headland."
         )

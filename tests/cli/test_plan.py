@@ -1,5 +1,7 @@
 """`headland plan` from the outside: what it prints, writes and returns."""
 
+import csv
+import io
 import json
 import math
 import os
@@ -15,6 +17,11 @@ import pytest
 
 from tests.drawn_fields import write_farm, write_heights
 
+CONTRACT = [
+    "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
+    "worked_pct", "overlap_pct", "outside_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",
+    "order_gap_pct",
+]  # fmt: skip
 TWO = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--processes", "1")
 QUICK = ("--tractors", "1-2", "--strategies", "split-field", "--no-headland", "--processes", "1")
 
@@ -27,11 +34,17 @@ def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
     return found
 
 
-def test_json_ranks_what_was_asked_for(answer: dict[str, Any]) -> None:
+def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
+    assert list(answer) == [
+        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
+        "prices_assumed", "unmet", "shortfalls", "parts", "pull", "remarks", "ground", "summary",
+    ]  # fmt: skip
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
     assert answer["seed"] == 5
     assert len(answer["plans"]) == 3
+    for plan in (*answer["plans"], answer["best"]):
+        assert set(CONTRACT) <= set(plan)
     assert answer["best"] in answer["plans"]
     assert [plan["rank"] for plan in answer["plans"]] == [1, 2, 3]
     times = [plan["p50_s"] + plan["finished_s"] - plan["time_s"] for plan in answer["plans"]]
@@ -71,6 +84,13 @@ def test_a_plan_on_heights_says_its_slopes_in_every_form(
     assert max(abs(step["slope_across_pct"]) for step in steps) == pytest.approx(slopes[1], abs=0.1)
 
 
+def test_a_result_does_not_overwrite_the_heights(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+    heights = tmp_path / "hill.png"
+    heights.write_bytes(b"heights")
+    outcome = headland("plan", small, "--local", "--elevation", heights, "--png", heights)
+    assert outcome.status == 2 and "would overwrite the file of heights" in outcome.err
+
+
 def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], small: Path) -> None:
     one = ("--tractors", "1", "--strategies", "split-field", "--no-headland")
     (plan,) = json.loads(headland("plan", small, "--local", *one, "--json").out)["plans"]
@@ -106,6 +126,31 @@ def test_what_no_plan_meets_is_3_with_the_closest_plan(
     assert outcome.status == 3 and len(outcome.sentences) == 1 and outcome.err.startswith(words)
     assert words in " ".join(outcome.out.split()) and "tractor" in outcome.out
     assert max(map(len, outcome.out.splitlines())) <= 80
+
+
+@pytest.mark.slow
+def test_csv_says_what_json_says(headland: Callable[..., Any], once: Callable[..., Any], small: Path) -> None:
+    plans = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["plans"]
+    rows = list(csv.DictReader(io.StringIO(headland("plan", small, "--local", *QUICK, "--csv").out)))
+    assert len(rows) == len(plans)
+    for row, plan in zip(rows, plans, strict=True):
+        assert set(CONTRACT) <= set(row)
+        assert row["strategy"] == plan["strategy"] and int(row["tractors"]) == plan["tractors"]
+        assert float(row["time_s"]) == plan["time_s"] and row["feasible"] == "true"
+        assert row["meets_deadline"] == ""
+
+
+@pytest.mark.slow
+def test_the_table_names_the_best_and_the_cheapest(
+    headland: Callable[..., Any], once: Callable[..., Any], small: Path
+) -> None:
+    outcome = headland("plan", small, "--local", *QUICK)
+    best = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["best"]
+    assert outcome.status == 0 and outcome.err == ""
+    assert f"{best['tractors']} tractors, {best['strategy']}: done in " in outcome.out
+    minutes, seconds = divmod(round(best["time_s"]), 60)
+    assert f"{minutes}:{seconds:02d}" in outcome.out
+    assert max(len(line) for line in outcome.out.splitlines()) <= 100
 
 
 @pytest.mark.slow

@@ -151,6 +151,19 @@ def test_a_battery_too_small_for_a_track_is_charged_within_the_track() -> None:
     assert found.result.charges and find_flat_battery(context, found.run) is None
 
 
+@pytest.mark.parametrize("capacity_kwh", [0.12, 0.59, 0.602, 0.7])
+def test_a_battery_that_the_way_to_the_charger_uses_up_is_refused(capacity_kwh: float) -> None:
+    tiny = SMALL.model_copy(update={"capacity_kwh": capacity_kwh})
+    with pytest.raises(RequestError, match="besides the way to the charger and back; use a nearer charger") as refusal:
+        prepare(tiny, "30,-45")
+    assert refusal.value.parameter == "tractor"
+
+
+def test_a_battery_that_hardly_lasts_to_the_charger_is_charged_all_the_time() -> None:
+    found = drive(SMALL.model_copy(update={"capacity_kwh": 1.0}), "30,-45")
+    assert found.result.charges is not None and found.result.charges > 10
+
+
 def test_a_plan_is_refused_whose_batteries_do_not_last() -> None:
     """A run without stops with a battery of half of what it takes."""
     found = drive(AMPLE)

@@ -226,6 +226,7 @@ def test_formations_that_would_have_to_part_say_what_helps(refill: str) -> None:
         ("1,2,3", TANK, "is not a place"),
         ("nan,2", TANK, "is not a place"),
         ("30,-51", TANK, "lies 51 m from the field; it must be within 50 m"),
+        ("60,0", replace(TANK, capacity=8.9), "takes at least 9 l or kg, and a load is 8.9; use a larger tank"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(refill: str | None, supply: Supply | None, words: str) -> None:
@@ -234,9 +235,10 @@ def test_what_cannot_be_is_refused_in_a_sentence(refill: str | None, supply: Sup
     assert words in str(refusal.value)
 
 
-def test_a_tank_smaller_than_a_track_takes_is_filled_within_the_track() -> None:
-    tank = replace(TANK, capacity=70.0)
-    context = site_for(None, True, tank)
+@pytest.mark.parametrize(("refill", "capacity"), [(None, 70.0), (None, 9.5), ("60,0", 12.0)])
+def test_a_tank_smaller_than_a_track_takes_is_filled_within_the_track(refill: str | None, capacity: float) -> None:
+    tank = replace(TANK, capacity=capacity)
+    context = site_for(refill, True, tank)
     assert max(tank.compute_need(track.length_m, WIDTH_M) for track in context.layout.swaths) > tank.capacity
     found = simulate_candidate(context, Candidate("split-field", 1))
     assert found.result.feasible and found.run is not None
@@ -244,6 +246,13 @@ def test_a_tank_smaller_than_a_track_takes_is_filled_within_the_track() -> None:
     assert min(left) >= -1e-6 and used / RATE == pytest.approx(
         WIDTH_M * sum(track.length_m for track in context.layout.swaths), rel=0.03
     )
+
+
+def test_the_only_track_is_worked_however_long_its_stops_take() -> None:
+    strip, tank = Field("strip", shapely.box(0, 0, 1.1 * WIDTH_M, 110)), replace(TANK, capacity=60.0)
+    request = PlanRequest(field="strip", no_headland=True, bearing_deg=0.0, refill="3,0")
+    found = simulate_candidate(prepare_context(WorkOrder(request, strip, supply=tank)), Candidate("split-field", 1))
+    assert found.result.feasible and found.result.refills == 1
 
 
 def test_the_field_file_says_where(tmp_path: Path) -> None:
