@@ -144,7 +144,7 @@ class Field:
 
     @property
     def whole_boundary(self) -> shapely.Polygon:
-        """The boundary before anything was subtracted."""
+        """The boundary as it was drawn, before margins, obstacles and parts cut off were subtracted."""
         return self.original_boundary or self.boundary
 
     @cached_property

@@ -2,7 +2,7 @@
 
 Overlays on a grid never lose ground but take five times as long. Without a grid GEOS may fail, above all on buffers
 with sharp corners, which may cross themselves (`subtract`, `intersect` and `unite` then use one), and it may lose area
-where edges nearly coincide, or take neighbours for one another, so that the others check every result.
+where edges nearly coincide, or take neighbours for one another, for which functions of areas check every result.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def intersect(shapes: Any, others: Any) -> Any:
 
 
 def unite(shapes: Iterable[shapely.Geometry]) -> shapely.Geometry:
-    """The union of shapes of any kind."""
+    """The union of shapes, areas or lines."""
     return _overlay(shapely.union_all, np.array([*shapes], dtype=np.object_))
 
 
@@ -51,7 +51,7 @@ def _overlay(cut: Callable[..., Any], *shapes: Any) -> Any:
 
 
 def _repair(shapes: Any) -> Any:
-    """Shapes, one or an array, valid, and areas without lines that become of narrow places."""
+    """Shapes, one or an array, made valid; of areas without the lines that narrow places become."""
     if isinstance(shapes, np.ndarray):
         return np.array([_repair(one) for one in shapes], dtype=np.object_)
     valid = shapely.make_valid(shapes, method="structure", keep_collapsed=False)

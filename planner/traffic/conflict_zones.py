@@ -172,7 +172,7 @@ def _add_passing_rows(keys, times, count, latest, hold, segment, first, last, ti
 
 @compile_function
 def _find_passings(visits, hold_count, time, holds):  # type: ignore[no-untyped-def]
-    """Rows (hold point, segment that passes it), and when, from rows of `_list_visits` to a trajectory with `holds`."""
+    """Rows (hold point, segment that passes it) and when, from `_list_visits` along a trajectory with `holds`."""
     keys, times, count = np.empty((16, 2), dtype=np.int64), np.empty((16, 2)), np.int64(0)
     latest = np.full((hold_count, 2), -1)
     for row in range(len(visits)):

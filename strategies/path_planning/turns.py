@@ -23,9 +23,10 @@ TURN_FAMILIES = add_forward_primitives, add_reverse_arc_primitives, add_reverse_
 
 
 def list_turns(spacing_m: float, radius_m: float) -> list[DrivePath]:
-    """The shortest turn of each family of primitives from a swath end that heads north to a swath begin to its right.
+    """The shortest turn of each family of primitives from a swath end that heads north to the next swath on its right.
 
-    Of those as long, the one that bends to it first. Only the plain U where there is one: nothing is quicker.
+    Of equally long ones it is that which bends towards the swath first. Where there is a plain U it is the only turn:
+    nothing is quicker.
     """
     a, b = (0.0, 0.0, 0.5 * math.pi), (spacing_m, 0.0, -0.5 * math.pi)
     rows, kinds = np.empty((MAX_PRIMITIVES, MAX_PIECES, 3)), np.empty(MAX_PRIMITIVES, np.int64)
@@ -64,7 +65,9 @@ def list_allowed_kinds(turn: str) -> tuple[str, ...]:
 def compute_headland_m(turn: str, width_m: float, radius_m: float, reach: TurnReach) -> float:
     """Depth of headland in which the turn to a neighbouring swath fits (m), rounded up to half a metre.
 
-    The omega swings out; every other kind is one radius deep at most.
+    The omega swings out: its middle arc, of the same radius R, touches the two outer ones, whose centres are R + s / 2
+    beside it for tracks s apart, so that it lies sqrt((2 R)^2 - (R + s / 2)^2) farther out. Every other kind is one
+    radius deep at most.
     """
     depth = radius_m
     if turn == "omega":
