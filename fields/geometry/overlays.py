@@ -1,8 +1,9 @@
 """Unions, intersections and differences of areas: fast where GEOS gets them right, on a grid where it does not.
 
-Overlays on a grid never lose ground but take five times as long. Without a grid GEOS may fail, above all on buffers
-with sharp corners, which may cross themselves (`subtract`, `intersect` and `unite` then use one), and it may lose area
-where edges nearly coincide, or take neighbours for one another, for which functions of areas check every result.
+Overlays on a grid never lose ground but take five times as long, and may fail on shapes that are not valid, as buffers
+with sharp corners may be: they may cross themselves. Without a grid GEOS may fail as well (`subtract`, `intersect` and
+`unite` then repair the shapes and use one), and it may lose area where edges nearly coincide, or take neighbours for
+one another, for which functions of areas check every result.
 """
 
 from __future__ import annotations

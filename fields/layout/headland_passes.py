@@ -19,6 +19,7 @@ from shapely.geometry.polygon import orient
 from fields.errors import FieldError
 from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
 from fields.geometry.field import Field
+from fields.geometry.overlays import intersect, subtract
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,7 +41,7 @@ def find_centre_line(strip: shapely.Polygon, width_m: float) -> FloatArray | Non
     stations_m = np.clip(np.linspace(0.0, length, pieces + 1), 0.01 * length, 0.99 * length)
     foot = corner + stations_m[:, None] * along
     cuts = shapely.linestrings(np.stack([foot - aside, foot + (across + 1.0) * aside], axis=1))
-    middles = shapely.centroid(shapely.intersection(strip, cuts, grid_size=GRID_M))
+    middles = shapely.centroid(intersect(strip, cuts))
     points = shapely.get_coordinates(middles[~shapely.is_empty(middles)])
     if len(points) < 2:
         return None
@@ -158,7 +159,7 @@ def _draw_passes(
     if number == 1:
         return  # no pass where the field is narrower than the implement
     worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
-    unworked = shapely.difference(_inset_polygon(boundary, (number - 1) * width_m), worked, grid_size=GRID_M)
+    unworked = subtract(_inset_polygon(boundary, (number - 1) * width_m), worked)
     for part in _sort_polygons(unworked):
         line = find_centre_line(part, width_m) if part.area >= MIN_OPEN_AREA * width_m**2 else None
         if line is not None:

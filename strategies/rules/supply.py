@@ -10,7 +10,7 @@ from vehicle.missions.plan import REFILL, Leg
 
 PLACE, HEADLAND, SERVICE_VEHICLE = "place", "headland", "tender"
 Point = tuple[float, float]
-LEAST_LOAD_M = 10.0  # of work that a load lasts for at least: with less a tractor does little but stop
+LEAST_LOAD_M = 50.0  # of work that a load lasts for at least: with less a tractor does little but stop
 
 
 @dataclass(frozen=True)

@@ -143,7 +143,7 @@ def test_stops_are_listed_with_their_energy() -> None:
 
 
 def test_a_battery_too_small_for_a_track_is_charged_within_the_track() -> None:
-    tiny = SMALL.model_copy(update={"capacity_kwh": 0.3})
+    tiny = SMALL.model_copy(update={"capacity_kwh": 0.4})
     context, found = prepare(tiny), drive(tiny)
     assert isinstance(context.supply, BatterySupply) and found.run is not None
     longest_m = max(track.length_m for track in context.layout.swaths)

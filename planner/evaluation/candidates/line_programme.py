@@ -262,7 +262,7 @@ def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
     moves, supply = _require_lines(context), context.supply
     legs = [] if supply is None else [moves.build_work_leg(2 * number, 0.0) for number in range(len(moves.lines))]
     if supply is not None and supply.compute_legs_need(legs, moves.site.width_m) > tractors * supply.capacity:
-        hectares = max(supply.capacity, 0.0) / supply.rate_per_m2 / 1e4
+        hectares = supply.capacity / supply.rate_per_m2 / 1e4
         raise StrategyError(
             f"Tractors in formation wait for each other, so none can be served alone, and {supply.load_text} lasts for "
             f"{hectares:.3g} ha of its share; use split-field or interleaved, or a larger "

@@ -112,7 +112,7 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
 
 def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
     """Ground wide enough for the machines but without a passage to it: all rooms but the largest."""
-    rooms = shapely.union_all(_list_rooms(context)[1:], grid_size=GRID_M)
+    rooms = unite(_list_rooms(context)[1:])
     return extract_polygons(intersect(rooms, context.layout.field.workable_region))
 
 

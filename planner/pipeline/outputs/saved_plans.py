@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.geometry.overlays import unite
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
@@ -351,7 +350,7 @@ def read_planned_layout(saved: SavedPlan) -> PlannedLayout:
     middles = shapely.get_coordinates(shapely.line_interpolate_point(tracks, 0.5, normalized=True))
     try:
         parts = [shapely.Polygon(rings[0], rings[1:]) for rings in saved.ground.get("inside_headland_m", ())]
-        return PlannedLayout(saved.origin_m, unite(shapely.make_valid(parts)), middles)
+        return PlannedLayout(saved.origin_m, shapely.unary_union(shapely.make_valid(parts)), middles)
     except (TypeError, ValueError, IndexError, shapely.errors.GEOSException):
         raise RequestError("The ground inside the headland of the plan is garbled; save the plan again.") from None
 
