@@ -308,7 +308,7 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "deadline": None if request.deadline_s is None else format_clock(request.deadline_s),
         "seed": request.seed,
         "gnss": request.gnss,
-        "samples": 0 if context.criteria is None else context.criteria.settings.samples,
+        "samples": 0 if context.criteria is None else context.criteria.samples,
         "rain": request.rain,
         "objective": request.objective,
         **({} if context.supply is None else export_supply(context.supply)),

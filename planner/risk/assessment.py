@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,21 +12,20 @@ import numpy.typing as npt
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, PlanRequest
-from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, estimate_cost
+from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, list_cost_figures
 from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import (
     DEFAULT_SAMPLES,
-    RiskSettings,
     apply_factors,
     compute_variance_shares,
-    estimate_graph_risk,
+    compute_wilson_interval,
     sample_outcomes,
 )
-from planner.risk.plan_choice import PlanFigures, choose_best
+from planner.risk.plan_choice import choose_best
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
 from reports.common.plan_records import Shortfall
-from reports.common.plan_results import PlanRanking, PlanResult, build_quality_key
+from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.wording import format_duration, format_percent, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -142,18 +141,39 @@ def _solve_speed(leg: Leg, driven_s: float, factor: float, lag: float) -> float:
 
 @dataclass(frozen=True)
 class DecisionCriteria:
-    """What plans are judged by beyond their time: samples and distributions, cost, objective and budget.
+    """What plans are judged by beyond their time: samples and distributions, limits, cost, objective and budget.
 
-    `limit_text` says when work must be done, such as "before 17:00"; "" without a limit. The criteria choose the best
-    plan only if `decides_best`: with a limit, an objective or a budget. `budget` is the most that may be paid.
+    Work must be done before the `rain` and within `deadline_s` after the start; with a farm's `workday` not all time
+    until then is for field work. `limit_text` says so, such as "before 17:00"; "" without a limit. The criteria choose
+    the best plan only if `decides_best`: with a limit, an objective or a budget. `budget` is the most that may be paid.
     """
 
-    settings: RiskSettings
+    uncertainty: UncertaintySettings
     cost_terms: CostTerms
-    limit_text: str
-    objective: str
-    decides_best: bool
+    samples: int = DEFAULT_SAMPLES
+    seed: int = 1
+    rain: RainForecast | None = None
+    deadline_s: float | None = None
+    workday: Workday | None = None
+    limit_text: str = ""
+    objective: str = CHEAPEST
+    decides_best: bool = False
     budget: float | None = None
+
+    def sample_field_limit_s(self) -> Array:
+        """Seconds of field work that fit before the deadline or the rain, (samples,); infinite without either."""
+        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
+        limit_s = rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
+        return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
+
+    def compute_field_clock_s(self, field_s: float) -> float:
+        """Seconds after the start by the clock when so many seconds of field work are done."""
+        return field_s if self.workday is None else self.workday.compute_clock_s(self.workday.before_field_s + field_s)
+
+    @property
+    def has_limit(self) -> bool:
+        """Whether there is rain or a deadline."""
+        return self.rain is not None or self.deadline_s is not None
 
 
 def build_decision_criteria(
@@ -173,21 +193,25 @@ def build_decision_criteria(
     if samples == 0:
         return None
     rain = None if request.rain is None else parse_rain(request.rain, request.start_s)
-    settings = RiskSettings(
-        uncertainty or UncertaintySettings(), rain, request.time_limit_s, samples, request.seed, workday
-    )
-    effective_terms = cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
-    limit_text = _describe_limit(request, settings)
-    decides_best = bool(limit_text) or request.objective is not None or request.budget is not None
+    limit_text = _describe_limit(request, rain)
     return DecisionCriteria(
-        settings, effective_terms, limit_text, request.objective or CHEAPEST, decides_best, request.budget
+        uncertainty=uncertainty or UncertaintySettings(),
+        cost_terms=cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor),
+        samples=samples,
+        seed=request.seed,
+        rain=rain,
+        deadline_s=request.time_limit_s,
+        workday=workday,
+        limit_text=limit_text,
+        objective=request.objective or CHEAPEST,
+        decides_best=bool(limit_text) or request.objective is not None or request.budget is not None,
+        budget=request.budget,
     )
 
 
-def _describe_limit(request: PlanRequest, settings: RiskSettings) -> str:
+def _describe_limit(request: PlanRequest, rain: RainForecast | None) -> str:
     """When work must be done, such as "before 17:00"; "" without a limit."""
     limits = [] if request.deadline_s is None else [f"before {request.format_clock_after(request.time_limit_s)}"]
-    rain = settings.rain
     if rain is not None and request.start_s is not None and len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
         limits.append(f"before {request.format_clock_after(rain.onsets_s[0])}")
     elif rain is not None:
@@ -206,32 +230,40 @@ def add_risk_estimate(
     terrain: Terrain | None = None,
     fuel_load: WorkLoad | None = None,
 ) -> PlanResult:
-    """The result of a feasible plan with probability, quantiles of its time, and expected cost.
+    """The result of a feasible plan with the figures of its samples.
 
     `fuel_load` is the load by which it uses fuel; None for flat shares of the engine's power.
-    It meets the deadline if it does so in half of the samples, as the median is the end that is stated.
     """
     if criteria is None or not result.feasible:
         return result
     ordered_run = enforce_planned_order(run, tractor, implement)
     graph = build_leg_graph(ordered_run, measure_leg_consumption(ordered_run, tractor, fuel_load, terrain))
-    estimate = estimate_graph_risk(graph, criteria.settings)
-    plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
-    deadline_s = criteria.settings.deadline_s
-    return replace(
-        result,
-        meets_deadline=None if deadline_s is None else estimate.p50_done_s <= deadline_s,
-        finish_probability=estimate.finish_probability,
-        finish_probability_interval=estimate.finish_probability_interval,
-        p50_s=estimate.p50_s,
-        p80_s=estimate.p80_s,
-        p95_s=estimate.p95_s,
-        p50_done_s=estimate.p50_done_s,
-        p95_done_s=estimate.p95_done_s,
-        expected_cost=plan_cost.expected,
-        expected_cost_error=plan_cost.expected_error,
-        paid_cost=plan_cost.paid,
-    )
+    return replace(result, **list_sampled_figures(graph, criteria, area_ha))
+
+
+def list_sampled_figures(graph: LegGraph, criteria: DecisionCriteria, area_ha: float) -> dict[str, Any]:
+    """Probability, quantiles of the time and costs from samples of a plan, by their names in PlanResult.
+
+    Probability and interval are None without a limit. A plan meets the deadline if it does so in half of the samples,
+    as the median is the end that is stated.
+    """
+    limit_s, samples = criteria.sample_field_limit_s(), criteria.samples
+    outcomes = sample_outcomes(graph, criteria.uncertainty, samples=samples, seed=criteria.seed, limit_s=limit_s)
+    in_time = int((outcomes.work_finish_s <= limit_s).sum())
+    p50_s, p80_s, p95_s = np.quantile(outcomes.finish_s, (0.50, 0.80, 0.95)).tolist()
+    p50_work_s, p95_work_s = np.quantile(outcomes.work_finish_s, (0.50, 0.95)).tolist()
+    p50_done_s = criteria.compute_field_clock_s(p50_work_s)
+    return {
+        "meets_deadline": None if criteria.deadline_s is None else p50_done_s <= criteria.deadline_s,
+        "finish_probability": in_time / samples if criteria.has_limit else None,
+        "finish_probability_interval": compute_wilson_interval(in_time, samples) if criteria.has_limit else None,
+        "p50_s": p50_s,
+        "p80_s": p80_s,
+        "p95_s": p95_s,
+        "p50_done_s": p50_done_s,
+        "p95_done_s": criteria.compute_field_clock_s(p95_work_s),
+        **list_cost_figures(outcomes, criteria.cost_terms, area_ha),
+    }
 
 
 def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) -> PlanRanking:
@@ -250,9 +282,9 @@ def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) ->
     objective = FASTEST  # if nothing else decides, or no plan is in time
     if in_time and criteria.decides_best:
         eligible, shortfall, objective = _select_eligible(in_time, plans, criteria)
-        best_plan = choose_best(_build_figures(eligible, criteria), objective)
+        best_plan = choose_best(eligible, objective, criteria.samples)
         chosen_key = best_plan.strategy, best_plan.tractors
-    currency, samples = criteria.cost_terms.prices.currency, criteria.settings.samples
+    currency, samples = criteria.cost_terms.prices.currency, criteria.samples
     shortfalls = () if shortfall is None else (shortfall,)
     updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, shortfalls=shortfalls)
     return replace(updated, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated)))
@@ -261,7 +293,7 @@ def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) ->
 def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> tuple[str, ...]:
     """Sentences on what the cost covers."""
     terms, prices = criteria.cost_terms, criteria.cost_terms.prices
-    samples = f"{criteria.settings.samples:,}"
+    samples = f"{criteria.samples:,}"
     covered = f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}."
     per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
     late = f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}."
@@ -272,7 +304,7 @@ def _select_eligible(
     plans: list[PlanResult], all_plans: list[PlanResult], criteria: DecisionCriteria
 ) -> tuple[list[PlanResult], Shortfall | None, str]:
     """The eligible plans, what no plan meets (or None), and the objective to choose by."""
-    before_rain, note = _select_before_rain(plans, criteria.settings.rain)
+    before_rain, note = _select_before_rain(plans, criteria.rain)
     if note is not None:
         return plans, Shortfall("rain", note), FASTEST
     budget = criteria.budget
@@ -310,33 +342,6 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
     return [], f"No plan finishes before the rain: the surest does in {format_percent(surest)} % of the samples."
 
 
-def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> list[PlanFigures]:
-    return [
-        PlanFigures(
-            plan.strategy,
-            plan.tractors,
-            plan.paid_cost or 0.0,
-            plan.expected_cost or 0.0,
-            plan.p50_s or 0.0,
-            plan.p95_s or 0.0,
-            plan.finish_probability,
-            criteria.settings.samples,
-            plan.expected_cost_error or 0.0,
-            _compute_finished_energy(plan),
-            plan.finishing_s,
-            plan.finishing_cost,
-            build_quality_key(plan),
-        )
-        for plan in plans
-    ]
-
-
-def _compute_finished_energy(plan: PlanResult) -> float | None:
-    """Litres or kilowatt-hours with the unworked ground finished at the plan's own rate; None where not known."""
-    energy = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
-    return energy if energy is None or not plan.time_s else energy * (1.0 + plan.finishing_s / plan.time_s)
-
-
 def check_best_plan(
     run: SimulationRun,
     tractor: Tractor,
@@ -348,11 +353,12 @@ def check_best_plan(
 ) -> tuple[PhysicsCheck, dict[str, float]]:
     """Samples of a plan simulated in full physics, and what causes the spread of its time."""
     ordered_run = enforce_planned_order(run, tractor, implement)
-    settings = criteria.settings
+    uncertainty, seed = criteria.uncertainty, criteria.seed
     check_result = check_graph_in_physics(
-        ordered_run, settings.uncertainty, tractor, implement, terrain=terrain, load=load, seed=settings.seed
+        ordered_run, uncertainty, tractor, implement, terrain=terrain, load=load, seed=seed
     )
-    return check_result, compute_variance_shares(build_leg_graph(ordered_run), settings)
+    graph = build_leg_graph(ordered_run)
+    return check_result, compute_variance_shares(graph, uncertainty, samples=criteria.samples, seed=seed)
 
 
 def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]) -> tuple[str, ...]:

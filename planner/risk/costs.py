@@ -138,18 +138,6 @@ def _compute_ownership_rates(
 
 
 @dataclass(frozen=True)
-class PlanCost:
-    """Mean cost of a plan over the samples: `paid`, and `expected` with late ground added, with its standard error.
-
-    Work continues to the end whatever the weather; the price of late ground is the loss by rain.
-    """
-
-    paid: float
-    expected: float
-    expected_error: float
-
-
-@dataclass(frozen=True)
 class CostTerms:
     """The prices a fleet works at: those of the farm and of its machines.
 
@@ -179,11 +167,18 @@ def build_hire_terms(per_hour: float | None, per_tractor: float) -> CostTerms:
     return CostTerms(FarmPrices(per_hour=price, supervision_share=0.0, transport_per_tractor=per_tractor))
 
 
-def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -> PlanCost:
-    """The cost of a plan for `area_ha` of work."""
+def list_cost_figures(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -> dict[str, float]:
+    """The mean costs of a plan for `area_ha` of work by their names in PlanResult: paid, and with late ground added.
+
+    Work continues to the end whatever the weather; the price of late ground is the loss by rain.
+    """
     paid, prices = compute_paid_per_sample(outcomes, terms), terms.prices
-    late_ground = (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
-    return PlanCost(float(paid.mean()), float((paid + late_ground).mean()), _compute_standard_error(paid + late_ground))
+    expected = paid + (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
+    return {
+        "paid_cost": float(paid.mean()),
+        "expected_cost": float(expected.mean()),
+        "expected_cost_error": _compute_standard_error(expected),
+    }
 
 
 def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Array:

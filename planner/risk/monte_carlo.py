@@ -1,4 +1,4 @@
-"""Monte Carlo simulation of a run's leg graph (longest path, all samples at once), and the figures of risk from it."""
+"""Monte Carlo simulation of a run's leg graph (longest path, all samples at once)."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ from planner.farm.random_inputs import (
     build_certain_settings,
     compute_log_deviation,
 )
-from planner.farm.workday import Workday
 from planner.risk.leg_graph import WORK_PASS, LegGraph
-from planner.risk.rain import RainForecast
 from planner.risk.random_events import StopEvents, create_generator, draw_lognormal, draw_stop_events
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 
@@ -254,81 +252,8 @@ def _index_links(graph: LegGraph) -> tuple[dict[int, list[int]], dict[int, list[
     return links_to, links_from
 
 
-QUANTILES = (0.50, 0.80, 0.95)
 VARIANCE_SAMPLES = 2000
 DEFAULT_SAMPLES = 10_000
-DEFAULT_UNCERTAINTY = UncertaintySettings()
-
-
-@dataclass(frozen=True)
-class RiskSettings:
-    """Distributions, rain and deadline (seconds after the start), number of samples and seed.
-
-    With a farm's `workday` not all time until the limit is for field work.
-    """
-
-    uncertainty: UncertaintySettings = DEFAULT_UNCERTAINTY
-    rain: RainForecast | None = None
-    deadline_s: float | None = None
-    samples: int = DEFAULT_SAMPLES
-    seed: int = 1
-    workday: Workday | None = None
-
-    def sample_field_limit_s(self) -> Array:
-        """Seconds of field work that fit before the deadline or the rain, (samples,); infinite without either."""
-        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
-        limit_s = rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
-        return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
-
-    def compute_field_clock_s(self, field_s: float) -> float:
-        """Seconds after the start by the clock when so many seconds of field work are done."""
-        return field_s if self.workday is None else self.workday.compute_clock_s(self.workday.before_field_s + field_s)
-
-    @property
-    def has_limit(self) -> bool:
-        """Whether there is rain or a deadline."""
-        return self.rain is not None or self.deadline_s is not None
-
-
-@dataclass(frozen=True, eq=False)
-class RiskEstimate:
-    """The risk figures of one plan.
-
-    `finish_probability` and its Wilson interval (95 %) are None without deadline and rain. The quantiles are of the
-    finish of the last tractor, `p50_done_s` and `p95_done_s` of the end of field work by the clock.
-    """
-
-    finish_probability: float | None
-    finish_probability_interval: tuple[float, float] | None
-    p50_s: float
-    p80_s: float
-    p95_s: float
-    p50_done_s: float
-    p95_done_s: float
-    outcomes: SampledOutcomes
-
-
-def estimate_graph_risk(graph: LegGraph, settings: RiskSettings) -> RiskEstimate:
-    """The risk figures of a leg graph."""
-    limit_s = settings.sample_field_limit_s()
-    outcomes = sample_outcomes(
-        graph, settings.uncertainty, samples=settings.samples, seed=settings.seed, limit_s=limit_s
-    )
-    in_time = int((outcomes.work_finish_s <= limit_s).sum())
-    p50, p80, p95 = (float(value) for value in np.quantile(outcomes.finish_s, QUANTILES))
-    p50_done_s, p95_done_s = (
-        settings.compute_field_clock_s(float(value)) for value in np.quantile(outcomes.work_finish_s, (0.50, 0.95))
-    )
-    return RiskEstimate(
-        finish_probability=in_time / settings.samples if settings.has_limit else None,
-        finish_probability_interval=compute_wilson_interval(in_time, settings.samples) if settings.has_limit else None,
-        p50_s=p50,
-        p80_s=p80,
-        p95_s=p95,
-        p50_done_s=p50_done_s,
-        p95_done_s=p95_done_s,
-        outcomes=outcomes,
-    )
 
 
 def compute_wilson_interval(hits: int, trials: int) -> tuple[float, float]:
@@ -340,21 +265,23 @@ def compute_wilson_interval(hits: int, trials: int) -> tuple[float, float]:
     return low, 1.0 if hits == trials else min(1.0, middle + half)
 
 
-def compute_variance_shares(graph: LegGraph, settings: RiskSettings) -> dict[str, float]:
+def compute_variance_shares(
+    graph: LegGraph, uncertainty: UncertaintySettings, *, samples: int, seed: int
+) -> dict[str, float]:
     """Share of the variance of the finishing time that goes with each input, the others left on, the largest first.
 
     All on the same random numbers. The shares need not add up to 1: inputs act together.
     """
-    samples = min(VARIANCE_SAMPLES, settings.samples)
 
-    def compute_variance(uncertainty: UncertaintySettings) -> float:
-        return float(np.var(sample_outcomes(graph, uncertainty, samples=samples, seed=settings.seed).finish_s))
+    def compute_variance(varying: UncertaintySettings) -> float:
+        count = min(VARIANCE_SAMPLES, samples)
+        return float(np.var(sample_outcomes(graph, varying, samples=count, seed=seed).finish_s))
 
-    total_variance = compute_variance(settings.uncertainty)
+    total_variance = compute_variance(uncertainty)
     if total_variance < ROUNDING:
         return dict.fromkeys(RANDOM_INPUTS, 0.0)
     shares = {
-        name: max(0.0, 1.0 - compute_variance(settings.uncertainty.disable_input(name)) / total_variance)
+        name: max(0.0, 1.0 - compute_variance(uncertainty.disable_input(name)) / total_variance)
         for name in RANDOM_INPUTS
     }
     return dict(sorted(shares.items(), key=lambda pair: (-round(pair[1], 6), pair[0])))

@@ -46,7 +46,7 @@ class TestWhatIsAsked:
         self, values: dict[str, Any], samples: int | None
     ) -> None:
         stakes = build_decision_criteria(scenario(**values))
-        assert (stakes and stakes.settings.samples) == samples
+        assert (stakes and stakes.samples) == samples
 
     @pytest.mark.parametrize(
         ("values", "words"),

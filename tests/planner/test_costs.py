@@ -16,8 +16,8 @@ from planner.risk.costs import (
     compute_paid_per_sample,
     compute_remaining_value,
     compute_repair_cost,
-    estimate_cost,
     estimate_flat_use,
+    list_cost_figures,
     measure_driven_times,
 )
 from planner.risk.monte_carlo import SampledOutcomes
@@ -108,15 +108,15 @@ class TestPlan:
 
     def test_late_ground_is_what_is_not_done_times_its_value(self) -> None:
         prices = but(NOTHING, late_per_ha=80.0, seed_per_ha=20.0)
-        found = estimate_cost(
+        found = list_cost_figures(
             sample([[1.0, 1.0, 1.0, 1.0]], done=[1.0, 1.0, 0.5, 0.9]), CostTerms(prices), area_ha=10.0
         )
-        assert (found.paid, found.expected) == (0.0, pytest.approx(0.15 * 10.0 * 100.0))
-        assert found.expected_error == pytest.approx(np.std([0, 0, 500, 100], ddof=1) / 2)
+        assert (found["paid_cost"], found["expected_cost"]) == (0.0, pytest.approx(0.15 * 10.0 * 100.0))
+        assert found["expected_cost_error"] == pytest.approx(np.std([0, 0, 500, 100], ddof=1) / 2)
 
     def test_no_draw_varies_no_error(self) -> None:
-        found = estimate_cost(sample([[2.0, 2.0]]), build_hire_terms(40.0, 0.0), area_ha=1.0)
-        assert (found.paid, found.expected_error) == (80.0, 0.0)
+        found = list_cost_figures(sample([[2.0, 2.0]]), build_hire_terms(40.0, 0.0), area_ha=1.0)
+        assert (found["paid_cost"], found["expected_cost_error"]) == (80.0, 0.0)
 
 
 class TestFuel:

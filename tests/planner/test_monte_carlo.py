@@ -12,13 +12,13 @@ from pydantic import ValidationError
 
 from planner.farm.random_inputs import RANDOM_INPUTS, UncertaintySettings, build_certain_settings, compute_log_deviation
 from planner.farm.settings import NONE_GIVEN, get_default_source
+from planner.risk.assessment import DecisionCriteria, list_sampled_figures
+from planner.risk.costs import build_hire_terms
 from planner.risk.leg_graph import TURN_OVER_MORE, TURN_OVER_ONE, WORK_PASS, LegGraph, WaitLink
 from planner.risk.monte_carlo import (
-    RiskSettings,
     compute_slip_factor,
     compute_variance_shares,
     compute_wilson_interval,
-    estimate_graph_risk,
     sample_outcomes,
 )
 from planner.risk.rain import RainForecast
@@ -46,6 +46,20 @@ def only(**values: Any) -> UncertaintySettings:
     return build_certain_settings().model_copy(update=values)
 
 
+def judge(uncertainty: UncertaintySettings, **values: Any) -> DecisionCriteria:
+    """Criteria at the prices of hire."""
+    return DecisionCriteria(uncertainty, build_hire_terms(40.0, 0.0), **values)
+
+
+def share_done(graph: LegGraph, criteria: DecisionCriteria) -> float:
+    """The mean share of the ground that is done at the limit."""
+    limit_s = criteria.sample_field_limit_s()
+    samples = sample_outcomes(
+        graph, criteria.uncertainty, samples=criteria.samples, seed=criteria.seed, limit_s=limit_s
+    )
+    return float(samples.worked_share.mean())
+
+
 def standard_error(values: Any) -> float:
     return float(np.std(values) / math.sqrt(len(values)))
 
@@ -64,15 +78,13 @@ class TestKnownAnswers:
 
     def test_rain_at_a_rate_leaves_the_exponential_law(self) -> None:
         graph, rate = chain(WORK_PASS, 1800.0, 1800.0), 0.4 / HOUR_S
-        found = estimate_graph_risk(
-            graph,
-            RiskSettings(build_certain_settings(), RainForecast(rate_per_s=rate), samples=DRAWS),
-        )
+        criteria = judge(build_certain_settings(), rain=RainForecast(rate_per_s=rate), samples=DRAWS)
+        probability = list_sampled_figures(graph, criteria, 1.0)["finish_probability"]
         wanted = math.exp(-rate * 3600.0)
-        assert abs(found.finish_probability - wanted) < 3 * math.sqrt(wanted * (1 - wanted) / DRAWS)
+        assert abs(probability - wanted) < 3 * math.sqrt(wanted * (1 - wanted) / DRAWS)
         # At a metre a second and onset t the share min(t / T, 1) is done: (1 - exp(-rT)) / rT in the mean.
         done = (1 - math.exp(-rate * 3600.0)) / (rate * 3600.0)
-        assert abs(float(found.outcomes.worked_share.mean()) - done) < 3 * 0.3 / math.sqrt(DRAWS)
+        assert abs(share_done(graph, criteria) - done) < 3 * 0.3 / math.sqrt(DRAWS)
 
     def test_two_tractors_alone_multiply(self) -> None:
         chances, limit = only(speed_cv=0.3), 1050.0
@@ -114,19 +126,19 @@ class TestKnownAnswers:
     @pytest.mark.parametrize(("limit", "wanted"), [(999.0, 0.0), (1001.0, 1.0)])
     def test_without_noise_a_plan_is_in_time_or_not(self, limit: float, wanted: float) -> None:
         graph = chain(WORK_PASS, 400.0, 600.0)
-        question = RiskSettings(build_certain_settings(), deadline_s=limit, samples=50)
-        found = estimate_graph_risk(graph, question)
-        assert found.finish_probability == wanted
-        assert (found.p50_s, found.p95_s) == (1000.0, 1000.0)
-        assert set(compute_variance_shares(graph, question).values()) == {0.0}
-        assert 1.0 - found.outcomes.worked_share.mean() == pytest.approx(max(0.0, 1.0 - limit / 1000.0))
+        criteria = judge(build_certain_settings(), deadline_s=limit, samples=50)
+        found = list_sampled_figures(graph, criteria, 1.0)
+        assert found["finish_probability"] == wanted
+        assert (found["p50_s"], found["p95_s"]) == (1000.0, 1000.0)
+        assert set(compute_variance_shares(graph, criteria.uncertainty, samples=50, seed=1).values()) == {0.0}
+        assert 1.0 - share_done(graph, criteria) == pytest.approx(max(0.0, 1.0 - limit / 1000.0))
 
     @pytest.mark.parametrize("name", ["speed_cv", "turn_cv", "job_cv", "stops_per_hour"])
     def test_more_noise_never_helps_a_plan_that_is_early(self, name: str) -> None:
         graph = chain(TURN_OVER_ONE if name == "turn_cv" else WORK_PASS, *[60.0] * 30)
-        question = RiskSettings(deadline_s=1.05 * 1800.0, samples=4000)
+        criteria = judge(UncertaintySettings(), deadline_s=1.05 * 1800.0, samples=4000)
         shares = [
-            estimate_graph_risk(graph, replace(question, uncertainty=only(**{name: value}))).finish_probability
+            list_sampled_figures(graph, replace(criteria, uncertainty=only(**{name: value})), 1.0)["finish_probability"]
             for value in (0.0, 0.1, 0.2, 0.4, 0.8)
         ]
         assert shares[0] == 1.0 and shares == sorted(shares, reverse=True) and shares[-1] < 1.0
@@ -175,7 +187,7 @@ class TestCommonNumbers:
 
     def test_drivers_name_what_spreads_the_time(self) -> None:
         graph = chain(WORK_PASS, *[300.0] * 10)
-        shares = compute_variance_shares(graph, RiskSettings(only(job_cv=0.2, speed_cv=0.02), samples=2000))
+        shares = compute_variance_shares(graph, only(job_cv=0.2, speed_cv=0.02), samples=2000, seed=1)
         assert next(iter(shares)) == "conditions of the day" and shares["stops"] == 0.0
         assert shares["conditions of the day"] > 0.9
         assert set(shares) == set(RANDOM_INPUTS)

@@ -22,7 +22,8 @@ from planner.request.plan_request import LEAST_FUEL, PlanRequest
 from planner.risk.costs import CostTerms, compute_paid_per_sample
 from planner.risk.leg_graph import build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import sample_outcomes
-from planner.risk.plan_choice import PlanFigures, choose_best
+from planner.risk.plan_choice import choose_best
+from reports.common.plan_results import PlanResult
 from vehicle.energy.fuel import CO2_KG_PER_L
 from vehicle.model.tractor import load_tractor
 
@@ -110,8 +111,8 @@ def test_the_objective_fuel_needs_known_fuel(values: dict[str, Any], tractor: An
 
 
 def test_least_fuel_is_chosen() -> None:
-    def build(tractors: int, energy: float | None, hours: float) -> PlanFigures:
-        return PlanFigures("row-by-row", tractors, 100.0, 100.0, 3600.0 * hours, 4000.0 * hours, energy=energy)
+    def build(tractors: int, energy: float | None, hours: float) -> PlanResult:
+        return PlanResult("row-by-row", tractors, "u", True, time_s=3600.0 * hours, fuel_l=energy)
 
     plans = [build(1, 40.0, 4.0), build(2, 36.0, 2.1), build(3, 36.3, 1.5), build(4, None, 1.0)]
     assert choose_best(plans, LEAST_FUEL).tractors == 2, "1 % more counts as equal, and fewer tractors win"
