@@ -59,18 +59,20 @@ class Stand:
         return replace(self, pose=pose, ahead=tuple(ahead))
 
 
-@dataclass(frozen=True)
-class GoingOn:
-    """Work that goes on: how well it is known where work was done (m), and where the tractors of the plan stand.
+@dataclass(frozen=True, eq=False)
+class DoneWork:
+    """Work that is done already, in metres of the field, known to `error_m`, and where machines stand after it.
 
-    Tractors beyond those that stand on the field come in through the entrance. Where they `may_rest`, one for whom no
-    work is worth the drive has none. `numbers` are those of the tractors in the plan that they go on with.
+    `numbers` are those that the machines which go on, first these, had in its plan. Tractors beyond those that stand on
+    the field come in through the entrance. Where they `may_rest`, one for whom no work is worth the drive has none.
     """
 
+    ground: shapely.Geometry
     error_m: float
     stands: tuple[Stand, ...] = ()
-    may_rest: bool = False
+    notes: tuple[str, ...] = ()
     numbers: tuple[int, ...] = ()
+    may_rest: bool = False
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,8 +83,8 @@ class PlanningContext:
     headland at right angles (index 0 unused); if none does, `driving_rules.turn_s[k]` is an estimate instead of a
     simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `criteria` are the risk
     settings, `supply` what every tractor carries, `cost_terms` the prices and `workday` the day of a farm (None without
-    one). `physics` are heights and load. `going_on` is what is known of work that began earlier; what is done is ground
-    of the field (`Field.done`). `time_share` limits the computing where this context was made; it is not sent to
+    one). `physics` are heights and load. `going_on` is what is done already, from all sources together; its ground is
+    that of the field (`Field.done`). `time_share` limits the computing where this context was made; it is not sent to
     another process.
     """
 
@@ -102,7 +104,7 @@ class PlanningContext:
     cost_terms: CostTerms | None = None
     workday: Workday | None = None
     physics: FieldPhysics = LEVEL_GROUND
-    going_on: GoingOn | None = None
+    going_on: DoneWork | None = None
     time_share: TimeShare = NO_LIMIT
 
     @cached_property

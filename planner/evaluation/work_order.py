@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import shapely
-
 from fields.documents.reader import FieldSource, read_field
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
 from planner.errors import RequestError, mark_parameter
-from planner.evaluation.context import Stand
+from planner.evaluation.context import DoneWork
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
@@ -32,20 +30,6 @@ FieldChoice = Field | FieldSource | None
 """What replaces the field of a request."""
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_FACTOR = 1.08
-
-
-@dataclass(frozen=True, eq=False)
-class DoneWork:
-    """Work that is done already, in metres of the field, known to `error_m`, and where machines stand after it.
-
-    `numbers` are those that the machines which go on, first these, had in its plan.
-    """
-
-    ground: shapely.Geometry
-    error_m: float
-    stands: tuple[Stand, ...] = ()
-    notes: tuple[str, ...] = ()
-    numbers: tuple[int, ...] = ()
 
 
 DoneSource = str | DoneWork

@@ -24,11 +24,11 @@ from fields.text_files import quote_path, read_text
 from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter, shorten_value
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.context import GoingOn, PlanningContext, Stand
+from planner.evaluation.context import DoneWork, PlanningContext, Stand
 from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.planned_layout import PlannedLayout
-from planner.evaluation.work_order import DoneSource, DoneWork, WorkOrder, match_plan_time
+from planner.evaluation.work_order import DoneSource, WorkOrder, match_plan_time
 from planner.farm.workday import Workday
 from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import (
@@ -95,7 +95,7 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
         f"{1e-4 * done.area:.2f} ha of field '{field.name}' are done; this plan is for the {left.area_ha:.2f} ha left."
     )
     left = replace(left, remarks=(*left.remarks, remark))
-    going_on = GoingOn(closing_m, stands, may_rest=bool(stands), numbers=numbers)
+    going_on = DoneWork(done, closing_m, stands, numbers=numbers, may_rest=bool(stands))
     return replace(context, layout=replace(context.layout, field=left), going_on=going_on)
 
 

@@ -19,11 +19,11 @@ from fields.geometry.field import Field
 from fields.geometry.overlays import unite_areas
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.context import GoingOn, Stand
+from planner.evaluation.context import DoneWork, Stand
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import find_unworked_areas, measure_requested_share
-from planner.evaluation.work_order import DoneWork, WorkOrder
+from planner.evaluation.work_order import WorkOrder
 from planner.farm.settings import FarmTimes
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
@@ -383,7 +383,7 @@ def test_a_load_is_counted_from_the_last_stop() -> None:
 
 
 def test_of_strategies_that_deal_alike_one_goes_on_that_keeps_the_clearance() -> None:
-    context: Any = SimpleNamespace(going_on=GoingOn(0.1))
+    context: Any = SimpleNamespace(going_on=DoneWork(shapely.Polygon(), 0.1))
     candidates = [Candidate(name, tractors) for tractors in (1, 2) for name in ("interleaved", "split-field")]
     assert keep_continuing(context, candidates) == [Candidate("split-field", 1), Candidate("split-field", 2)]
     assert keep_continuing(context, candidates[::2]) == candidates[::2]

@@ -18,7 +18,7 @@ from fields.geometry.overlays import clip_area, extract_polygons, intersect, uni
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.line_programme import ComposedPlan, sketch_plans
-from planner.evaluation.context import GoingOn, PlanningContext, Stand
+from planner.evaluation.context import DoneWork, PlanningContext, Stand
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_lane_ground, build_site, build_site_moves
 from planner.evaluation.work_order import WorkOrder
@@ -252,7 +252,7 @@ def _leave_done_work(
     done, layout = _build_worked_ground(remaining, context, kept), context.layout
     stands = tuple(helper.stand for helper in helpers if helper.stand is not None)
     layout = replace(layout, field=replace(layout.field, done=done))
-    return replace(context, layout=layout, going_on=GoingOn(PLAN_ERROR_M, stands, may_rest=True))
+    return replace(context, layout=layout, going_on=DoneWork(done, PLAN_ERROR_M, stands, may_rest=True))
 
 
 def _build_worked_ground(
