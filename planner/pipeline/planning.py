@@ -234,40 +234,29 @@ def plan_order(
             prunes=not simulate_all and prunes_candidates(context),
             with_pictures=with_pictures,
         )
-        result = _build_result(context, candidates, _collect_outcomes(outcomes), with_pictures)
+        result = _build_result(context, candidates, *_collect_outcomes(outcomes), with_pictures)
         if time_share is not NO_LIMIT:
             return result
         parts = tuple(_iter_part_plans(result, order, executor))
         return replace(result, ranking=replace(result.ranking, parts=parts))
 
 
-@dataclass(eq=False)
-class _Collected:
-    """Outcomes without their runs and plans by number of the candidate.
+def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> tuple[dict[int, Outcome], dict[int, Plan]]:
+    """The outcomes of all candidates that there is time for, and the plans that were driven well, by their number.
 
-    `driven` holds the outcomes, with their runs, of the plans to take with every number of tractors.
+    Only plans to take with some number of tractors keep their runs, which are large.
     """
-
-    outcomes: dict[int, Outcome] = field(default_factory=dict)
-    plans: dict[int, Plan] = field(default_factory=dict)
-    driven: dict[int, Outcome] = field(default_factory=dict)
-
-
-def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> _Collected:
-    """The outcomes of all candidates that there is time for."""
-    found = _Collected()
+    found, plans = dict[int, Outcome](), dict[int, Plan]()
     with suppress(TimeSpentError):
         for number, outcome in outcomes:
-            found.outcomes[number] = replace(outcome, run=None)
+            found[number] = outcome
             if outcome.run is None:
                 continue
-            found.plans[number] = outcome.run.plan
-            count = outcome.result.tractors
-            results = [one.result for one in found.outcomes.values()]
-            alike = [one for one in results if one.feasible and one.tractors == count]
-            if choose_by_count(alike).get(count) is outcome.result:
-                found.driven[count] = outcome
-    return found
+            plans[number], count = outcome.run.plan, outcome.result.tractors
+            alike = {n: one for n, one in found.items() if one.result.feasible and one.result.tractors == count}
+            taken = choose_by_count([one.result for one in alike.values()])[count]
+            found |= {n: replace(one, run=None) for n, one in alike.items() if one.result is not taken}
+    return found, plans
 
 
 def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executor) -> Iterator[FieldPartPlan]:
@@ -305,15 +294,19 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
 
 
 def _build_result(
-    context: PlanningContext, candidates: Sequence[Candidate], found: _Collected, with_pictures: bool
+    context: PlanningContext,
+    candidates: Sequence[Candidate],
+    outcomes: Mapping[int, Outcome],
+    plans: Mapping[int, Plan],
+    with_pictures: bool,
 ) -> PlanningResult:
     """The answer from the outcomes of all candidates; those that time does not suffice for are refused."""
-    if len(found.outcomes) < len(candidates):
+    if len(outcomes) < len(candidates):
         context.time_share.lift()
     refusal = PlanResult("", 0, context.request.turn, False, "planning ran out of time")
     results = [
-        found.outcomes[number].result
-        if number in found.outcomes
+        outcomes[number].result
+        if number in outcomes
         else replace(refusal, strategy=candidate.strategy, tractors=candidate.tractors)
         for number, candidate in enumerate(candidates)
     ]
@@ -321,18 +314,19 @@ def _build_result(
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
     driven_pictures = None
     if with_pictures:
-        pictures = {number: outcome.picture for number, outcome in sorted(found.outcomes.items())}
+        pictures = {number: outcome.picture for number, outcome in sorted(outcomes.items())}
         driven_pictures = {keys[number]: picture for number, picture in pictures.items() if picture is not None}
-    plans_by_key = {keys[number]: plan for number, plan in sorted(found.plans.items())}
+    plans_by_key = {keys[number]: plan for number, plan in sorted(plans.items())}
     if ranking.best is None:
         return PlanningResult(context, ranking, None, driven_pictures, plans_by_key)
-    best = found.driven.get(ranking.best.tractors)
-    if best is None or best.result.strategy != ranking.best.strategy:  # only the final comparison made it the best
-        best = simulate_candidate(context, Candidate(ranking.best.strategy, ranking.best.tractors))
-    assert best.run is not None  # it is feasible
+    best = Candidate(ranking.best.strategy, ranking.best.tractors)
+    run = outcomes[candidates.index(best)].run
+    if run is None:  # only the final comparison made it the best
+        run = simulate_candidate(context, best).run
+    assert run is not None  # it is feasible
     if context.criteria is not None:
         check_and_shares = check_best_plan(
-            best.run,
+            run,
             context.tractor,
             context.implement,
             context.criteria,
@@ -340,7 +334,7 @@ def _build_result(
             load=context.physics.driven_load,
         )
         ranking = replace(ranking, check_sentences=describe_check(*check_and_shares))
-    return PlanningResult(context, ranking, best.run, driven_pictures, plans_by_key)
+    return PlanningResult(context, ranking, run, driven_pictures, plans_by_key)
 
 
 def add_machine_names(ranking: PlanRanking, cost_terms: CostTerms | None) -> PlanRanking:
