@@ -92,8 +92,8 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.comparisons import HeadlandChoices, list_headland_questions
     from planner.pipeline.comparisons import compare_headlands as compare
+    from planner.pipeline.comparisons import list_headland_questions, list_headland_requests
     from planner.pipeline.many_fields import share_obstacles
     from reports.plan.headland_report import (
         build_headland_table,
@@ -105,7 +105,7 @@ def compare_headlands(
     form = AnswerForm(json, csv)
     if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
         raise RequestError(f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}.")
-    choices = HeadlandChoices(
+    choices = (
         _parse_choices(corners, "--corners", CORNERS),
         () if headland_order is None else _parse_choices(headland_order, "--headland-order", HEADLAND_ORDERS),
         () if headland_passes is None else _parse_pass_counts(headland_passes),
@@ -113,9 +113,13 @@ def compare_headlands(
     executor_choice = ExecutorChoice(processes, cluster)
     given = read_given_options(context, options)
     requests = build_requests(given, fields)
-    orders = [given.build_order(request) for request in share_obstacles(requests)]
+    orders = [
+        replace(order, request=request)
+        for order in map(given.build_order, share_obstacles(requests))
+        for request in list_headland_requests(order.request, *choices)
+    ]
     farm = given.choice
-    questions = list_headland_questions(orders, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
+    questions = list_headland_questions(orders, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files: dict[str | Path, str] = {}
     for name in dict.fromkeys(request.field for request in requests):
         input_files |= list_input_files({"field": name, "farm": farm.farm})

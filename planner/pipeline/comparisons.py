@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -26,35 +26,26 @@ USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 MAX_BEARINGS = 36
 
 
-@dataclass(frozen=True)
-class HeadlandChoices:
-    """Lists of what to compare; empty lists leave the default: all kinds of corners, and what the work allows.
+def list_headland_requests(
+    request: PlanRequest, corners: Sequence[str] = (), orders: Sequence[str] = (), passes: Sequence[int] = ()
+) -> list[PlanRequest]:
+    """The request with every way to work the headland: every corner with every order and number of passes.
 
-    Every corner is combined with every order and number of passes; the width is that of the request.
+    Empty lists leave the default: all kinds of corners, what the work allows, and as many passes as turns need. Raises
+    RequestError for values that cannot be planned.
     """
-
-    corners: tuple[str, ...] = ()
-    orders: tuple[str, ...] = ()
-    passes: tuple[int, ...] = ()
-
-    def list_requests(self, request: PlanRequest) -> list[PlanRequest]:
-        """The request with every way to work the headland. Raises RequestError for values that cannot be planned."""
-        orders = self.orders or HEADLAND_ORDERS_BY_OPERATION[request.operation]
-        return [
-            replace(request, corners=corners, headland_order=order, headland_passes=passes)
-            for corners, order, passes in product(self.corners or CORNERS, orders, self.passes or (None,))
-        ]
+    allowed = orders or HEADLAND_ORDERS_BY_OPERATION[request.operation]
+    return [
+        replace(request, corners=corner, headland_order=order, headland_passes=count)
+        for corner, order, count in product(corners or CORNERS, allowed, passes or (None,))
+    ]
 
 
 def list_headland_questions(
-    orders: Iterable[WorkOrder], choices: HeadlandChoices, *, with_maps: bool = False, simulate_all: bool = False
+    orders: Iterable[WorkOrder], *, with_maps: bool = False, simulate_all: bool = False
 ) -> list[FieldQuestion]:
-    """Every field with every way to work its headland, field by field. Raises RequestError."""
-    return [
-        FieldQuestion(replace(each, request=request), _build_choice(request), simulate_all, with_maps, True)
-        for each in orders
-        for request in choices.list_requests(each.request)
-    ]
+    """Every order with its way to work the headland as label."""
+    return [FieldQuestion(each, _build_choice(each.request), simulate_all, with_maps, True) for each in orders]
 
 
 def _build_choice(request: PlanRequest) -> HeadlandChoice:

@@ -18,7 +18,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.comparisons import HeadlandChoices, compare_headlands, list_headland_questions
+from planner.pipeline.comparisons import compare_headlands, list_headland_questions, list_headland_requests
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
@@ -94,8 +94,7 @@ def test_driven_over_ground_is_that_of_a_grid_headland_included(
 
 class TestChoices:
     def test_every_corner_with_every_order_and_number(self) -> None:
-        choices = HeadlandChoices(("square", "round"), ("first", "last"), (2, 3))
-        asked = choices.list_requests(PlanRequest())
+        asked = list_headland_requests(PlanRequest(), ("square", "round"), ("first", "last"), (2, 3))
         assert [(one.corners, one.headland_order, one.headland_passes, one.width_m) for one in asked] == [
             (corners, order, passes, 3.0)
             for corners in ("square", "round")
@@ -105,13 +104,13 @@ class TestChoices:
 
     @pytest.mark.parametrize(("operation", "count"), [("till", 6), ("sow", 3), ("mow", 3)])
     def test_default_is_what_the_work_allows(self, operation: str, count: int) -> None:
-        asked = HeadlandChoices().list_requests(PlanRequest(operation=operation))
+        asked = list_headland_requests(PlanRequest(operation=operation))
         assert len(asked) == count and all(one.headland_passes is None for one in asked)
         assert {one.corners for one in asked} == {"square", "round", "auto"}
 
     def test_headland_that_is_not_worked_is_refused(self) -> None:
         with pytest.raises(RequestError, match="leaves the headland"):
-            HeadlandChoices().list_requests(PlanRequest(no_headland=True))
+            list_headland_requests(PlanRequest(no_headland=True))
 
 
 @pytest.fixture(scope="module")
@@ -119,9 +118,12 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> HeadlandComparison:
     """A rectangle of 48 m by 30 m and one of 36 m by 30 m with two and with three passes of 3 m, headland last."""
     path = write_farm(tmp_path_factory.mktemp("farm") / "farm.geojson", long=(0, 48, 30), short=(200, 36, 30))
     request = PlanRequest(f"{path}#long", local=True, tractors=(1,), strategies=("split-field",), bearing_deg=90.0)
-    inputs = [WorkOrder(replace(request, field=f"{path}#{name}")) for name in ("long", "short")]
-    choices = HeadlandChoices(("square",), ("last",), (2, 3))
-    return compare_headlands(list_headland_questions(inputs, choices, with_maps=True), SerialExecutor())
+    inputs = [
+        WorkOrder(one)
+        for name in ("long", "short")
+        for one in list_headland_requests(replace(request, field=f"{path}#{name}"), ("square",), ("last",), (2, 3))
+    ]
+    return compare_headlands(list_headland_questions(inputs, with_maps=True), SerialExecutor())
 
 
 @pytest.mark.slow
@@ -169,7 +171,7 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     request = PlanRequest(
         str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0, transport_width_m=6.0
     )
-    questions = list_headland_questions([WorkOrder(request)], HeadlandChoices(("round",), ("last",)))
+    questions = list_headland_questions(map(WorkOrder, list_headland_requests(request, ("round",), ("last",))))
     (each,) = compare_headlands(questions, SerialExecutor()).rows
     assert each.ranking is not None and each.label.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
     assert [part.neck_width_m for part in each.ranking.parts] == [pytest.approx(4.0, abs=0.1)]
