@@ -159,5 +159,5 @@ class PlanningContext:
         """The ground about the entrance where machines come in from outside; empty without an entrance."""
         if self.gateway is None:
             return shapely.Polygon()
-        reach_m = build_body(self.tractor, self.at_gate.implement).reach_m
+        reach_m = build_body(self.tractor, self.at_gate.implement).guided_reach_m
         return shapely.Point(self.gateway.in_pose[:2]).buffer(self.gate_half_width_m + reach_m)

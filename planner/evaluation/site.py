@@ -22,7 +22,7 @@ from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
 from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
-from strategies.site.ground import Ground, build_body_outline, build_ground
+from strategies.site.ground import Ground, build_ground
 from strategies.site.site import MISSED_FACTOR, FoldedBody, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
@@ -44,7 +44,7 @@ WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground o
 
 def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None) -> Site:
     """The site of a context; edges, obstacles and fences as its request asks, and no body on `blocked` ground."""
-    body = build_body_outline(build_body(context.tractor, context.implement))
+    body = build_body(context.tractor, context.implement)
     cap_m = body.reach_m + ROOM_BEYOND_M
     margin_m = max(context.request.margin_m, MIN_FENCE_MARGIN_M)
     spare_m = max(GUIDANCE_MARGIN_SHARE * min(margin_m, MAX_GUIDANCE_MARGIN_M), margin_m - MAX_GUIDANCE_MARGIN_M)
@@ -88,8 +88,7 @@ def _build_folded_body(context: PlanningContext) -> FoldedBody | None:
     implement = context.implement
     if not implement.folds:
         return None
-    outline = build_body_outline(build_body(context.tractor, implement.folded))
-    return FoldedBody(outline, implement.fold_s)
+    return FoldedBody(build_body(context.tractor, implement.folded), implement.fold_s)
 
 
 def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[WorkLine]] | None = None) -> SiteMoves:
@@ -173,7 +172,7 @@ def build_lane_ground(context: PlanningContext) -> shapely.Geometry:
     if lane is None:
         return shapely.Polygon()
     tractor, implement = context.tractor, context.at_gate.implement
-    reach_m = build_body(tractor, implement).reach_m
+    reach_m = build_body(tractor, implement).guided_reach_m
     ends = [shift_pose_ahead(lane.in_pose, distance_m)[:2] for distance_m in (-reach_m, lane.lead_m)]
     return shapely.buffer(shapely.LineString(ends), measure_half_m(tractor, implement) + LANE_SPARE_M, cap_style="flat")
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
+POINT_STEP_M = 0.5  # between the points of an outline
 Points = npt.NDArray[np.float64]
 MachineBox = tuple[float, float, float]
 """Rear and front end ahead of the rear axle and half the width (m)."""
@@ -21,9 +23,27 @@ class MachineBody:
     boxes: tuple[MachineBox, ...]
     guide_m: float
 
-    @property
+    @cached_property
+    def points(self) -> Points:
+        """Its outline as points (n, 2) ahead of the rear axle and to its left, at most POINT_STEP_M apart, the farthest
+        first."""
+        points: list[tuple[float, float]] = []
+        for rear, front, half in self.boxes:
+            corners = [(rear, -half), (front, -half), (front, half), (rear, half)]
+            for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
+                pieces = max(1, math.ceil(math.hypot(bx - ax, by - ay) / POINT_STEP_M))
+                points += [(ax + (bx - ax) * k / pieces, ay + (by - ay) * k / pieces) for k in range(pieces)]
+        outline = np.array(points)
+        return np.asarray(outline[np.argsort(-np.hypot(*outline.T), kind="stable")])
+
+    @cached_property
     def reach_m(self) -> float:
-        """The farthest distance of any part from the guided point (m)."""
+        """The distance of the farthest of its points from the rear axle (m)."""
+        return float(np.hypot(*self.points[0]))
+
+    @property
+    def guided_reach_m(self) -> float:
+        """More than any part is away from the guided point (m)."""
         return max(math.hypot(max(abs(a), abs(b)), half) for a, b, half in self.boxes) + self.guide_m
 
     def compute_swing_m(self, radius_m: float) -> float:

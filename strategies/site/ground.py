@@ -8,20 +8,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
-from strategies.path_planning.machine_body import MachineBody
 from vehicle.jit import compile_function
 
 Floats = npt.NDArray[np.float64]
 
 CELL_M = 0.5  # of the grid: interpolated distances err by a few centimetres at corners
 BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
-POINT_STEP_M = 0.5  # between the points of an outline
 PATH_STEP_M = 0.4  # between the poses checked on a path
 AMPLE_M = 0.25  # beyond the room asked for: more makes no difference
 FAR_POINTS = 8  # the farthest points of a body, which leave the ground first, are checked on the whole path first
@@ -216,34 +213,3 @@ def list_edges(region: shapely.Geometry) -> Floats:
     points, owner = shapely.get_coordinates(shapely.get_parts(region.boundary), return_index=True)
     inner = np.flatnonzero(owner[1:] == owner[:-1])
     return np.ascontiguousarray(np.column_stack([points[inner], points[inner + 1]]))
-
-
-@dataclass(frozen=True, eq=False)
-class BodyOutline:
-    """The outline of a machine as points about its rear axle.
-
-    Attributes:
-        points: (n, 2) ahead of the axle and to its left, metres, the farthest first.
-        reach_m: distance of the farthest.
-        guide_m: how far the guided point is ahead of the axle, metres.
-    """
-
-    points: Floats
-    guide_m: float
-
-    @cached_property
-    def reach_m(self) -> float:
-        """Distance of the farthest point from the axle (m)."""
-        return float(np.hypot(*self.points[0]))
-
-
-def build_body_outline(body: MachineBody) -> BodyOutline:
-    """The outlines of the boxes of a machine as points at most POINT_STEP_M apart."""
-    points: list[tuple[float, float]] = []
-    for rear, front, half in body.boxes:
-        corners = [(rear, -half), (front, -half), (front, half), (rear, half)]
-        for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
-            pieces = max(1, math.ceil(math.hypot(bx - ax, by - ay) / POINT_STEP_M))
-            points += [(ax + (bx - ax) * k / pieces, ay + (by - ay) * k / pieces) for k in range(pieces)]
-    outline = np.array(points)
-    return BodyOutline(outline[np.argsort(-np.hypot(*outline.T), kind="stable")], body.guide_m)

@@ -11,11 +11,12 @@ import shapely
 
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
+from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.paths import PATH_KINDS, EntranceLane
 from strategies.path_planning.turn_kinds import TURN_KINDS
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_costs import TurnCosts
-from strategies.site.ground import BodyOutline, Floats, Ground
+from strategies.site.ground import Floats, Ground
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 
@@ -27,9 +28,9 @@ Drive = Callable[[Plan], SimulationRun]
 
 @dataclass(frozen=True, eq=False)
 class FoldedBody:
-    """The outline of a machine with its implement folded, and how long it stands to fold or to unfold it (s)."""
+    """A machine with its implement folded, and how long it stands to fold or to unfold it (s)."""
 
-    outline: BodyOutline
+    body: MachineBody
     fold_s: float
 
 
@@ -40,7 +41,7 @@ class Site:
     Attributes:
         layout, headland_passes: what is to be worked.
         rules, costs: how every tractor drives, and what its turns cost.
-        body: its outline with the implement.
+        body: the machine with its implement.
         folded: the implement as it is folded for moves that have no room else; None for one that does not fold.
         ground: what the body may touch in plans.
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
@@ -60,7 +61,7 @@ class Site:
     headland_passes: tuple[HeadlandPass, ...]
     rules: DrivingRules
     costs: TurnCosts
-    body: BodyOutline
+    body: MachineBody
     folded: FoldedBody | None
     ground: Ground
     proof_ground: Ground
@@ -83,9 +84,9 @@ class Site:
         """How far the centre of mass is behind the guided point."""
         return self.body.guide_m - self.axle_m
 
-    def get_body(self, is_folded: bool) -> BodyOutline:
-        """The outline of the machine, with its implement folded or not."""
-        return self.folded.outline if is_folded and self.folded is not None else self.body
+    def get_body(self, is_folded: bool) -> MachineBody:
+        """The machine, with its implement folded or not."""
+        return self.folded.body if is_folded and self.folded is not None else self.body
 
     def get_fold_s(self, is_folded: bool) -> float:
         """How long a tractor stands before and after a move with its implement folded or not (s)."""

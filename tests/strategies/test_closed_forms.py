@@ -22,14 +22,14 @@ from strategies.moves.search import has_way_on, measure_remaining_m, search_move
 from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
 from strategies.rules.turn_costs import TurnCosts
-from strategies.site.ground import build_body_outline, build_ground, has_room_on_path
+from strategies.site.ground import build_ground, has_room_on_path
 
 RADIUS_M, MARGIN_M = 5.0, 0.1
 RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), TurnCosts(2.0, 1.4, 4.0).speeds
 SETTLING = np.array([[0.0, 5.0, 20.0], [4.0, 2.0, 0.0]])
 LEADS = LEADS_OUT_M, LEADS_IN_M
 ALL_KINDS = np.array([True, True, True, True])
-BODY = build_body_outline(MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0))
+BODY = MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0)
 
 
 def drive(pose: tuple[float, float, float], rows: np.ndarray) -> tuple[float, float, float]:

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from strategies.path_planning.machine_body import MachineBody
 from strategies.site.ground import (
-    build_body_outline,
     build_ground,
     get_distance,
     has_room_on_path,
@@ -20,7 +19,7 @@ from strategies.site.ground import (
 
 CAP_M = 6.0
 FIELD = shapely.box(0.0, 0.0, 60.0, 40.0)
-OUTLINE = build_body_outline(MachineBody(((-3.0, 2.0, 1.5),), 1.0))
+OUTLINE = MachineBody(((-3.0, 2.0, 1.5),), 1.0)
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def place_boxes_at(poses: Points, context: PlanningContext) -> Boxes:
 
 def compute_reach_m(context: PlanningContext) -> float:
     """The farthest point (m) of tractor and implement from the centre of mass."""
-    return build_body(context.tractor, context.implement).reach_m + context.tractor.rear_axle_m
+    return build_body(context.tractor, context.implement).guided_reach_m + context.tractor.rear_axle_m
 
 
 @compile_function
