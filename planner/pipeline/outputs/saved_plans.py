@@ -295,16 +295,10 @@ def _export_stated_figures(plan: Plan, workday: Workday | None, ranking: PlanRan
     if workday is not None:
         duties = {"before_s": workday.before_field_s, "breaks_s": workday.breaks_s, "shift_s": workday.shift_s}
         day = {WORKDAY_KEY: duties}
-    return {
-        STATED_KEY: {
-            **day,
-            "begin_s": result.ready_s or 0.0,
-            "end_s": result.stated_end_s,
-            "late_end_s": result.stated_late_end_s,
-            "cost": result.stated_cost,
-            "currency": ranking.currency,
-        }
-    }
+    stated = StatedFigures(
+        result.ready_s or 0.0, result.stated_end_s, result.stated_late_end_s, result.stated_cost, ranking.currency
+    )
+    return {STATED_KEY: {**day, **asdict(stated)}}
 
 
 def _export_ground(context: PlanningContext) -> dict[str, Any]:
