@@ -23,16 +23,6 @@ RARE_STATES = (SERVICE_STATE, FOLDING_STATE)
 SIMPLIFY_TOLERANCE_M = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class PathPiece:
-    """Part of a path with one status: a polyline (n, 2) in metres, first and last sample."""
-
-    status: int
-    points: Points
-    first: int
-    last: int
-
-
 @dataclass(frozen=True)
 class MapExtent:
     """Bounding box in metres."""
@@ -140,20 +130,20 @@ def bound_points(clouds: Sequence[Points]) -> MapExtent:
 
 def split_by_status(
     xy: Points, status: npt.NDArray[np.int64], tolerance_m: float = SIMPLIFY_TOLERANCE_M
-) -> list[PathPiece]:
-    """The path (t, 2) cut where the status (t,) changes, in order of time.
+) -> list[tuple[int, Points]]:
+    """Status and polyline (n, 2) of the pieces of a path (t, 2) cut where the status (t,) changes, in order of time.
 
     The step between two samples has the status of the later one. Time standing still leaves no piece. Every
     piece stays within `tolerance_m` of the path (Douglas and Peucker, 1973) and begins where the last ended.
     """
     if len(xy) < 2:
         return []
-    path_pieces = []
+    path_pieces = list[tuple[int, Points]]()
     for step_status, start, end in list_status_runs(status[1:]):
         line = shapely.LineString(xy[start : end + 1])
         if line.length > 0:
             points = np.asarray(line.simplify(tolerance_m, preserve_topology=False).coords, dtype=np.float64)
-            path_pieces.append(PathPiece(step_status, points, start, end))
+            path_pieces.append((step_status, points))
     return path_pieces
 
 

@@ -407,8 +407,8 @@ def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> Sma
     lanes = []
     for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True)):
         lines = {"work": "", "turn": ""}
-        for piece in split_by_status(xy, status, PATH_TOLERANCE_SHARE * size_m):
-            lines["work" if piece.status == WORKING else "turn"] += view.format_path(piece.points)
+        for part_status, points in split_by_status(xy, status, PATH_TOLERANCE_SHARE * size_m):
+            lines["work" if part_status == WORKING else "turn"] += view.format_path(points)
         lanes.append({"colour": number % len(palette.TRACTOR_COLOURS), **lines})
     return {
         "width": round(box.width * scale + 2 * MARGIN),

@@ -145,7 +145,7 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
         ("dotted", 1.5, (REVERSING,)),
     )
     for style, width, statuses in looks:
-        lines = [part.points for part in parts if part.status in statuses]
+        lines = [points for part_status, points in parts if part_status in statuses]
         collection = LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4)
         axes.add_collection(collection, autolim=False)
     stops = (("s", 4, STATUS_BY_STATE["waiting"]), ("D", 5, SERVICE_STATUS), ("H", 5, FOLDING_STATUS))

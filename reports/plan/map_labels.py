@@ -231,7 +231,7 @@ def _iterate_worked_legs(drive: PlanDrive, tractor: int) -> Iterator[tuple[str, 
     """Number in the list of legs ("" without a list) and path (n, 2) of every worked leg."""
     xy, status = drive.xy[tractor], drive.status[tractor]
     if not drive.steps:
-        yield from (("", part.points) for part in split_by_status(xy, status) if part.status == WORKING)
+        yield from (("", points) for part_status, points in split_by_status(xy, status) if part_status == WORKING)
         return
     for number, step in enumerate(drive.steps[tractor], start=1):
         if step.kind in WORKED_LEG_KINDS:

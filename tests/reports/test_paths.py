@@ -29,9 +29,9 @@ from reports.plan.drive_geometry import (
 def test_pieces_by_hand() -> None:
     xy = np.array([[0, 0], [1, 0], [2, 0], [2, 0], [2, 1], [1, 1]], dtype=float)
     parts = split_by_status(xy, np.array([1, 1, 1, 3, 4, 1]))
-    assert [part.status for part in parts] == [WORKING, REVERSING, WORKING], "standing still leaves no piece"
-    assert parts[0].points.tolist() == [[0, 0], [2, 0]], "the middle point is on the line"
-    assert [(part.first, part.last) for part in parts] == [(0, 2), (3, 4), (4, 5)]
+    assert [status for status, _ in parts] == [WORKING, REVERSING, WORKING], "standing still leaves no piece"
+    assert parts[0][1].tolist() == [[0, 0], [2, 0]], "the middle point is on the line"
+    assert [points[-1].tolist() for _, points in parts] == [[2, 0], [2, 1], [1, 1]]
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(2, 60), st.sampled_from([0.0, 0.05, 0.5]))
@@ -39,12 +39,12 @@ def test_pieces_join_and_stay_near(seed: int, count: int, tolerance_m: float) ->
     rng = np.random.default_rng(seed)
     xy = np.cumsum(rng.uniform(0.1, 1.0, (count, 2)), axis=0)
     parts = split_by_status(xy, rng.integers(0, 5, count), tolerance_m)
-    assert parts[0].points[0].tolist() == xy[0].tolist()
-    assert parts[-1].points[-1].tolist() == xy[-1].tolist()
-    for before, after in pairwise(parts):
-        assert before.points[-1].tolist() == after.points[0].tolist()
-        assert before.status != after.status
-    drawn = shapely.LineString(np.vstack([part.points for part in parts]))
+    assert parts[0][1][0].tolist() == xy[0].tolist()
+    assert parts[-1][1][-1].tolist() == xy[-1].tolist()
+    for (status, points), (next_status, next_points) in pairwise(parts):
+        assert points[-1].tolist() == next_points[0].tolist()
+        assert status != next_status
+    drawn = shapely.LineString(np.vstack([points for _, points in parts]))
     assert shapely.hausdorff_distance(shapely.LineString(xy), drawn) <= tolerance_m + 1e-9
 
 
