@@ -7,7 +7,8 @@
     ├── reports.common.rendering.ReportError           a result that cannot be drawn or written
     └── planner.errors.RequestError                    a request that cannot be fulfilled
 
-It is in `fields` because this is the lowest package: every other one may import it.
+More special ones derive from it, or from these, where they are raised. It is in `fields` because this is the lowest
+package: every other one may import it.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from fields.errors import FieldError, join_first
-from fields.formats import agopengps, geojson, isoxml, shapefile
+from fields.formats import geojson, isoxml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.formats.format_records import list_records
 from fields.raw_document import (
@@ -187,9 +187,7 @@ def find_field_format(path: str) -> FieldFormat | None:
     """
     names, place = list_names(path), Path(path)
     extension = place.suffix.lower()
-    field_format = next((form for form in FIELD_FORMATS if form.holds(names)), None)
-    if field_format is None and place.name.lower() == agopengps.FIELD_FILE:
-        field_format = agopengps.FIELD_FORMAT
+    field_format = next((form for form in FIELD_FORMATS if form.holds(names or frozenset({place.name.lower()}))), None)
     if field_format is None:
         field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
     is_foreign = names or extension in FOREIGN_EXTENSIONS or (path and (place.is_dir() or not _may_be_json(place)))

@@ -224,7 +224,8 @@ SCREEN_DROPS = {
     "tractors": 0, "strategy": 0, "stated_end_s": 0, "stated_late_end_s": 3, "waiting_s": 4, "stated_cost": 1,
     "fuel_l": 3, "energy_kwh": 3, "worked_pct": 2, "finish_probability": 1, "meets_deadline": 1,
 }  # fmt: skip
-"""Of the first screen, each with the order in which it is dropped where there is no room, the highest first."""
+"""Of the first screen and notebooks, which show seven at most, each with the order in which it is dropped, the highest
+first."""
 TABLE_DROPS = {
     "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
     "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,

@@ -246,30 +246,30 @@ def _round_numbers(values: np.ndarray) -> list[float | None]:
     return [round(float(value), 4) if math.isfinite(value) else None for value in values]
 
 
-def format_tractor_check_json(proved: TractorVerdict) -> str:
+def format_tractor_check_json(verdict: TractorVerdict) -> str:
     """The verdict on a tractor file: the output of `headland tractor check --json`.
 
     `achieved` is null for a drive that did not end, `difference_pct` where the target is 0.
     """
     content = {
-        "tractor": proved.tractor,
-        "holds_together": proved.holds_together,
-        "words": proved.words,
+        "tractor": verdict.tractor,
+        "holds_together": verdict.holds_together,
+        "words": verdict.words,
         "drives": [
             {
-                "drive": proof.drive,
-                "ground": proof.ground,
-                "unit": proof.unit,
-                "target": proof.expected,
-                "achieved": proof.driven,
-                "difference": proof.difference,
+                "drive": check.drive,
+                "ground": check.ground,
+                "unit": check.unit,
+                "target": check.expected,
+                "achieved": check.driven,
+                "difference": check.difference,
                 "difference_pct": None
-                if proof.difference is None or not proof.expected
-                else 100.0 * proof.difference / proof.expected,
-                "tolerance": proof.tolerance,
-                "good": proof.is_good,
+                if check.difference is None or not check.expected
+                else 100.0 * check.difference / check.expected,
+                "tolerance": check.tolerance,
+                "good": check.is_good,
             }
-            for proof in proved.checks
+            for check in verdict.checks
         ],
     }
     return format_json(content)

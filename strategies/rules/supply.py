@@ -35,7 +35,7 @@ class Supply:
         return self.served_at != HEADLAND
 
     def compute_need(self, length_m: float, width_m: float) -> float:
-        """The part of a load that this work takes."""
+        """What this work takes of a load (l or kg)."""
         return self.rate_per_m2 * length_m * width_m
 
     @property
@@ -49,7 +49,7 @@ class Supply:
         return f"a load of {self.capacity:g}"
 
     def compute_legs_need(self, legs: Sequence[Leg], width_m: float) -> float:
-        """The part of a load that legs take, those on which the implement works."""
+        """What legs take of a load (l or kg), those on which the implement works."""
         return self.compute_need(math.fsum(leg.length_m for leg in legs if leg.implement), width_m)
 
     def is_enough(self, total: float) -> bool:

@@ -13,7 +13,10 @@ WAIT_POINT_STEP_M = 20.0  # between places to wait on the path to a place and ba
 
 @dataclass(frozen=True)
 class ServiceStop:
-    """Before leg `leg` the tank is refilled by `amount`; the tractor may wait for its turn before leg `hold_leg`."""
+    """Before leg `leg` the tank is refilled or emptied by `amount` (l or kg; kWh of a battery).
+
+    The tractor may wait for its turn before leg `hold_leg`.
+    """
 
     leg: int
     hold_leg: int

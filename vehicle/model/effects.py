@@ -53,6 +53,8 @@ Fields = dict[str, float]
 class Effect:
     """One entry. `compute_fields` turns values into fields of MODEL; `describe` writes the sentence of the verdict.
 
+    Fields are linear in the coordinates that `kind` makes of the values, as a diagnosis adds up their slopes; a tangent
+    or a square belongs into the formula. A field belongs to one effect alone.
     `regressor` is what the error depends on, `drive` what to drive to see it, `plot` the quantity and the regressor of
     the plot that shows it. `is_stand_in` marks effects that would fit any difference between runs. `kind` says how the
     values become coordinates of a fit. `starts` are coordinates to try first, because a limit leaves no trace where it

@@ -35,18 +35,17 @@ ProcessesOption = Annotated[
 ClusterOption = Annotated[
     Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
 ]
+FIELD_FORMS = "GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS"
+SAMPLES = "iwamizawa, denmark, netherlands, sweden"
 FieldArgument = Annotated[
     str,
-    typer.Argument(
-        help="A field file (GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS; file#ID picks one of several "
-        "parcels) or a sample: iwamizawa, denmark, netherlands, sweden."
-    ),
+    typer.Argument(help=f"A field file ({FIELD_FORMS}; file#ID picks one of several parcels) or a sample: {SAMPLES}."),
 ]
 FieldsArgument = Annotated[
     Optional[list[str]],
     typer.Argument(
-        help="Field files (GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS; file#ID picks one of several "
-        "parcels, #* all of them) or samples: iwamizawa, denmark, netherlands, sweden.",
+        help=f"Field files ({FIELD_FORMS}; file#ID picks one of several parcels, #* all of them) or samples: "
+        f"{SAMPLES}.",
         show_default="iwamizawa",
     ),
 ]

@@ -37,6 +37,7 @@ def is_leading_away(path: Array, place: Array, distances_m: Array, least_m: floa
 
 
 def place_outline(boxes: shapely.MultiPolygon, pose: Array) -> shapely.Geometry:
+    """The outline of a machine, `boxes` as of `build_footprint`, at x, y (m) and heading (mathematical, rad)."""
     x, y, heading = pose.tolist()
     cos, sin = math.cos(heading), math.sin(heading)
     return shapely.unary_union(shapely.affinity.affine_transform(boxes, [cos, -sin, sin, cos, x, y]))

@@ -25,7 +25,7 @@ from vehicle.identification.diagnosis.grammar import (
 from vehicle.identification.diagnosis.noise import SENSOR_PARTS, ChannelNoise, build_pose_noise, build_sensor_noise
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.rig import ReplayRig
-from vehicle.identification.replay.simulation import CHAINS, Simulator
+from vehicle.identification.replay.simulation import CHAINS, SENSOR_FIELDS, Simulator
 
 CHANNELS = ("pose", "wheel", "speed")
 SCAN_STEP, FIT_STEP = 0.5, 0.04  # widths: the secant of an untried hypothesis, and that of a fit
@@ -279,9 +279,8 @@ class Problem:
         channels = {"pose"} if hypothesis.chains & {"path", "instruments"} else set()
         if hypothesis.chains & {"steering"}:
             channels |= {"wheel"} if self.data.has_wheel.all() else {"wheel", "pose"}
-        channels |= {"wheel"} if names & {"wheel_scale", "steering_clock"} else set()
-        channels |= {"speed"} if hypothesis.chains & {"speed"} or names & {"speed_scale", "speed_clock"} else set()
-        return frozenset(channels)
+        channels |= {"speed"} if hypothesis.chains & {"speed"} else set()
+        return frozenset(channels | {channel for channel, own in SENSOR_FIELDS.items() if names & set(own)})
 
     def get_noise(self) -> dict[str, Array]:
         """The amounts of the noise, to return to."""

@@ -38,7 +38,7 @@ def fit_rigid_motion(  # type: ignore[no-untyped-def]
 
 @compile_function
 def _compute_turn_components(heading, angle, cosines, sines) -> None:  # type: ignore[no-untyped-def]
-    """Return cosines and sines (k,) of the difference of headings (k,) and simulated angles."""
+    """Write the cosine and sine of the difference of each heading (k,) and simulated angle to `cosines` and `sines`."""
     for k in range(len(heading)):
         cosines[k], sines[k] = compute_cosine_sine(heading[k] - angle[k])
 

@@ -64,6 +64,8 @@ PATH_FIELDS = (*PATH_TERMS, "steering_clock", "speed_clock", "speed_scale", "whe
                "push_east", "push_north", "per_slope")  # fmt: skip
 INSTRUMENT_FIELDS = ("shift_forward", "shift_right", "latency", "heading_bias", "position_late", "heading_late",
                      "heading_filter", "position_clock", "heading_clock")  # fmt: skip
+SENSOR_FIELDS = {"wheel": ("steering_clock", "wheel_scale"), "speed": ("speed_clock", "speed_scale")}
+"""Clock and scale of the sensors whose columns are shown as well as inputs, by channel."""
 CHAINS = {"steering": STEERING_FIELDS, "speed": SPEED_FIELDS, "path": PATH_FIELDS, "instruments": INSTRUMENT_FIELDS}
 FACTORS = (
     *(name for name in (*SPEED_TERMS, *PATH_TERMS) if NEUTRAL_FIELDS[name] == 1.0), "speed_scale", "wheel_scale", "ramp"
@@ -411,8 +413,8 @@ class Simulator:
         """What instruments show of a path (3, m), wheel angles (n,) and speeds (n,), column by column."""
         return {
             **self.show_pose(path, fields),
-            "wheel": self._show(self.data.wheel, wheel, fields, "steering_clock", "wheel_scale"),
-            "speed": self._show(self.data.speed, speed, fields, "speed_clock", "speed_scale"),
+            "wheel": self._show(self.data.wheel, wheel, fields, *SENSOR_FIELDS["wheel"]),
+            "speed": self._show(self.data.speed, speed, fields, *SENSOR_FIELDS["speed"]),
         }
 
     def show_pose(self, path: Array, fields: Fields) -> dict[str, Array]:

@@ -153,11 +153,11 @@ def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
             "with right and left, usually the radii on asphalt or up to a tenth more."
         )
     circle_trials, lane, half = drive_circles(tractor), drive_lane_change(tractor), drive_half_circle(tractor)
-    proofs = (*_check_circles(tractor, circle_trials), *_check_guidance(lane, half))
-    words = _describe_verdict(tractor, proofs)
-    verdict = TractorVerdict(tractor.name, all(proof.is_good for proof in proofs), words, proofs)
+    checks = (*_check_circles(tractor, circle_trials), *_check_guidance(lane, half))
+    words = _describe_verdict(tractor, checks)
+    verdict = TractorVerdict(tractor.name, all(check.is_good for check in checks), words, checks)
     header = ("Drive", "Ground", "Expected", "Driven", "Difference", "Good")
-    table = TextTable("Expected and driven", header, tuple(map(_build_row, proofs)))
+    table = TextTable("Expected and driven", header, tuple(map(_build_row, checks)))
     half_title = f"A half circle of {half.radius_m:.2f} m between swaths, {APPROACH_LENGTH_M:g} m before it"
     half_panel = build_map_panel(f"{half_title}, on {TRIAL_GROUND}", _build_lines(half.driven_path, half.path))
     panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), half_panel)
@@ -200,30 +200,30 @@ def _check_guidance(lane: LaneTrial, half: HalfCircleTrial) -> Iterator[DriveChe
         yield DriveCheck(drive, TRIAL_GROUND, unit, 0.0, driven, tolerance, advice)
 
 
-def _build_row(proof: DriveCheck) -> tuple[str, ...]:
-    deviation = proof.difference
-    if proof.expected == 0.0:
-        expected, difference = f"{proof.tolerance:g} {proof.unit} or less", ""
+def _build_row(check: DriveCheck) -> tuple[str, ...]:
+    deviation = check.difference
+    if check.expected == 0.0:
+        expected, difference = f"{check.tolerance:g} {check.unit} or less", ""
     else:
-        expected = f"{proof.expected:.2f} {proof.unit}"
-        difference = "" if deviation is None else f"{round(100.0 * deviation / proof.expected, 1) + 0.0:+.1f} %"
-    driven = "not finished" if proof.driven is None else f"{proof.driven:.2f} {proof.unit}"
-    return proof.drive, proof.ground, expected, driven, difference, "yes" if proof.is_good else "no"
+        expected = f"{check.expected:.2f} {check.unit}"
+        difference = "" if deviation is None else f"{round(100.0 * deviation / check.expected, 1) + 0.0:+.1f} %"
+    driven = "not finished" if check.driven is None else f"{check.driven:.2f} {check.unit}"
+    return check.drive, check.ground, expected, driven, difference, "yes" if check.is_good else "no"
 
 
-def _describe_verdict(tractor: Tractor, proofs: Sequence[DriveCheck]) -> tuple[str, ...]:
+def _describe_verdict(tractor: Tractor, checks: Sequence[DriveCheck]) -> tuple[str, ...]:
     """The verdict, advice for each drive that is not good, and the number of assumed values."""
-    wrong = [proof for proof in proofs if not proof.is_good]
+    wrong = [check for check in checks if not check.is_good]
     assumed = sorted(key for key, words in tractor.source.items() if "assumed" in words)
     first = (
         f"The values fit together: {tractor.name} drives as its file says, at 5 km/h."
         if not wrong
-        else f"The values do not fit together: {len(wrong)} of {len(proofs)} drives are not as the file says."
+        else f"The values do not fit together: {len(wrong)} of {len(checks)} drives are not as the file says."
     )
     advice = tuple(
-        f"{proof.drive[0].upper()}{proof.drive[1:]} on {proof.ground}: {_build_row(proof)[3]} instead of "
-        f"{_build_row(proof)[2]}; {proof.advice}."
-        for proof in wrong
+        f"{check.drive[0].upper()}{check.drive[1:]} on {check.ground}: {_build_row(check)[3]} instead of "
+        f"{_build_row(check)[2]}; {check.advice}."
+        for check in wrong
     )
     effect_note, battery_note = "", describe_electric_drive(tractor)
     if tractor.effects:
