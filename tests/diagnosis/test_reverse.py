@@ -57,5 +57,6 @@ def test_an_offset_is_named_with_its_sign_in_either_gear(gears: str) -> None:
     effect = {"steering_offset": CLEAR_SIZES["steering_offset"]}
     found = told(second_logs(effect, 20261, runs, "eg105"))
     assert found.named == ("steering_offset",)
+    assert found.calibration == {}, "what has a name is no correction without one"
     (value,) = (one.value for one in found.findings if one.id == "steering_offset")
     assert value is not None and value["angle_deg"] == pytest.approx(effect["steering_offset"]["angle_deg"], abs=0.25)

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.traffic.giving_way import _describe_slow_work, resolve_conflicts
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
-from vehicle.missions.run import STALL, SimulationRun
+from vehicle.missions.run import DONE, STALL, SimulationRun
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.records import REC_SPEED, REC_STATUS, RECORD_COLUMNS, TURNING, WORKING
 from vehicle.sim.world import simulate
@@ -49,6 +50,17 @@ def test_two_that_wait_for_each_other_are_said_to() -> None:
         resolve_conflicts(Plan((first, second)), drive, schedule_nothing)[1]
         == "tractors wait for each other and none moves any more"
     )
+
+
+def test_a_plan_that_ends_in_a_collision_has_its_reason_and_no_times() -> None:
+    """Two tractors drive towards each other on one line."""
+    ways = (build_leg((0.0, 0.0), (0.0, 40.0)), build_leg((0.0, 40.0), (0.0, 0.0)))
+    run = drive(Plan(tuple(Mission((way,)) for way in ways)))
+    context: Any = SimpleNamespace()
+    result = measure_candidate(context, "row-by-row", 2, CandidateRun(run, "tractors 1 and 2 touch", "U-turns"))
+    assert run.outcome != DONE and result.collisions == len(run.contacts) == 1
+    assert (result.strategy, result.tractors, result.feasible) == ("row-by-row", 2, False)
+    assert result.reason == "tractors 1 and 2 touch" and result.time_s is None
 
 
 @pytest.mark.parametrize(("driven_mps", "is_told"), [(0.5, True), (-0.5, True), (1.9, False)])
