@@ -44,7 +44,7 @@ class MachineBody:
     @property
     def guided_reach_m(self) -> float:
         """More than any part is away from the guided point (m)."""
-        return max(math.hypot(max(abs(a), abs(b)), half) for a, b, half in self.boxes) + self.guide_m
+        return self.reach_m + self.guide_m
 
     def compute_swing_m(self, radius_m: float) -> float:
         """How far the machine reaches out of a circle that the guided point drives (m)."""
