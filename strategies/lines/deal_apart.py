@@ -1,4 +1,4 @@
-"""Deals by which tractors meet as little as can be: a block of swaths and a stretch of the headland for each."""
+"""Deals by which tractors meet as little as can be: stretches of the headland, all driven one way, runs of swaths."""
 
 from __future__ import annotations
 
@@ -28,13 +28,50 @@ def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools, places: Floats |
     neither place nor swaths, its sides are for all. Then the swaths that several may work are dealt too. What is left
     of a field without swaths is dealt no further.
     """
-    deals, rings = [allowed], _list_rings(lines)
+    deals, rings = [allowed], list_rings(lines)
     is_placed = places is not None or all(_list_swaths(lines, own) for own in allowed)
     if is_placed and rings and len(rings[0]) >= len(allowed):
         homes = find_swath_middles(lines, allowed) if places is None else places
         deals.append(_deal_rings(lines, allowed, rings, homes))
     deals.append(_part_swaths(lines, deals[-1], places))
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
+
+
+def deal_tours(allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:
+    """The deal in which every line of some tours is that tractor's alone."""
+    dealt = allowed.copy()
+    for tractor, tour in enumerate(tours):
+        numbers = [node // 2 for node in tour]
+        dealt[:, numbers], dealt[tractor, numbers] = False, True
+    return dealt
+
+
+def list_other_way_round(lines: Sequence[WorkLine], tours: Sequence[Sequence[int]]) -> list[int]:
+    """The nodes by which sides along the edge are driven against the way round in which tours drive most of them.
+
+    Sides that may be driven only one way are none of them.
+    """
+    sides = {number for ring in list_rings(lines)[:1] for side in ring for number in side if lines[number].both_ways}
+    lengths_m = [0.0, 0.0]
+    for node in (node for tour in tours for node in tour if node // 2 in sides):
+        lengths_m[node % 2] += lines[node // 2].length_m
+    other = int(lengths_m[0] >= lengths_m[1])
+    return [2 * number + other for number in sorted(sides)]
+
+
+def list_rings(lines: Sequence[WorkLine]) -> list[list[list[int]]]:
+    """Rings of the headland, the longest first: their sides in order, each with the lines beside it in all passes."""
+    headland = [number for number, line in enumerate(lines) if line.task.kind == HEADLAND_PASS]
+    first = [number for number in headland if lines[number].task.number == 1]
+    sides: dict[int, list[int]] = {number: [] for number in first}
+    tree = shapely.STRtree([shapely.LineString(lines[number].paths[0]) for number in first])
+    for number in headland if first else ():
+        x_m, y_m, _ = lines[number].get_pose(0, 0.5 * lines[number].measure_path_m(0))
+        sides[first[int(tree.nearest(shapely.Point(x_m, y_m)))]].append(number)
+    rings: dict[tuple[str, int], list[list[int]]] = {}
+    for number in first:
+        rings.setdefault(lines[number].group, []).append(sides[number])
+    return sorted(rings.values(), key=lambda ring: -sum(_measure_sides_m(lines, ring)))
 
 
 def find_swath_middles(lines: Sequence[WorkLine], blocks: Bools) -> Floats:
@@ -107,21 +144,6 @@ def _find_middle(lines: Sequence[WorkLine]) -> Floats:
     """The middle (2,) of lines by length."""
     middles = [line.paths[0][[0, -1]].mean(axis=0) for line in lines]
     return np.average(middles, axis=0, weights=[line.length_m for line in lines])
-
-
-def _list_rings(lines: Sequence[WorkLine]) -> list[list[list[int]]]:
-    """Rings of the headland, the longest first: their sides in order, each with the lines beside it in all passes."""
-    headland = [number for number, line in enumerate(lines) if line.task.kind == HEADLAND_PASS]
-    first = [number for number in headland if lines[number].task.number == 1]
-    sides: dict[int, list[int]] = {number: [] for number in first}
-    tree = shapely.STRtree([shapely.LineString(lines[number].paths[0]) for number in first])
-    for number in headland if first else ():
-        x_m, y_m, _ = lines[number].get_pose(0, 0.5 * lines[number].measure_path_m(0))
-        sides[first[int(tree.nearest(shapely.Point(x_m, y_m)))]].append(number)
-    rings: dict[tuple[str, int], list[list[int]]] = {}
-    for number in first:
-        rings.setdefault(lines[number].group, []).append(sides[number])
-    return sorted(rings.values(), key=lambda ring: -sum(_measure_sides_m(lines, ring)))
 
 
 def _measure_sides_m(lines: Sequence[WorkLine], ring: Sequence[Sequence[int]]) -> list[float]:

@@ -109,13 +109,14 @@ def make_programme(
     served_s: Floats | None = None,
     start: Sequence[Sequence[int]] | None = None,
     charged_s: Floats | float = 0.0,
+    barred: Sequence[int] = (),
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
     With `stands_in_way` no two tractors of a field without an entrance begin or end where they never get on. `served_s`
     (n,) says how long a tractor takes to be served for each line, so that all finish together. The search begins with
-    the tours `start`; moves cost `charged_s` (n + 1, n + 1) more than they take.
+    the tours `start`; moves cost `charged_s` (n + 1, n + 1) more than they take; nodes `barred` are in no tour.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
@@ -129,7 +130,7 @@ def make_programme(
 
     best = search_driven_tours(
         table,
-        lambda costs: pose_problem(table.moves, costs + charged_s, stage, may, extra_s, clashes),
+        lambda costs: pose_problem(table.moves, costs + charged_s, stage, may, extra_s, clashes, barred),
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,
@@ -148,6 +149,8 @@ def sketch_programme(
     allowed: npt.NDArray[np.bool_] | None = None,
     served_s: Floats | None = None,
     stands_in_way: StandingCheck | None = None,
+    charged_s: Floats | float = 0.0,
+    barred: Sequence[int] = (),
 ) -> Sketch:
     """The best tours by moves that were estimated, lines in stages; the rest as in `make_programme`."""
     moves, count = table.moves, len(table.lines)
@@ -158,7 +161,7 @@ def sketch_programme(
     orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(moves.orders)]
     tours, cost_s = search_estimated_tours(
         table,
-        lambda costs: pose_problem(moves, costs, stage, may, extra_s, clashes),
+        lambda costs: pose_problem(moves, costs + charged_s, stage, may, extra_s, clashes, barred),
         lambda tours: list_pairs(moves, tours),
         orders + [[] for _ in range(tractors - len(orders))] if any(len(order) > 1 for order in orders) else None,
     )
@@ -232,16 +235,20 @@ def pose_problem(
     may: npt.NDArray[np.bool_],
     extra_s: Floats,
     clashes: Flags | None = None,
+    barred: Sequence[int] = (),
 ) -> OrderProblem:
     """The search for the tours of tractors that may work lines (tractors, n), with costs (n + 1, n + 1) of moves.
 
     `stage` (n,) says which lines come first, `extra_s` (n,) what each takes beside driving on it, `clashes` as in
-    `list_clashes`.
+    `list_clashes`, `barred` as in `make_programme`.
     """
     site, lines = moves.site, moves.lines
     may, stage = _place_starts(moves, may, stage)
     own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
     is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
+    is_barred[list(barred)] = True
+    costs = costs.copy()
+    costs[list(barred)], costs[:, list(barred)] = np.inf, np.inf
     ends_s = [
         np.repeat(np.where(is_barred, np.inf, row)[None], len(may), axis=0)
         for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)

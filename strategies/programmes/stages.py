@@ -1,16 +1,22 @@
-"""Headland first or last: the stage of every line, and tractors that wait for one another between the two."""
+"""Headland first or last, round by round: the stage of every line, and what going back to a round is charged."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
+import numpy as np
+import numpy.typing as npt
 import shapely
 
+from strategies.lines.deal_apart import list_rings
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.site.site import Site
-from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegGate, LegTask, Mission, Plan
+
+Floats = npt.NDArray[np.float64]
+
+ROUND_S = 60.0  # charged for a move back to a headland pass that was left
 
 
 def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
@@ -59,41 +65,20 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
-@dataclass(frozen=True)
-class _StageBorder:
-    """Where a mission ends its first stage: `hold` is the leg before which it waits for others, 0 the very first.
+def charge_rounds(lines: Sequence[WorkLine], order: str) -> Floats:
+    """Seconds (n + 1, n + 1) that moves between nodes are charged: ROUND_S back to a headland pass that was left.
 
-    `is_awaited` says whether it has a first stage, so that others wait for it, `has_more` whether a second follows.
+    Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
+    machine is at the tracks when they begin, else from the inside out.
     """
-
-    hold: int
-    is_awaited: bool
-    has_more: bool
-
-
-def add_stage_gates(plan: Plan, first: Collection[LegTask]) -> Plan:
-    """A plan in which nobody begins other work before all others are on the last part of what comes first.
-
-    A tractor waits before that part of its own, where it may stand in any case.
-    """
-    borders = [_find_border(mission.legs, first) for mission in plan.missions]
-    gates = [
-        LegGate.place(number, border.hold - 1, mission.legs[border.hold - 1].length_m)
-        for number, (mission, border) in enumerate(zip(plan.missions, borders, strict=True))
-        if border.is_awaited and border.hold > 0
-    ]
-    for number, border in enumerate(borders):
-        for gate in gates if border.has_more else ():
-            if gate.tractor != number:
-                plan = plan.copy_with_gate(number, border.hold, gate)
-    return plan
-
-
-def _find_border(legs: Sequence[Leg], first: Collection[LegTask]) -> _StageBorder:
-    stages = [int(leg.task not in first) if leg.implement else -1 for leg in legs]
-    last = max((number for number, stage in enumerate(stages) if stage == 0), default=0)
-    hold = next((number for number in range(last, 0, -1) if legs[number].may_wait), 0)
-    return _StageBorder(hold, 0 in stages, 1 in stages)
+    nests = np.full(len(lines), -1)
+    for nest, ring in enumerate(list_rings(lines)):
+        nests[[number for side in ring for number in side]] = nest
+    places = np.array([line.task.number or 0 for line in lines]) * (1 if order == HEADLAND_FIRST else -1)
+    goes_back = (nests[:, None] == nests) & (nests >= 0) & (places[:, None] > places)
+    charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
+    charged_s[:-1, :-1] = ROUND_S * np.kron(goes_back, np.ones((2, 2)))
+    return charged_s
 
 
 def stagger_starts(plan: Plan, distance_m: float) -> Plan:

@@ -33,10 +33,19 @@ class LineDeal:
     Attributes:
         allowed: (tractors, lines) whether a tractor may work a line.
         stagger_m: each begins when the one before has worked so far; 0 where all begin at once.
+        places: (lines,) the places that lines have in its order; None where they have none.
     """
 
     allowed: npt.NDArray[np.bool_]
     stagger_m: float = 0.0
+    places: Sequence[int] | None = None
+
+    def rank(self, stages: Sequence[int]) -> list[int]:
+        """Stages of lines in which those of one stage have an order."""
+        if self.places is None:
+            return list(stages)
+        later = 1 + max(self.places, default=0)
+        return [stage * later + place for stage, place in zip(stages, self.places, strict=True)]
 
 
 DealLines = Callable[[Sequence[DealtLine], DrivingRules, int], LineDeal]

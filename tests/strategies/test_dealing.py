@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from strategies.interleaved import deal_in_turn
-from strategies.lines.deal_apart import list_deals_apart
+from strategies.lines.deal_apart import deal_tours, list_deals_apart, list_other_way_round
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
-from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.stages import ROUND_S, charge_rounds, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
 from strategies.rules.dealing import cut_balanced_blocks
 from strategies.rules.driving_rules import DrivingRules
@@ -159,28 +159,44 @@ def make_plan(*kinds: str) -> Plan:
     return Plan(tuple(make_mission(row, letters) for row, letters in enumerate(kinds)))
 
 
-TRACKS = (LegTask(SWATH, 0),)
-
-
 def list_gates(plan: Plan) -> dict[tuple[int, int], list[LegGate]]:
     return {(t, n): list(leg.gates) for t, m in enumerate(plan.missions) for n, leg in enumerate(m.legs) if leg.gates}
 
 
-def test_all_wait_before_the_last_part_of_their_first_stage() -> None:
-    gates = list_gates(add_stage_gates(make_plan("tT-tT-hH", "tT-hH"), TRACKS))
-    assert gates == {(0, 4): [LegGate(1, 0, 29.8)], (1, 1): [LegGate(0, 3, 29.8)]}
+def test_going_back_to_a_round_that_was_left_is_charged() -> None:
+    """Three rings round a field, one round a hole, a track; a side of each."""
+    rings = [draw_ring(number, 3.0 * number, 120.0 - 3.0 * number, number) for number in (1, 2, 3)]
+    around = [replace(line, group=(HOLE_PASS, 1)) for line in draw_ring(1, 50.0, 60.0, 0)]
+    lines = [*(side for ring in rings for side in ring), *around, draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0))]
+    one, two, three, hole, swath = (2 * number for number in (0, 4, 8, 12, 16))
+    charged_s = charge_rounds(lines, "first")
+    assert charged_s.shape == (35, 35)
+    assert charged_s[two, one] == charged_s[three, one] == charged_s[three + 1, two] == ROUND_S
+    assert charged_s[one, two] == charged_s[one, one + 2] == 0.0, "from the outside in"
+    assert not charged_s[[hole, swath, -1]].any() and not charged_s[:, [hole, swath, -1]].any()
+    other_s = charge_rounds(lines, "last")
+    assert (other_s == charged_s.T).all(), "else from the inside out"
 
 
-def test_nobody_waits_for_a_tractor_without_a_first_stage_nor_one_without_a_second() -> None:
-    gates = list_gates(add_stage_gates(make_plan("tT-hH", "hH", "tT"), TRACKS))
-    assert gates == {(0, 1): [LegGate(2, 0, 29.8)], (1, 0): [LegGate(0, 0, 29.8), LegGate(2, 0, 29.8)]}
+def test_sides_that_are_driven_against_the_others() -> None:
+    ring = draw_ring(1, 0.0, 100.0, 1)
+    ring[2] = replace(ring[2], both_ways=False)
+    lines = [*ring, draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0))]
+    assert list_other_way_round(lines, [[0, 9], [2, 4]]) == [1, 3, 7]
+    assert list_other_way_round(lines, [[1, 8], [3, 4, 6]]) == [0, 2, 6], "two against one: what may go one way is none"
+    assert list_other_way_round([lines[4]], [[0]]) == []
+
+
+def test_lines_of_tours_are_their_tractors() -> None:
+    dealt = deal_tours(np.ones((2, 4), bool), [[0, 5], [2]])
+    assert dealt.tolist() == [[True, False, True, True], [False, True, False, True]]
 
 
 def test_starts_are_staggered_on_the_first_working_leg() -> None:
     gates = list_gates(stagger_starts(make_plan("-tT", "tT", "tT"), 12.0))
     assert gates == {(1, 0): [LegGate(0, 1, 12.0)], (2, 0): [LegGate(1, 0, 12.0)]}
-    waiting = add_stage_gates(make_plan("hH", "tT-hH"), TRACKS)
-    assert list_gates(stagger_starts(waiting, 12.0)) == list_gates(waiting), "no circle of two that wait"
+    waits = make_plan("hH", "tT").copy_with_gate(0, 0, LegGate(1, 0, 29.8))
+    assert list_gates(stagger_starts(waits, 12.0)) == list_gates(waits), "no circle of two that wait"
 
 
 def make_moves(lines: Sequence[WorkLine]) -> Any:

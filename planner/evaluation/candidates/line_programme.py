@@ -23,20 +23,28 @@ from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
-from strategies.lines.deal_apart import find_near_blocks, find_swath_middles, list_deals_apart
+from strategies.lines.deal_apart import (
+    deal_tours,
+    find_near_blocks,
+    find_swath_middles,
+    list_deals_apart,
+    list_other_way_round,
+)
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.build_plan import build_plan, charge_waiting
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Programme, clear_ways, make_programme, sketch_programme
+from strategies.programmes.order_gates import add_order_gates
+from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import add_stage_gates, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.stages import charge_rounds, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.waiting_places import StandingCheck
 from strategies.rules.dealing import LineDeal, group_swath_lines
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
-from vehicle.missions.plan import REFILL, SWATH, Plan
+from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH, Plan
 
 Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -282,18 +290,29 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     wishes = _settle_wishes(context, tractors)
-    shares = [_Share(deal.allowed)]
-    if context.going_on is not None:
-        shares += _list_shares_from_here(moves, tractors)
 
-    def sketch(order: str, number: int = 0, most_left_m2: float = math.inf) -> SketchedPlan:
-        allowed, table = wishes.limit(moves.lines, shares[number].allowed), MoveTable(moves)
-        stages = shares[number].rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
+    def list_others(order: str) -> list[LineDeal]:
+        """Other deals, where the first makes tractors wait."""
+        if tractors == 1:
+            return []
+        if context.going_on is not None:
+            return _list_deals_from_here(moves, tractors)
+        apart = list_deals_apart(moves.lines, deal.allowed)
+        others = [*_list_deals_of_headland(moves, deal.allowed, order, stands_in_way), *apart]
+        return [replace(deal, allowed=allowed) for allowed in others]
+
+    def sketch(order: str, dealt: LineDeal = deal, most_left_m2: float = math.inf) -> SketchedPlan:
+        allowed, table = wishes.limit(moves.lines, dealt.allowed), MoveTable(moves)
+        stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
-        sketched = sketch_programme(table, tractors, stages, allowed, served_s, stands_in_way)
+        rounds_s = charge_rounds(table.lines, order)
+        sketched, barred = sketch_one_way_round(
+            partial(sketch_programme, table, tractors, stages, allowed, served_s, stands_in_way, rounds_s),
+            moves,
+        )
 
-        def compose(charged_s: Floats | float = 0.0, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
+        def compose(charged_s: Floats = rounds_s, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
             programme = make_programme(
                 table,
                 tractors,
@@ -303,6 +322,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 served_s=served_s,
                 start=tours,
                 charged_s=charged_s,
+                barred=barred,
             )
             if programme.left_m2 > most_left_m2 + MENTIONED_M2:
                 raise StrategyError(NO_BETTER)
@@ -323,18 +343,43 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
         def sketch_others(left_m2: float) -> list[SketchedPlan]:
             found = list[SketchedPlan]()
-            for following in range(1, len(shares)):
+            for other in list_others(order):
                 with suppress(StrategyError):
-                    found.append(sketch(order, following, left_m2))
+                    found.append(sketch(order, other, left_m2))
             return found
 
         stops_s = [
             0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
         ]
-        others = None if number else sketch_others
+        others = sketch_others if dealt is deal else None
         return SketchedPlan(order, sketched.tractor_s, compose, others, tours=sketched.tours, served_s=stops_s)
 
     return sketch
+
+
+def sketch_one_way_round(sketch: Callable[..., Sketch], moves: SiteMoves) -> tuple[Sketch, list[int]]:
+    """A sketch, and the nodes that are barred in it so that all go round the field one way.
+
+    That is the way that most of the headland is driven without it; none are barred where it is clearly dearer.
+    """
+    free = sketch()
+    starts = {node // 2 for node in moves.starts}
+    barred = [node for node in list_other_way_round(moves.lines, free.tours) if node // 2 not in starts]
+    one_way = sketch(barred=barred) if barred else free
+    return (one_way, barred) if one_way.cost_s <= (1.0 + MODEL_ERROR_SHARE) * free.cost_s else (free, [])
+
+
+def _list_deals_of_headland(moves: SiteMoves, allowed: Flags, order: str, stands_in_way: StandingCheck) -> list[Flags]:
+    """Where a crop stands, the deal by which all are done with the headland together: nobody waits for its end then."""
+    if not (moves.site.crop_stands and order == HEADLAND_FIRST):
+        return []
+    is_headland = [line.task.kind == HEADLAND_PASS for line in moves.lines]
+    stages = list_stages(moves.site, moves.lines, order)
+    rounds_s = charge_rounds(moves.lines, order)
+    on_it = sketch_programme(
+        MoveTable(moves), len(allowed), stages, allowed & is_headland, None, stands_in_way, rounds_s
+    )
+    return [deal_tours(allowed, on_it.tours)]
 
 
 def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
@@ -346,23 +391,8 @@ def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
     return wishes
 
 
-@dataclass(frozen=True, eq=False)
-class _Share:
-    """Which lines (tractors, n) each tractor may work, and the places (n,) that they have in its order, if any."""
-
-    allowed: Flags
-    places: Sequence[int] | None = None
-
-    def rank(self, stages: Sequence[int]) -> list[int]:
-        """Stages of lines in which those of one stage have an order."""
-        if self.places is None:
-            return list(stages)
-        later = 1 + max(self.places, default=0)
-        return [stage * later + place for stage, place in zip(stages, self.places, strict=True)]
-
-
-def _list_shares_from_here(moves: SiteMoves, tractors: int) -> list[_Share]:
-    """Shares of what is left: as it was dealt before, in that order and in any, then each part the tractor's that
+def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[LineDeal]:
+    """Deals of what is left: as it was dealt before, in that order and in any, then each part the tractor's that
     stands near.
 
     What was nobody's before comes last in that order. There are none for one tractor.
@@ -384,7 +414,7 @@ def _list_shares_from_here(moves: SiteMoves, tractors: int) -> list[_Share]:
         blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
         near = find_near_blocks(find_swath_middles(moves.lines, blocks), stands)
         deals = [deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks))]
-    return [_Share(before, places.tolist()), *map(_Share, (before, *deals))]
+    return [LineDeal(before, places=places.tolist()), *map(LineDeal, (before, *deals))]
 
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
@@ -393,7 +423,9 @@ def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[s
     plan = replace(plan, notes={**notes, **plan.notes, "tractors": notes["tractors"]})
     if operation in (STANDING_CROP_OPERATIONS if composed.order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
         table = composed.programme.table
-        return add_stage_gates(plan, find_first_tasks(table.site, table.lines, composed.order))
+        first = find_first_tasks(table.site, table.lines, composed.order)
+        is_kept = composed.order != HEADLAND_FIRST
+        return add_order_gates(plan, table.site, first, context.tractor.width_m, is_kept=is_kept)
     return plan
 
 

@@ -1,0 +1,61 @@
+"""Fleets keep to the order of headland and tracks on each other's ground, as driven."""
+
+import numpy as np
+import pytest
+import shapely
+
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate
+from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
+from planner.request.plan_request import PlanRequest
+from strategies.lines.work_line import build_tool_strip
+from vehicle.missions.plan import HEADLAND_PASS, SWATH
+from vehicle.missions.run import SimulationRun
+
+pytestmark = pytest.mark.usefixtures("first_layout")
+
+WIDTH_M = 4.5
+HALF_BODY_M = 0.7  # the wheels of the tractor are within it
+SPARED_M2 = 1.0  # paths are drawn, not driven
+
+
+def sum_wrong_m2(run: SimulationRun, tool_m: float, is_kept: bool) -> float:
+    """The ground that a tractor drives over on its way from track to track, of another's headland that is done (kept)
+    or not (a crop that stands), at worst of one piece and one leg."""
+    worst_m2 = 0.0
+    plan = run.plan
+    for owner, worked in enumerate(plan.missions):
+        for number, leg in enumerate(worked.legs):
+            if leg.task.kind != HEADLAND_PASS or not leg.implement:
+                continue
+            strip = build_tool_strip(leg.points, tool_m, WIDTH_M)
+            begin_s, end_s = find_span_s(run, owner, number)
+            for other in set(range(plan.tractors)) - {owner}:
+                tracks = [n for n, one in enumerate(plan.missions[other].legs) if one.task.kind == SWATH]
+                for place in range(tracks[0], tracks[-1]):
+                    since_s, until_s = find_span_s(run, other, place)
+                    if (since_s > end_s) if is_kept else (until_s < begin_s):
+                        line = shapely.LineString(plan.missions[other].legs[place].points)
+                        wheels = shapely.buffer(line, HALF_BODY_M, cap_style="flat")
+                        worst_m2 = max(worst_m2, shapely.intersection(wheels, strip).area)
+    return worst_m2
+
+
+def find_span_s(run: SimulationRun, tractor: int, leg: int) -> tuple[float, float]:
+    """When a tractor drives a leg."""
+    on_it = np.flatnonzero(run.get_leg_numbers(tractor) == leg)
+    return float(run.time_s[on_it[0]]), float(run.time_s[on_it[-1]])
+
+
+@pytest.mark.parametrize(
+    ("operation", "order", "tractors"), [("sow", "last", 4), ("harvest", "first", 2), ("harvest", "first", 4)]
+)
+def test_nobody_drives_over_ground_out_of_turn(operation: str, order: str, tractors: int) -> None:
+    request = PlanRequest(
+        field="netherlands", width_m=WIDTH_M, tractors=(tractors,), operation=operation, headland_order=order
+    )
+    context = prepare_context(WorkOrder(request))
+    driven = run_candidate(context, Candidate("split-field", tractors))
+    assert driven.reason is None
+    tool_m = context.driving_rules.tool_m
+    assert sum_wrong_m2(driven.run, tool_m, order == "last") < SPARED_M2
