@@ -17,7 +17,8 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
-from planner.traffic.precedence import TrafficRules, schedule_plan
+from planner.traffic.precedence import schedule_plan
+from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, load_tractor
@@ -131,5 +132,6 @@ def _warm_up_scheduling(tractor: Tractor, implement: Implement) -> None:
 
     schedule_plan(
         Plan((build_mission((1.0, 0.0)), build_mission((0.0, 1.0)))),
-        TrafficRules(tractor, implement, 0.5, 0.5, simulate_alone),
+        ClearanceCheck.for_machine(tractor, implement, 0.5, 0.5),
+        simulate_alone,
     )

@@ -17,13 +17,12 @@ import numpy.typing as npt
 
 from planner.traffic.deadlock_search import find_first_place_row
 from planner.traffic.trajectories import SoloTrajectory, TrajectoryCache
+from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
-from vehicle.sim.path_conflicts import find_conflicting_poses
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]
-EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses are POSE_STEP_M apart
 MERGE_GAP_S = 2.0  # spans of head starts nearer than this are merged
 PLACE_KINDS = 4  # a place inside a segment or at its end, on either trajectory
 NO_ENCOUNTERS = np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros((0, 2))
@@ -229,27 +228,23 @@ class ConflictZones:
 
 def find_conflict_zones(
     trajectories: Sequence[SoloTrajectory],
-    models: npt.NDArray[np.void],
-    clearance_m: float,
-    beside_m: float,
+    check: ClearanceCheck,
     gated: list[set[int]],
     cache: TrajectoryCache | None = None,
 ) -> ConflictZones:
     """All conflict zones; hold points before segments without conflicts are dropped, except before `gated` legs.
 
-    `models` is as in vehicle.sim.path_conflicts, the clearances are those of the rules; `cache` must be for the same
-    ones.
+    `cache` may hold results for checks that differ only in the clearance beside each other.
     """
     cache = cache or TrajectoryCache()
     pair_meetings: dict[tuple[int, int], Ints] = {}
     for i, j in combinations(range(len(trajectories)), 2):
         a, b = trajectories[i], trajectories[j]
-        if (a, b, beside_m) not in cache.meetings:
-            cache.meetings[a, b, beside_m] = find_conflicting_poses(
-                a.trail, b.trail, models, clearance_m + EXTRA_CLEARANCE_M, beside_m
-            )
-        if len(cache.meetings[a, b, beside_m]):
-            pair_meetings[i, j] = cache.meetings[a, b, beside_m]
+        key = a, b, check.beside_clearance_m
+        if key not in cache.meetings:
+            cache.meetings[key] = check.find_blocked_parts(a.trail, b.trail)
+        if len(cache.meetings[key]):
+            pair_meetings[i, j] = cache.meetings[key]
     used_poses = [np.zeros(len(trajectory.poses), dtype=np.bool_) for trajectory in trajectories]
     for (i, j), meeting_rows in pair_meetings.items():
         mark_conflicting_poses(meeting_rows, used_poses[i], used_poses[j])

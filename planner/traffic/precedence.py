@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -29,9 +29,8 @@ from planner.traffic.timetable_search import (
     fill_timetable,
 )
 from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
+from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import LegGate, Mission, Plan
-from vehicle.model.tractor import Implement, Tractor
-from vehicle.sim.compile import build_model_record
 
 Floats = npt.NDArray[np.float64]
 
@@ -135,37 +134,24 @@ def _rank_timetable(free_s: Floats) -> tuple[int, int]:
     return round(float(free_s.max())), round(sum(free_s.tolist()))
 
 
-@dataclass(frozen=True)
-class TrafficRules:
-    """What tractors must keep to: the machines, how near they may come, and how one is simulated alone.
-
-    `cache` holds results for the same rules. Those `at_once`, by number, are on their way and cannot wait where they
-    are.
-    """
-
-    tractor: Tractor
-    implement: Implement
-    clearance_m: float
-    side_clearance_m: float
-    simulate_alone: SoloSimulation
-    cache: TrajectoryCache = field(default_factory=TrajectoryCache)
-    at_once: frozenset[int] = frozenset()
-
-
-def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> Plan | None:
+def schedule_plan(
+    plan: Plan,
+    check: ClearanceCheck,
+    simulate_alone: SoloSimulation,
+    cache: TrajectoryCache | None = None,
+    slack: float = 1.0,
+    at_once: Collection[int] = (),
+) -> Plan | None:
     """The plan with gates so that no tractors meet; None if no order was found.
 
-    `slack` times the usual time is kept between two that use the same place one after the other.
+    `slack` times the usual time is kept between two that use the same place one after the other. Those `at_once`, by
+    number, are on their way and cannot wait where they are. `cache` holds results for the same machine and clearance.
     """
-    trajectories = get_trajectories(plan, rules.simulate_alone, rules.cache)
+    trajectories = get_trajectories(plan, simulate_alone, cache)
     if trajectories is None:
         return None
-    models = np.array([build_model_record(rules.tractor, rules.implement)])
     gated_legs = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
-    zones = find_conflict_zones(
-        trajectories, models, rules.clearance_m, rules.side_clearance_m, gated_legs, rules.cache
-    )
-    precedence = PrecedenceSearch(plan, zones, slack, rules.at_once)
+    precedence = PrecedenceSearch(plan, find_conflict_zones(trajectories, check, gated_legs, cache), slack, at_once)
     table = precedence.find_timetable()
     if table is None:
         return None

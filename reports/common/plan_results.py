@@ -233,6 +233,11 @@ class PlanResult(ShownResult):
         return self.finished_field_cost + delay_cost
 
     @property
+    def left_factor(self) -> float:
+        """By how much the time to finish the field is more than the time as driven, for the ground that is left."""
+        return self.finished_field_s / self.time_s if self.time_s else 1.0
+
+    @property
     def finishing_s(self) -> float:
         """Seconds that finishing the unworked ground would take, at the plan's own rate."""
         return self.finished_field_s - (self.time_s or 0.0)

@@ -21,7 +21,7 @@ from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.waiting_places import StandingCheck
+from strategies.programmes.waiting_places import ClearanceCheck
 
 ADVICE = "use fewer tractors, or split-field or interleaved"
 T = TypeVar("T")
@@ -61,7 +61,7 @@ class FormationSite:
     """
 
     moves: SiteMoves
-    check: StandingCheck
+    check: ClearanceCheck
     _known: dict[Hashable, Any] = field(default_factory=dict)
 
     def sketch(self, fleet: FleetOrder) -> OrderedRounds:

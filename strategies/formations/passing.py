@@ -17,7 +17,7 @@ from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.waiting_places import StandingCheck
+from strategies.programmes.waiting_places import ClearanceCheck
 from strategies.site.site import Site
 from vehicle.arrays import measure_along
 from vehicle.sim.path_conflicts import PosePath, build_poses
@@ -92,7 +92,7 @@ class PassageTracer:
     """The passages of a site, and the places on columns clear of them; a way is traced once."""
 
     site: Site
-    check: StandingCheck
+    check: ClearanceCheck
     _moves: dict[Move, PassingWay] = field(default_factory=dict)
 
     def trace_move(self, move: Move) -> PassingWay:

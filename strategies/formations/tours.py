@@ -22,7 +22,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, count_clashes
 from strategies.programmes.programme import list_pairs, prove_short_runs
 from strategies.programmes.stages import find_first_tasks
-from strategies.programmes.waiting_places import StandingCheck, find_clashes
+from strategies.programmes.waiting_places import ClearanceCheck, find_clashes
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
 
@@ -133,7 +133,7 @@ def sketch_tours(table: MoveTable, rounds: Sequence[DirectedRound], order: str) 
 
 
 def share_lines(
-    table: MoveTable, rounds: Sequence[DirectedRound], order: str, stands_in_way: StandingCheck
+    table: MoveTable, rounds: Sequence[DirectedRound], order: str, stands_in_way: ClearanceCheck
 ) -> list[FormationTour]:
     """The tours of all tractors, whose moves were all driven well; lines in none are left.
 

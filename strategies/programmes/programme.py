@@ -19,7 +19,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import HEADLAND_WAIT_M, StandingCheck, find_clashes
+from strategies.programmes.waiting_places import HEADLAND_WAIT_M, ClearanceCheck, find_clashes
 from strategies.programmes.ways_home import Way, WayBook
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
@@ -105,7 +105,7 @@ def make_programme(
     stages: Sequence[int] | None = None,
     allowed: npt.NDArray[np.bool_] | None = None,
     seed: int = 1,
-    stands_in_way: StandingCheck | None = None,
+    stands_in_way: ClearanceCheck | None = None,
     served_s: Floats | None = None,
     start: Sequence[Sequence[int]] | None = None,
     charged_s: Floats | float = 0.0,
@@ -148,7 +148,7 @@ def sketch_programme(
     stages: Sequence[int],
     allowed: npt.NDArray[np.bool_] | None = None,
     served_s: Floats | None = None,
-    stands_in_way: StandingCheck | None = None,
+    stands_in_way: ClearanceCheck | None = None,
     charged_s: Floats | float = 0.0,
     barred: Sequence[int] = (),
 ) -> Sketch:
@@ -168,7 +168,7 @@ def sketch_programme(
     return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)
 
 
-def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -> Flags | None:
+def list_clashes(table: MoveTable, check: ClearanceCheck | None, tractors: int) -> Flags | None:
     """The nodes (2, nodes, nodes) of which no two tractors may begin (0) or end (1) with both, as far as a search
     knows; None for a single one, and with an entrance to wait outside."""
     if check is None or table.site.lane is not None or tractors == 1:
@@ -179,7 +179,7 @@ def list_clashes(table: MoveTable, check: StandingCheck | None, tractors: int) -
 
 
 def _bar_stuck(
-    table: MoveTable, clashes: Flags, book: WayBook, check: StandingCheck, tours: Sequence[Sequence[int]]
+    table: MoveTable, clashes: Flags, book: WayBook, check: ClearanceCheck, tours: Sequence[Sequence[int]]
 ) -> bool:
     """Bar pairs of nodes where two tours begin or end and never get on, however they wait; whether there were any."""
     connected = [_keep_connected(table, tour) for tour in tours]
@@ -306,7 +306,7 @@ def _is_begun(table: MoveTable, tour: Sequence[int], part: Sequence[int]) -> boo
     return table.is_proven(table.gate, part[0])
 
 
-def clear_ways(plan: Plan, table: MoveTable, check: StandingCheck) -> Plan:
+def clear_ways(plan: Plan, table: MoveTable, check: ClearanceCheck) -> Plan:
     """The plan with every tractor that rests in the way of others driving to the nearest place where it is in none.
 
     It stays where it stands if no such place is reached.
@@ -334,7 +334,7 @@ def _list_parking_legs(table: MoveTable, mission: Mission, pose: Pose) -> tuple[
     return (stand, *build_move_legs(table.site, replace(found, begins_folded=stand.folded), LegTask(ROUTE)))
 
 
-def _iter_free_places(stand: Pose, ways: list[Way], back_m: float, check: StandingCheck) -> Iterator[Pose]:
+def _iter_free_places(stand: Pose, ways: list[Way], back_m: float, check: ClearanceCheck) -> Iterator[Pose]:
     """Poses beside one, itself first and then the nearest, at which a tractor is in the way of no others."""
     (x, y, heading), step_m = stand, 0.5 * check.reach_m
     most = math.ceil(HEADLAND_WAIT_M / step_m)  # no farther than to another place to wait

@@ -17,18 +17,21 @@ from strategies.lines.work_line import cut_line, locate_at
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
+EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses are POSE_STEP_M apart
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
 
 
 @dataclass(frozen=True)
-class StandingCheck:
-    """Whether tractors stand in the way of others, as the scheduler sees it; all of one site have the same machine.
+class ClearanceCheck:
+    """How near tractors may come to one another, as the scheduler sees it; all of one site have the same machine.
 
     Attributes:
         models: (1,) their MODEL record.
@@ -38,6 +41,14 @@ class StandingCheck:
     models: npt.NDArray[np.void] = field(compare=False)
     clearance_m: float
     beside_clearance_m: float
+
+    @classmethod
+    def for_machine(
+        cls, tractor: Tractor, implement: Implement, clearance_m: float, beside_clearance_m: float
+    ) -> ClearanceCheck:
+        """That of tractors which keep a clearance on paths known by poses, which are some way apart."""
+        models = np.array([build_model_record(tractor, implement)])
+        return cls(models, clearance_m + EXTRA_CLEARANCE_M, beside_clearance_m)
 
     @property
     def reach_m(self) -> float:
@@ -52,7 +63,8 @@ class StandingCheck:
         return blocked
 
     def find_blocked_parts(self, standing: PosePath, driving: PosePath) -> npt.NDArray[np.int64]:
-        """Rows (k, 3): one of the poses to stand at, and the first and last pose of a path that one there bars."""
+        """Rows (k, 3): one of some poses, to stand at or driven too, and the first and last pose of a path that one
+        there bars."""
         return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)
 
 
@@ -79,7 +91,7 @@ def list_parts_m(moves: SiteMoves, node: int, length_m: float) -> list[float]:
     return [0.0, *(hold_m * part / parts for part in range(1, parts + 1)), length_m]
 
 
-def find_clashes(moves: SiteMoves, check: StandingCheck) -> Flags:
+def find_clashes(moves: SiteMoves, check: ClearanceCheck) -> Flags:
     """Nodes of which no two tractors may begin (0) or end (1) with both, (2, nodes, nodes): each stands where the other
     has to pass on its first or last part. Those on the field stand where they stand."""
     known = moves.clashes
@@ -89,7 +101,7 @@ def find_clashes(moves: SiteMoves, check: StandingCheck) -> Flags:
     return known[check]
 
 
-def _find_clashes(moves: SiteMoves, check: StandingCheck, side: int) -> Flags:
+def _find_clashes(moves: SiteMoves, check: ClearanceCheck, side: int) -> Flags:
     parts = [_build_part(moves, side, node) for node in range(moves.gate)]
     if not parts:
         return np.zeros((0, 0), bool)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.waiting_places import StandingCheck, sample_poses
+from strategies.programmes.waiting_places import ClearanceCheck, sample_poses
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
 from vehicle.sim.path_conflicts import PosePath, build_poses
@@ -51,7 +51,7 @@ class WayBook:
     back_m: float
     _leg_poses: dict[Leg, Floats] = field(default_factory=dict)
     _ways: dict[Mission, Way] = field(default_factory=dict)
-    _stuck: dict[tuple[Way, Way, StandingCheck], int | None] = field(default_factory=dict)
+    _stuck: dict[tuple[Way, Way, ClearanceCheck], int | None] = field(default_factory=dict)
 
     def build_way(self, mission: Mission) -> Way:
         """The way of a tractor on its mission."""
@@ -67,7 +67,7 @@ class WayBook:
             self._leg_poses[leg] = sample_poses(leg.points, self.back_m, leg.gear)
         return self._leg_poses[leg]
 
-    def find_stuck_side(self, a: Way, b: Way, check: StandingCheck) -> int | None:
+    def find_stuck_side(self, a: Way, b: Way, check: ClearanceCheck) -> int | None:
         """Where two never get on: 0 where they begin, 1 where they end; None if both get home."""
         key = a, b, check
         if key not in self._stuck:
@@ -78,7 +78,7 @@ class WayBook:
         return self._stuck[key]
 
 
-def _find_passes(driving: Way, standing: Way, check: StandingCheck) -> Flags:
+def _find_passes(driving: Way, standing: Way, check: ClearanceCheck) -> Flags:
     """Whether one can drive a segment while the other stands at a hold, (segments, holds)."""
     rows = check.find_blocked_parts(standing.stands, driving.path)
     free = np.ones((len(driving.holds) - 1, len(standing.holds)), bool)

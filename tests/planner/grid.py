@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
 from planner.traffic.precedence import Timetable
 from planner.traffic.trajectories import SoloTrajectory
+from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.model.tractor import Implement, load_tractor
-from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import build_poses
 
 TRACTOR, IMPLEMENT = load_tractor("eg105"), Implement()
-MODELS = np.array([build_model_record(TRACTOR, IMPLEMENT)])
 APART_M = 0.05
+CHECK = ClearanceCheck.for_machine(TRACTOR, IMPLEMENT, APART_M, APART_M)
 
 
 def trajectory(places: Sequence[tuple[float, float, float]], holds: Sequence[int], every_s: float) -> SoloTrajectory:
@@ -61,9 +61,7 @@ def straight(x: float, y: float, angle: float, metres: int, holds: Sequence[int]
 
 
 def crossings(trajectories: Sequence[SoloTrajectory], gated: dict[int, set[int]] | None = None) -> ConflictZones:
-    return find_conflict_zones(
-        trajectories, MODELS, APART_M, APART_M, [(gated or {}).get(n, set()) for n in range(len(trajectories))]
-    )
+    return find_conflict_zones(trajectories, CHECK, [(gated or {}).get(n, set()) for n in range(len(trajectories))])
 
 
 @dataclass

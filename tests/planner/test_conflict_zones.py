@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given, settings
 
 from planner.traffic.conflict_zones import (
-    EXTRA_CLEARANCE_M,
     MERGE_GAP_S,
     ConflictTable,
     ConflictZones,
@@ -19,8 +18,7 @@ from planner.traffic.timetable_search import GAP_BEHIND_S
 from planner.traffic.trajectories import POSE_STEP_M, SoloTrajectory, TrajectoryCache, get_trajectories
 from tests.examples import count_examples
 from tests.planner.grid import (
-    APART_M,
-    MODELS,
+    CHECK,
     Cells,
     all_hold_points,
     crossings,
@@ -32,7 +30,7 @@ from tests.planner.grid import (
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, TIMEOUT, SimulationRun
 from vehicle.records import RECORD_COLUMNS
-from vehicle.sim.path_conflicts import PosePath, find_conflicting_poses
+from vehicle.sim.path_conflicts import PosePath
 
 Rows = list[tuple[int, tuple[float, float]]]
 
@@ -50,9 +48,7 @@ def stretches_of(one: SoloTrajectory, place: int) -> list[int]:
 
 def met(a: SoloTrajectory, b: SoloTrajectory) -> Iterator[tuple[int, int]]:
     """Pairs of places that both cannot take."""
-    for i, first, last in find_conflicting_poses(
-        PosePath(a.poses), PosePath(b.poses), MODELS, APART_M + EXTRA_CLEARANCE_M, APART_M
-    ).tolist():
+    for i, first, last in CHECK.find_blocked_parts(PosePath(a.poses), PosePath(b.poses)).tolist():
         yield from ((i, j) for j in range(first, last + 1))
 
 
@@ -152,9 +148,9 @@ class TestWhatIsKnown:
     def test_meetings_are_looked_up_and_what_is_too_much_is_forgotten(self, monkeypatch: pytest.MonkeyPatch) -> None:
         known = TrajectoryCache()
         trajectories = [straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -42, 1.5, 84, [0, 12, 84])]
-        fresh = find_conflict_zones(trajectories, MODELS, APART_M, APART_M, [set(), set()])
+        fresh = find_conflict_zones(trajectories, CHECK, [set(), set()])
         for _ in range(2):
-            again = find_conflict_zones(trajectories, MODELS, APART_M, APART_M, [set(), set()], known)
+            again = find_conflict_zones(trajectories, CHECK, [set(), set()], known)
             assert (again.apart.span_s == fresh.apart.span_s).all() and len(known.meetings) == 1
         known.pose_count = 10**9
         known.clear_if_too_large()

@@ -13,7 +13,6 @@ from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_
 from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.candidates.pruning import (
     MIN_SWATH_WORK_S,
-    Incumbent,
     estimate_loss_s,
     find_incumbent,
     is_worth_pruning,
@@ -58,12 +57,16 @@ def test_rounds_are_work_like_tracks() -> None:
         assert is_worth_pruning(site) is prunes_candidates(site) is many
 
 
+def make_incumbent(finish_s: float, tractor_s: float = 0.0) -> PlanResult:
+    return PlanResult("split-field", 2, "u", True, time_s=finish_s, tractor_time_s=tractor_s)
+
+
 def test_the_quickest_feasible_plan_is_the_rival() -> None:
     def result(strategy: str, seconds: float, feasible: bool = True) -> PlanResult:
         return PlanResult(strategy, 2, "u", feasible, time_s=seconds)
 
     some = [result("b", 90.0), result("a", 80.0), result("c", 70.0, feasible=False)]
-    assert find_incumbent(some) == Incumbent("a", 80.0)
+    assert find_incumbent(some) == some[1]
     assert find_incumbent(some[2:]) is None
 
 
@@ -90,14 +93,14 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
     driven = driven_once(strategy)
     driven_s = driven.result.time_s
     assert driven_s is not None
-    pruned = simulate_candidate(round_site, Candidate(strategy, 2), Incumbent("split-field", 0.5 * driven_s))
+    pruned = simulate_candidate(round_site, Candidate(strategy, 2), make_incumbent(0.5 * driven_s))
     result, bound_s = pruned.result, pruned.result.bound_s
     assert pruned.run is None and not result.feasible and bound_s is not None
     assert bound_s == pytest.approx(driven_s, rel=0.1)
     assert result.reason == (
         f"skipped: by estimate ({bound_s:.0f} s) it is slower than split-field ({0.5 * driven_s:.0f} s)"
     )
-    near = simulate_candidate(round_site, Candidate(strategy, 2), Incumbent("split-field", 1.05 * driven_s))
+    near = simulate_candidate(round_site, Candidate(strategy, 2), make_incumbent(1.05 * driven_s))
     assert near.result == driven.result
 
 
@@ -119,10 +122,10 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
     site = replace(round_site, request=cheapest, criteria=build_decision_criteria(cheapest))
     seconds = [130.0, 90.0]
     for tractor_s, is_pruned in ((219.0, True), (221.0, False)):
-        rival = Incumbent("split-field", 120.0, tractor_s)
+        rival = make_incumbent(120.0, tractor_s)
         assert (estimate_loss_s(site, seconds, rival) is not None) is is_pruned
         assert estimate_loss_s(round_site, seconds, rival) is not None
-    assert estimate_loss_s(round_site, seconds, Incumbent("split-field", 130.0)) is None
+    assert estimate_loss_s(round_site, seconds, make_incumbent(130.0)) is None
     assert estimate_loss_s(round_site, seconds, None) is None
 
 

@@ -12,12 +12,12 @@ import shapely
 from hypothesis import given, settings
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_by_one
 from planner.traffic.precedence import PrecedenceSearch, _add_gates
 from planner.traffic.timetable_search import GAP_BEHIND_S, START_LOSS_S
 from planner.traffic.trajectories import SoloTrajectory
+from strategies.programmes.waiting_places import EXTRA_CLEARANCE_M
 from tests.examples import count_examples, seldom
 from tests.planner.grid import (
     APART_M,

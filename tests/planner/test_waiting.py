@@ -9,7 +9,8 @@ import pytest
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.fleet_drive import SoloRuns
 from planner.traffic.giving_way import can_gates_open, resolve_conflicts
-from planner.traffic.precedence import TrafficRules, schedule_plan
+from planner.traffic.precedence import schedule_plan
+from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, SimulationRun
@@ -25,8 +26,10 @@ def simulate(site: Any, plan: Plan) -> SimulationRun:
 
 def resolve(site: Any, plan: Plan) -> tuple[SimulationRun, str | None]:
     alone = SoloRuns(IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=0.05))
-    rules = TrafficRules(site.tractor, site.implement, 0.05, 0.05, alone)
-    return resolve_conflicts(plan, partial(simulate, site), lambda one, slack: schedule_plan(one, rules, slack))
+    check = ClearanceCheck.for_machine(site.tractor, site.implement, 0.05, 0.05)
+    return resolve_conflicts(
+        plan, partial(simulate, site), lambda one, slack: schedule_plan(one, check, alone, slack=slack)
+    )
 
 
 def test_one_tractor_has_nobody_to_keep_beside(wide_site: Any, evaluate_once: Any) -> None:

@@ -17,7 +17,6 @@ from planner.evaluation.candidates.figures import CandidateRun, measure_candidat
 from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_nearness_m
 from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import (
-    Incumbent,
     describe_loss,
     describe_nearness,
     estimate_loss_s,
@@ -122,7 +121,7 @@ def _get_sketched_s(sketches: list[SketchedPlan] | StrategyError) -> float:
     return math.inf if isinstance(sketches, StrategyError) else max(sketches[0].tractor_s)
 
 
-def simulate_candidate(context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None) -> Outcome:
+def simulate_candidate(context: PlanningContext, candidate: Candidate, incumbent: PlanResult | None = None) -> Outcome:
     """Sketch, compose, drive and measure one candidate; a refusal becomes a result with its reason.
 
     A candidate whose plans cannot beat the incumbent is not driven.
@@ -134,7 +133,7 @@ def _simulate_sketched(
     context: PlanningContext,
     candidate: Candidate,
     sketches: list[SketchedPlan] | StrategyError,
-    incumbent: Incumbent | None,
+    incumbent: PlanResult | None,
     *,
     is_shown: bool = True,
 ) -> Outcome:
@@ -166,7 +165,7 @@ def _run_unless_pruned(
     context: PlanningContext,
     candidate: Candidate,
     sketches: list[SketchedPlan] | StrategyError,
-    incumbent: Incumbent | None,
+    incumbent: PlanResult | None,
 ) -> CandidateRun | float:
     """The run of the best programme, or about the least seconds of its plans where these are likely to lose to the
     incumbent."""

@@ -5,19 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-import numpy as np
-
 from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.request.plan_request import MIN_CLEARANCE_M
-from planner.traffic.conflict_zones import EXTRA_CLEARANCE_M
 from planner.traffic.giving_way import resolve_conflicts
-from planner.traffic.precedence import TrafficRules, schedule_plan
+from planner.traffic.precedence import schedule_plan
 from planner.traffic.trajectories import compute_mission_key
-from strategies.programmes.waiting_places import StandingCheck
+from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
-from vehicle.sim.compile import build_model_record
 from vehicle.sim.incremental import IncrementalSimulator
 
 MAX_ROWS = 5_000_000  # of all cached records: about 300 MB
@@ -27,11 +23,10 @@ BATCH_SIZE = 8  # tractors simulated in one world, with little overhead
 TIMEOUT_FACTOR = 4.0  # times the seconds at the speeds of the legs: bends are driven more slowly
 
 
-def build_standing_check(context: PlanningContext, beside: bool) -> StandingCheck:
-    """Whether a tractor stands in the way of another, as the scheduler sees it."""
-    models = np.array([build_model_record(context.tractor, context.implement)])
-    clearance_m = context.request.clearance_m + EXTRA_CLEARANCE_M
-    return StandingCheck(models, clearance_m, compute_parallel_clearance_m(context, beside))
+def build_clearance_check(context: PlanningContext, beside: bool) -> ClearanceCheck:
+    """How near the tractors of a context may come to one another, as the scheduler sees it."""
+    beside_m = compute_parallel_clearance_m(context, beside)
+    return ClearanceCheck.for_machine(context.tractor, context.implement, context.request.clearance_m, beside_m)
 
 
 def compute_parallel_clearance_m(context: PlanningContext, beside: bool) -> float:
@@ -97,25 +92,22 @@ class SoloRuns:
 
 class FleetDriver:
     """Drives plans of a context, beside each other or not; tractors give way to one another, but not those `at_once`
-    where they begin (planner.traffic.precedence.TrafficRules)."""
+    where they begin (planner.traffic.precedence.schedule_plan)."""
 
     def __init__(self, context: PlanningContext, beside: bool, at_once: frozenset[int] = frozenset()) -> None:
-        machine, clearance_m = (context.tractor, context.implement), context.request.clearance_m
-        beside_m = compute_parallel_clearance_m(context, beside)
         self._time_share = context.time_share
         self._rehearsal = IncrementalSimulator(
-            *machine,
-            stop_clearance_m=clearance_m,
-            beside_clearance_m=beside_m,
+            context.tractor,
+            context.implement,
+            stop_clearance_m=context.request.clearance_m,
+            beside_clearance_m=compute_parallel_clearance_m(context, beside),
             terrain=context.physics.terrain,
             load=context.physics.driven_load,
             position_errors=context.position_errors,
             seed=context.request.seed,
         )
-        self._alone = SoloRuns(self._rehearsal)
-        self._rules = TrafficRules(
-            *machine, clearance_m, beside_m, self._alone, context.trajectory_cache, at_once=at_once
-        )
+        self._alone, self._at_once = SoloRuns(self._rehearsal), at_once
+        self._check, self._cache = build_clearance_check(context, beside), context.trajectory_cache
 
     def measure_alone_s(self, plan: Plan) -> list[float]:
         """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
@@ -135,7 +127,7 @@ class FleetDriver:
     def _schedule(self, plan: Plan, slack: float) -> Plan | None:
         """The plan with gates at which tractors wait for one another."""
         self._time_share.check()
-        return schedule_plan(plan, self._rules, slack)
+        return schedule_plan(plan, self._check, self._alone, self._cache, slack, self._at_once)
 
 
 def compute_planned_s(mission: Mission) -> float:

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
-from planner.evaluation.candidates.fleet_drive import FleetDriver, build_standing_check
+from planner.evaluation.candidates.fleet_drive import FleetDriver, build_clearance_check
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
@@ -39,7 +39,7 @@ from strategies.programmes.order_gates import add_order_gates
 from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import charge_rounds, find_first_tasks, list_stages, stagger_starts
-from strategies.programmes.waiting_places import StandingCheck
+from strategies.programmes.waiting_places import ClearanceCheck
 from strategies.rules.dealing import LineDeal, group_swath_lines
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.split_field import deal_blocks
@@ -261,7 +261,7 @@ def _check_tracks_suffice(context: PlanningContext, tractors: int) -> None:
 def get_formation_site(context: PlanningContext) -> FormationSite:
     """What the formations of a context have in common."""
     return recall(
-        context, FormationSite, lambda: FormationSite(_require_lines(context), build_standing_check(context, True))
+        context, FormationSite, lambda: FormationSite(_require_lines(context), build_clearance_check(context, True))
     )
 
 
@@ -284,7 +284,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     One tractor of a formation may have all; so may all where work goes on: who is near takes what is left.
     """
     moves, supply = _require_lines(context), context.supply
-    stands_in_way = build_standing_check(context, strategy.beside)
+    stands_in_way = build_clearance_check(context, strategy.beside)
     if strategy.deal is None or context.going_on is not None:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
@@ -293,24 +293,21 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
     def list_others(order: str) -> list[LineDeal]:
         """Other deals, where the first makes tractors wait."""
-        if tractors == 1:
-            return []
         if context.going_on is not None:
             return _list_deals_from_here(moves, tractors)
         apart = list_deals_apart(moves.lines, deal.allowed)
         others = [*_list_deals_of_headland(moves, deal.allowed, order, stands_in_way), *apart]
         return [replace(deal, allowed=allowed) for allowed in others]
 
-    def sketch(order: str, dealt: LineDeal = deal, most_left_m2: float = math.inf) -> SketchedPlan:
+    def sketch(order: str, other: LineDeal | None = None, most_left_m2: float = math.inf) -> SketchedPlan:
+        dealt = deal if other is None else other
         allowed, table = wishes.limit(moves.lines, dealt.allowed), MoveTable(moves)
         stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         rounds_s = charge_rounds(table.lines, order)
-        sketched, barred = sketch_one_way_round(
-            partial(sketch_programme, table, tractors, stages, allowed, served_s, stands_in_way, rounds_s),
-            moves,
-        )
+        sketch_tours = partial(sketch_programme, table, tractors, stages, allowed, served_s, stands_in_way, rounds_s)
+        sketched, barred = (sketch_tours(), []) if other is None else sketch_one_way_round(sketch_tours, moves)
 
         def compose(charged_s: Floats = rounds_s, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
             programme = make_programme(
@@ -343,15 +340,15 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
         def sketch_others(left_m2: float) -> list[SketchedPlan]:
             found = list[SketchedPlan]()
-            for other in list_others(order):
+            for following in [deal, *list_others(order)] if tractors > 1 else []:
                 with suppress(StrategyError):
-                    found.append(sketch(order, other, left_m2))
+                    found.append(sketch(order, following, left_m2))
             return found
 
         stops_s = [
             0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
         ]
-        others = sketch_others if dealt is deal else None
+        others = sketch_others if other is None else None
         return SketchedPlan(order, sketched.tractor_s, compose, others, tours=sketched.tours, served_s=stops_s)
 
     return sketch
@@ -369,7 +366,7 @@ def sketch_one_way_round(sketch: Callable[..., Sketch], moves: SiteMoves) -> tup
     return (one_way, barred) if one_way.cost_s <= (1.0 + MODEL_ERROR_SHARE) * free.cost_s else (free, [])
 
 
-def _list_deals_of_headland(moves: SiteMoves, allowed: Flags, order: str, stands_in_way: StandingCheck) -> list[Flags]:
+def _list_deals_of_headland(moves: SiteMoves, allowed: Flags, order: str, stands_in_way: ClearanceCheck) -> list[Flags]:
     """Where a crop stands, the deal by which all are done with the headland together: nobody waits for its end then."""
     if not (moves.site.crop_stands and order == HEADLAND_FIRST):
         return []

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from planner.evaluation.context import PlanningContext
 from planner.request.plan_request import LEAST_FUEL, SUREST
@@ -15,21 +14,6 @@ from reports.common.plan_results import PlanResult
 
 MIN_SWATH_WORK_S = 900.0  # of work on swaths: on smaller fields every plan is simulated, as that is quick
 MIN_TOTAL_WORK_S = 1800.0  # or of work on swaths and headland passes
-
-
-@dataclass(frozen=True)
-class Incumbent:
-    """The quickest feasible plan with as many tractors: its strategy and seconds to finish the field.
-
-    `tractor_s` is the sum over its tractors, each until it is done; `left_factor` by how much both are more than
-    driven, for the ground that it leaves; `keeps_clearance` as in its result.
-    """
-
-    strategy: str
-    finish_s: float
-    tractor_s: float = 0.0
-    left_factor: float = 1.0
-    keeps_clearance: bool = True
 
 
 def prunes_candidates(context: PlanningContext) -> bool:
@@ -49,37 +33,36 @@ def is_worth_pruning(context: PlanningContext) -> bool:
     return swaths_s >= MIN_SWATH_WORK_S or swaths_s + headland_s >= MIN_TOTAL_WORK_S
 
 
-def find_incumbent(results: Iterable[PlanResult]) -> Incumbent | None:
+def find_incumbent(results: Iterable[PlanResult]) -> PlanResult | None:
     """The quickest feasible plan of one number of tractors that works enough of the ground; None without any."""
     feasible = [one for one in results if one.feasible and one.works_enough]
-    if not feasible:
-        return None
-    best = min(feasible, key=lambda one: (not one.keeps_clearance, round(one.finished_field_s, 3), one.strategy))
-    finish_s = best.finished_field_s
-    left_factor = finish_s / best.time_s if best.time_s else 1.0
-    tractor_s = (best.tractor_time_s or 0.0) * left_factor
-    return Incumbent(best.strategy, round(finish_s, 3), round(tractor_s, 3), left_factor, best.keeps_clearance)
+    return min(
+        feasible,
+        key=lambda one: (not one.keeps_clearance, round(one.finished_field_s, 3), one.strategy),
+        default=None,
+    )
 
 
-def estimate_loss_s(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent | None) -> float | None:
+def estimate_loss_s(context: PlanningContext, tractor_s: Sequence[float], incumbent: PlanResult | None) -> float | None:
     """About the least seconds of a plan that is likely to lose, given those of its tractors; None if it might win.
 
     It is taken to leave as much ground. Where risk or cost decides, less time of all tractors together may be enough.
     """
-    if incumbent is None or max(tractor_s) * incumbent.left_factor <= incumbent.finish_s:
+    if incumbent is None or max(tractor_s) * incumbent.left_factor <= incumbent.finished_field_s:
         return None
     uses_criteria = context.criteria is not None and context.criteria.decides_best
-    if uses_criteria and math.fsum(tractor_s) * incumbent.left_factor < incumbent.tractor_s:
+    if uses_criteria and math.fsum(tractor_s) < (incumbent.tractor_time_s or 0.0):
         return None
     return max(tractor_s)
 
 
-def describe_loss(bound_s: float, incumbent: Incumbent) -> str:
+def describe_loss(bound_s: float, incumbent: PlanResult) -> str:
     """Why a candidate is not simulated whose plans all take about so many seconds or more."""
-    return f"skipped: by estimate ({bound_s:.0f} s) it is slower than {incumbent.strategy} ({incumbent.finish_s:.0f} s)"
+    best = f"{incumbent.strategy} ({incumbent.finished_field_s:.0f} s)"
+    return f"skipped: by estimate ({bound_s:.0f} s) it is slower than {best}"
 
 
-def describe_nearness(nearness_m: float, clearance_m: float, incumbent: Incumbent) -> str:
+def describe_nearness(nearness_m: float, clearance_m: float, incumbent: PlanResult) -> str:
     """Why a candidate is not simulated whose tractors would work neighbouring tracks beside each other."""
     return (
         f"with errors of guidance, machines on neighbouring tracks may come within {nearness_m:.2f} m of each other, "
