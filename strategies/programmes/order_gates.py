@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.overlays import intersect
 from strategies.lines.work_line import build_tool_strip
 from strategies.site.site import Site
 from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
@@ -93,6 +94,7 @@ def _iter_waits(waiting: _MissionOrder, awaited: _MissionOrder, *, is_kept: bool
     own, others = (waiting.worked, awaited.driven) if is_kept else (waiting.driven, awaited.worked)
     comes_first = awaited.stages == 0 if is_kept else awaited.is_first
     own, others = np.where(waiting.stages == 1, own, _NOTHING), np.where(comes_first, others, _NOTHING)
-    for leg, other in shapely.STRtree(others).query(own, predicate="intersects").T.tolist():
-        if shapely.area(shapely.intersection(own[leg], others[other])) > 0.0:
-            yield int(waiting.holds[leg]), min(other, awaited.end)
+    pairs = shapely.STRtree(others).query(own, predicate="intersects")
+    is_over = shapely.area(intersect(own[pairs[0]], others[pairs[1]])) > 0.0
+    for leg, other in pairs[:, is_over].T.tolist():
+        yield int(waiting.holds[leg]), min(other, awaited.end)
