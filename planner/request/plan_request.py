@@ -82,6 +82,7 @@ _RAIN_HELP = (
 _FOLD_HELP = "Width of the implement when folded, metres (3); its working width: it does not fold."
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
+_WIDTH = NumberLimits("working width", "m", low=0.5, high=100.0)  # a single furrow, and more than any boom
 _TRANSPORT = NumberLimits("transport width", "m", low=0.1, high=MAX_LENGTH_M)
 _PRICE = NumberLimits(high=MAX_PRICE)
 _SECTIONS = NumberLimits("number of sections", low=1, high=144)  # a boom of 36 m with valves 25 cm apart
@@ -131,7 +132,7 @@ class PlanRequest:
     width_m: Annotated[
         Number,
         OptionHelp("Working width of the implement, metres.", MACHINES, from_farm=True),
-        _LENGTH("working width"),
+        _WIDTH,
     ] = 3.0
     headland_m: Annotated[
         Number | None,

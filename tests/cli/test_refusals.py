@@ -16,9 +16,10 @@ from tests.drawn_fields import feature, point, ring, write_features
 pytestmark = pytest.mark.usefixtures("first_layout")
 
 OPTIONS: list[tuple[str, tuple[str, ...]]] = [
-    ("--width 0", ("--width", "0", "more than 0")),
-    ("--width 500", ("500 m", "26.5 m or less")),
-    ("--width 1e-9", ("20000 tracks",)),
+    ("--width 0", ("--width", "0 m", "0.5 to 100 m")),
+    ("--width 90", ("90 m", "26.5 m or less")),
+    ("--width 0.2", ("0.2 m", "0.5 to 100 m")),
+    ("--width 1e-9", ("1e-09 m", "0.5 to 100 m")),
     ("--headland 0", ("--headland",)),
     ("--headland 1e308", ("1e+308 m", "at most 1000 m")),
     ("--headland 1000", ("1000 m", "headland (--headland) of 27 m")),

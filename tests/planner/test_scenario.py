@@ -76,10 +76,10 @@ class TestClock:
         ({"strategies": ("row-by-rov",)}, "did you mean 'row-by-row'"),
         ({"strategies": ("columns",)}, "'columns' is unknown"),
         ({"turn": "omga"}, "did you mean 'omega'"),
-        ({"width_m": 0.0}, "width_m.* m; use more than 0 and at most 1000 m"),
-        ({"width_m": -1.0}, "width_m.* m; use more than 0 and at most 1000 m"),
+        ({"width_m": 0.0}, "width_m.* m; use 0.5 to 100 m"),
+        ({"width_m": -1.0}, "width_m.* m; use 0.5 to 100 m"),
         ({"width_m": math.nan}, "width_m"),
-        ({"width_m": math.inf}, "width_m. is inf m; use more than 0 and at most 1000 m"),
+        ({"width_m": math.inf}, "width_m. is inf m; use 0.5 to 100 m"),
         ({"tractors": 3}, "tractors is 3; give whole numbers in a tuple"),
         ({"start_s": True}, "start_s is True; give a whole number"),
         ({"gnss_table": "table.csv"}, "gnss_table is used with gnss alone"),
@@ -164,7 +164,7 @@ class TestBlame:
     @pytest.mark.parametrize("name", ["width_m", "headland_m", "radius_m", "price_per_hour", "price_per_tractor"])
     @pytest.mark.parametrize("value", [1e300, math.inf])
     def test_what_is_far_too_large(self, name: str, value: float) -> None:
-        with pytest.raises(RequestError, match=r"; use (more than )?0 ") as caught:
+        with pytest.raises(RequestError, match=r"; use (more than )?0") as caught:
             PlanRequest(**{name: value})
         assert caught.value.parameter == name
 
