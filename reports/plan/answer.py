@@ -140,7 +140,7 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
         if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
             time, money = format_time_span(plan.finishing_s), plan.finishing_cost
             rest = translate(
-                " ({area} left: {time}, {money} more)",
+                " ({area} left, {time} and {money} to finish it)",
                 area=format_area(plan.due_missed_m2),
                 time=time,
                 money=format_money(money, ranking.currency),
@@ -196,7 +196,7 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     values = {"limit": limit, "share": share, "loss": format_money(loss, ranking.currency)}
     if ranking.allowed_s is None:
         return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
-    return translate("Done {limit}: {share} sure; {loss} for late ground included.", **values)
+    return translate("Done {limit}: {share} sure; the cost includes {loss} for ground that is late.", **values)
 
 
 def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:

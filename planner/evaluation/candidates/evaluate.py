@@ -234,7 +234,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
         remarks.append(Remark(Stake.MACHINES, near))
     reverse_m, number = find_longest_reversing(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
-        reversing = f"tractor {number} reverses {reverse_m:.0f} m on one way (headland show PLAN --tractor {number})"
+        reversing = f"tractor {number} reverses {reverse_m:.0f} m at a stretch (headland show PLAN --tractor {number})"
         remarks.append(Remark(Stake.TIME, reversing))
     if stood := {1 + int(number): run.folding_s[number] / MINUTE_S for number in np.flatnonzero(run.folding_s)}:
         tractors, minutes = " and ".join(map(str, stood)), " and ".join(f"{each:.1f}" for each in stood.values())
