@@ -119,23 +119,6 @@ def test_operations_allow_their_orders(operation: str, orders: tuple[str, ...]) 
     assert PlanRequest(operation=operation, no_headland=True).headland_orders == ()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("operation", "kinds"), [("mow", (HEADLAND_PASS, SWATH)), ("sow", (SWATH, HEADLAND_PASS))])
-def test_nobody_goes_on_before_all_are_on_their_last_metres(
-    rectangle: Any, operation: str, kinds: tuple[str, str]
-) -> None:
-    """Mowing leaves no standing crop to turn in, sowing no finished headland to drive over."""
-    run = of(rectangle(operation=operation), "split-field", 2).run
-    assert run is not None
-    numbers = [run.get_leg_numbers(tractor) for tractor in (0, 1)]
-    work = [[leg.task.kind if leg.implement else "" for leg in mission.legs] for mission in run.plan.missions]
-    before, after = kinds
-    begun = [int(np.argmax(own == legs.index(after))) for own, legs in zip(numbers, work, strict=True)]
-    assert min(begun) > 0
-    for own, legs in zip(numbers, work, strict=True):
-        assert legs[own[min(begun)] + 1 :].count(before) <= 1, "it may still wait before the last part of a line"
-
-
 def test_tracks_only_leaves_the_headland(place: Any) -> None:
     site = place(shapely.box(0, 0, 120, 60), no_headland=True)
     result = of(site, "split-field", 1).result
