@@ -20,7 +20,7 @@ from strategies.lines.done_lines import begin_where_tractors_stand, find_orders,
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import shift_pose_ahead
-from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST, ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import Ground, build_ground
 from strategies.site.site import MISSED_FACTOR, FoldedBody, Site
@@ -71,6 +71,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
         crop_stands=crop_stands,
         kept=build_ground(intersect(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
+        standing=_build_standing_ground(context) if crop_stands else None,
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
@@ -82,6 +83,14 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         is_alike=context.physics.terrain is None and not field.ground_zones,
         corner_factor=CORNER_FACTORS.get(context.request.corners, MISSED_FACTOR),
     )
+
+
+def _build_standing_ground(context: PlanningContext) -> Ground | None:
+    """The ground inside the outline, known as deep as the headland; None where that does not come first."""
+    if HEADLAND_FIRST not in context.request.headland_orders:
+        return None
+    outline = shapely.Polygon(context.layout.field.whole_boundary.exterior)
+    return build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)
 
 
 def _build_folded_body(context: PlanningContext) -> FoldedBody | None:

@@ -36,7 +36,6 @@ LEADS_OUT_M = np.array([0.0, 2.0, 5.0, 10.0, -3.0, -7.0])  # straight on before 
 LEADS_IN_M = np.array([2.5, 0.0, 5.0, 10.0, -4.0, -8.0])  # straight before the next line, or back into it
 SAME_S = 0.02  # candidates that take as long as this are one path, built twice
 FARTHEST_M = 60.0  # straights of a plain corner are no longer
-KEPT_DEPTH_M = 0.5  # ground of swaths counts as driven on from so far inside
 CURVED_REVERSE_S = 20.0  # in reverse the rear axle leads, so that an arc falls short: charged so much
 LEAST_TURN = 0.1  # sine of the angle between two lines that one arc joins
 
@@ -202,11 +201,15 @@ def find_forward_path(a: Pose, b: Pose, radius_m: float, speeds: Floats) -> Driv
 
 
 @compile_function
-def weigh_forms(a, forms, numbers, costs, settling, kept_grid, kept_frame, wheels_s_per_m):  # type: ignore[no-untyped-def]
-    """Seconds (k, 3) of some of the forms (n, m, 3) from pose a (3,): as driven, charged, and for settling after."""
+def weigh_forms(a, forms, numbers, costs, settling, kept):  # type: ignore[no-untyped-def]
+    """Seconds (k, 3) of some of the forms (n, m, 3) from pose a (3,): as driven, charged, and for settling after.
+
+    `kept` is what Site.get_kept gives.
+    """
+    grid, frame, depth, wheels_s_per_m = kept
     weights = np.empty((len(numbers), 3))
     for place, k in enumerate(numbers):
-        wheels = measure_length_inside(a, forms[k], kept_grid, kept_frame, KEPT_DEPTH_M)
+        wheels = measure_length_inside(a, forms[k], grid, frame, depth)
         weights[place, 0] = compute_drive_time_s(forms[k], costs)
         weights[place, 1] = compute_awkward_s(forms[k]) + wheels_s_per_m * wheels
         weights[place, 2] = estimate_settling_s(forms[k], settling)

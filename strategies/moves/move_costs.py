@@ -19,8 +19,7 @@ def _find_cost(a, forms, speeds, settling, body, kept):  # type: ignore[no-untyp
     numbers = pick_with_room(a, forms, 1, guide, points, reach, grid, frame, margin)
     if len(numbers) == 0:
         return np.inf, np.inf
-    kept_grid, kept_frame, wheels_s_per_m = kept
-    weights = weigh_forms(a, forms, numbers, speeds, settling, kept_grid, kept_frame, wheels_s_per_m)
+    weights = weigh_forms(a, forms, numbers, speeds, settling, kept)
     return weights.sum(), weights[0, 0]
 
 
@@ -32,7 +31,7 @@ def compute_move_costs(a_poses, places, most_cuts, cuts, cut_s_per_m, driving, b
     ends of lines cut back by pairs of `cuts` (m, 2) below `most_cuts` (k, 2), which begin with none, no farther than
     needed; each metre cut costs and saves `cut_s_per_m` (2,). `driving` are radii, leads out and in, speeds, settling,
     allowed kinds and the limit of reversing as list_closed_forms takes them, `body` is what pick_with_room takes,
-    `kept` the ground of swaths (grid, frame) and what wheels there are charged (s/m).
+    `kept` what Site.get_kept gives.
     """
     radii, outs, ins, speeds, settling, kinds, max_reverse = driving
     costs, pose, goal = np.full((len(a_poses), 2), np.inf), np.empty(3), np.empty(3)

@@ -61,17 +61,27 @@ class MoveFinder:
         return body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M
 
     def list_moves(
-        self, a: Pose, b: Pose, *, leads: bool = True, most: int = MOST_OPTIONS, is_folded: bool = False
+        self,
+        a: Pose,
+        b: Pose,
+        *,
+        leads: bool = True,
+        most: int = MOST_OPTIONS,
+        is_folded: bool = False,
+        passes: int | None = None,
     ) -> list[Move]:
-        """The quickest closed forms from a to b on which the body has room; without `leads` arcs may begin at once."""
-        place, start, kept, site = place_in_frame(a, b), np.array(a), self.site.kept, self.site
+        """The quickest closed forms from a to b on which the body has room; without `leads` arcs may begin at once.
+
+        `passes` of the headland are worked then, all by default: what stands is charged (Site.get_kept).
+        """
+        place, start, kept = place_in_frame(a, b), np.array(a), self.site.get_kept(passes)
         body = self._get_body(is_folded)
         forms, kinds = self._get_forms(place, PLAIN_LEADS if leads else 1)
         numbers = pick_with_room(start, forms, most, *body)
         if leads and not len(numbers):
             forms, kinds = self._get_forms(place, len(LEADS_OUT_M))
             numbers = pick_with_room(start, forms, most, *body)
-        weights = weigh_forms(start, forms, numbers, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
+        weights = weigh_forms(start, forms, numbers, *self._costs, kept)
         return [
             Move(a, forms[k], PATH_KINDS[kinds[k]], *seconds)
             for k, seconds in zip(numbers.tolist(), weights.tolist(), strict=True)
@@ -98,27 +108,30 @@ class MoveFinder:
         searched = None if found else self._search_within(a, b, self.site.rules.max_reverse_m, is_folded=True)
         return found if searched is None else [searched]
 
-    def _build_move(self, a: Pose, rows: Floats, kind: str) -> Move:
+    def _build_move(self, a: Pose, rows: Floats, kind: str, passes: int | None = None) -> Move:
         """The move of rows (k, 3) from a, with its seconds and charges."""
-        site, kept, only = self.site, self.site.kept, np.zeros(1, np.int64)
-        weights = weigh_forms(np.array(a), rows[None], only, *self._costs, kept.grid, kept.frame, site.wheels_s_per_m)
-        drive_s, charge_s, settling_s = weights[0].tolist()
-        charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / site.rules.max_reverse_m - 1.0)
+        only, kept = np.zeros(1, np.int64), self.site.get_kept(passes)
+        drive_s, charge_s, settling_s = weigh_forms(np.array(a), rows[None], only, *self._costs, kept)[0].tolist()
+        max_reverse_m = self.site.rules.max_reverse_m
+        charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / max_reverse_m - 1.0)
         return Move(a, rows, kind, drive_s, charge_s, settling_s)
 
-    def search(self, a: Pose, b: Pose) -> Move | None:
+    def search(self, a: Pose, b: Pose, passes: int | None = None) -> Move | None:
         """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
-        leads on."""
+        leads on. `passes` as in `list_moves`."""
         limits_m = [self.site.rules.max_reverse_m] + [math.inf] * bool(self.site.allowed_kinds[3])
-        return next((move for limit_m in limits_m if (move := self._search_within(a, b, limit_m)) is not None), None)
+        found = (self._search_within(a, b, limit_m, passes=passes) for limit_m in limits_m)
+        return next((move for move in found if move is not None), None)
 
-    def _search_within(self, a: Pose, b: Pose, max_reverse_m: float, is_folded: bool = False) -> Move | None:
+    def _search_within(
+        self, a: Pose, b: Pose, max_reverse_m: float, is_folded: bool = False, passes: int | None = None
+    ) -> Move | None:
         body, start, goal = self._get_body(is_folded), np.array(a), np.array(b)
         how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
         rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, MOST_POSES, *body)
         if seconds == np.inf:
             return None
-        return self._build_move(a, shorten_rows(start, rows, *how, *body), "route")
+        return self._build_move(a, shorten_rows(start, rows, *how, *body), "route", passes)
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
         """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""

@@ -17,6 +17,7 @@ from strategies.path_planning.paths import Pose
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
+from vehicle.missions.plan import HEADLAND_PASS
 
 Floats = npt.NDArray[np.float64]
 Pair = tuple[int, int]
@@ -96,6 +97,17 @@ class MoveEstimates:
         """Seconds of a move that only a search may find, and may not."""
         return DETOUR_FACTOR * float(self.plain_s[u, v]) + DETOUR_S
 
+    def count_passes(self, u: int, v: int) -> int | None:
+        """How many passes of the headland are worked, from the edge on, when a move is made; None for all.
+
+        Into a crop that stands the way in leads to the first of them, and from each on to the next.
+        """
+        gate = len(self.ends) - 1
+        line = None if gate in (u, v) and u != gate else self.lines[(v if u == gate else u) // 2]
+        if line is None or line.group[0] != HEADLAND_PASS:
+            return None
+        return 0 if u == gate else line.task.number
+
     def _estimate_raised_s(self, pairs: npt.NDArray[np.int64]) -> Floats:
         """Seconds (k, 2), charged and as driven, of moves with the implement up; infinite where only a search may find
         one."""
@@ -103,10 +115,14 @@ class MoveEstimates:
         limits = site.allowed_kinds, site.rules.max_reverse_m
         lengths_m = [line.measure_path_m(way) for line in self.lines for way in (0, 1)]
         most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
-        kept, found_s = site.kept, np.empty((len(pairs), 2))
+        found_s = np.empty((len(pairs), 2))
+        passes = np.array([self.count_passes(u, v) for u, v in pairs.tolist()], object)
         a_poses, b_poses = np.array(self.ends)[pairs[:, 0]], np.array(self.begins)[pairs[:, 1]]
         at_gate = (pairs == len(self.ends) - 1).any(axis=1)
-        for ground, folds, here in ((site.ground, False, ~at_gate), (site.at_gate.ground, site.folds_at_gate, at_gate)):
+        for is_at_gate, worked in dict.fromkeys(zip(at_gate.tolist(), passes, strict=True)):
+            here = (at_gate == is_at_gate) & (passes == worked)
+            ground = site.at_gate.ground if is_at_gate else site.ground
+            folds = is_at_gate and site.folds_at_gate
             body = site.get_body(folds)
             found_s[here] = site.get_fold_s(folds) + compute_move_costs(
                 a_poses[here],
@@ -116,7 +132,7 @@ class MoveEstimates:
                 np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
                 (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
                 (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
-                (kept.grid, kept.frame, site.wheels_s_per_m),
+                site.get_kept(worked),
             )
         return found_s
 

@@ -179,21 +179,21 @@ class SiteMoves:
         a, b = self.ends[u], self.begins[v]
         if self._must_fold(u, v):
             return list(self.list_folded_moves(u, v))
-        options = self._get_finder(u, v).list_moves(a, b)
+        options = self._get_finder(u, v).list_moves(a, b, passes=self.estimates.count_passes(u, v))
         if self.gate not in (u, v):
             p, q = self.lines[u // 2], self.lines[v // 2]
             options += list_work_moves(self.site, self.finder, p, u % 2, q, v % 2)
         return sorted(options, key=attrgetter("cost_s"))
 
     def _list_cut_moves(self, u: int, v: int, beyond_m: float) -> list[Move]:
-        found = list[Move]()
+        found, passes = list[Move](), self.estimates.count_passes(u, v)
         for _, cuts in groupby((cut for cut in CUTS_M if sum(cut) > beyond_m), key=sum):
             ends = [(cut, self._cut_ends(u, v, *cut)) for cut in cuts]
             found += [
                 self.charge_cuts(move, *cut)
                 for cut, poses in ends
                 if poses is not None
-                for move in self.finder.list_moves(*poses, most=2)
+                for move in self.finder.list_moves(*poses, most=2, passes=passes)
             ]
             if found:
                 break
@@ -202,12 +202,13 @@ class SiteMoves:
     def _search(self, u: int, v: int) -> Move | None:
         if self._must_fold(u, v):
             return None
-        found = self._get_finder(u, v).search(self.ends[u], self.begins[v])
+        passes = self.estimates.count_passes(u, v)
+        found = self._get_finder(u, v).search(self.ends[u], self.begins[v], passes)
         radius_m = self.site.rules.radius_m
         ends = None if found is not None or self.gate in (u, v) else self._cut_ends(u, v, radius_m, radius_m)
         if ends is None:
             return found
-        found = self.finder.search(*ends)
+        found = self.finder.search(*ends, passes)
         return None if found is None else self.charge_cuts(found, radius_m, radius_m)
 
     def _cut_ends(self, u: int, v: int, leave_m: float, join_m: float) -> tuple[Pose, Pose] | None:

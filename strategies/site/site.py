@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from fields.layout.headland_passes import HeadlandPass
@@ -21,6 +22,7 @@ from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 
 MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
+KEPT_DEPTH_M = 0.5  # ground counts as driven on from so far inside
 LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes back for it, as for no tip of a corner
 Drive = Callable[[Plan], SimulationRun]
 """Simulates tractors that pass each other by, each as if it were alone, without errors of position."""
@@ -48,6 +50,7 @@ class Site:
         gate_grounds: both on the way in or out, with the lane through the entrance; None without one.
         crop_stands: whether a crop stands that must not be driven over before it is worked.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
+        standing: the ground inside the outline, where a machine works its way into a crop that stands.
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
         turn_kinds: kinds of turns that may be driven.
         lane: through the entrance, None without one; `folds_at_gate` is whether it is too narrow for the implement.
@@ -68,6 +71,7 @@ class Site:
     gate_grounds: tuple[Ground, Ground] | None
     crop_stands: bool
     kept: Ground
+    standing: Ground | None
     wheels_s_per_m: float
     axle_m: float
     bar_m: float
@@ -78,6 +82,14 @@ class Site:
     drive_level: Drive
     is_alike: bool
     corner_factor: float = MISSED_FACTOR
+
+    def get_kept(self, passes: int | None = None) -> tuple[npt.NDArray[np.float32], Floats, float, float]:
+        """Where wheels are charged when so many headland passes are worked, all by default, for compiled functions:
+        grid and frame, how deep inside (m), and the charge (s/m)."""
+        if passes is None or self.standing is None:
+            return self.kept.grid, self.kept.frame, KEPT_DEPTH_M, self.wheels_s_per_m
+        depth_m = passes * self.width_m + KEPT_DEPTH_M
+        return self.standing.grid, self.standing.frame, depth_m, self.wheels_s_per_m
 
     @property
     def back_m(self) -> float:
