@@ -22,19 +22,26 @@ Floats = npt.NDArray[np.float64]
 def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None = None) -> list[Bools]:
     """Deals (tractors, lines) after one in which several may work the same, where they meet less and less.
 
-    First every side of the headland is one tractor's in all passes: the ring along the edge is cut into stretches,
-    equal by length, and rings round obstacles are whole; each is the tractor's that is near, by the `places` (tractors,
-    2) where they stand, else by their swaths. Where the ring has fewer sides than there are tractors, or one of them
-    neither place nor swaths, its sides are for all. Then the swaths that several may work are dealt too. What is left
-    of a field without swaths is dealt no further.
+    First headland is dealt in stretches, then the swaths that several may work are dealt too, by the `places`
+    (tractors, 2) where tractors stand. What is left of a field without swaths is dealt no further.
     """
-    deals, rings = [allowed], list_rings(lines)
-    is_placed = places is not None or all(_list_swaths(lines, own) for own in allowed)
-    if is_placed and rings and len(rings[0]) >= len(allowed):
-        homes = find_swath_middles(lines, allowed) if places is None else places
-        deals.append(_deal_rings(lines, allowed, rings, homes))
-    deals.append(_part_swaths(lines, deals[-1], places))
+    sides = deal_sides(lines, allowed, places)
+    deals = [allowed, sides, _part_swaths(lines, sides, places)]
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
+
+
+def deal_sides(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None = None) -> Bools:
+    """The deal in which every side of the headland is one tractor's in all passes.
+
+    The ring along the edge is cut into stretches, equal by length, and rings round obstacles are whole; each is the
+    tractor's that is near, by the `places` (tractors, 2) where they stand, else by their swaths. Where the ring has
+    fewer sides than there are tractors, or one of them neither place nor swaths, its sides are as dealt before.
+    """
+    rings = list_rings(lines)
+    is_placed = places is not None or all(_list_swaths(lines, own) for own in allowed)
+    if not (is_placed and rings and len(rings[0]) >= len(allowed)):
+        return allowed
+    return _deal_rings(lines, allowed, rings, find_swath_middles(lines, allowed) if places is None else places)
 
 
 def deal_tours(allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
+from planner.evaluation.candidates.fleet_deals import find_tidier, list_other_deals, sketch_tidily
 from planner.evaluation.candidates.fleet_drive import FleetDriver, build_clearance_check
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
@@ -23,13 +24,6 @@ from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
 from strategies.formations.formation_site import FormationSite
-from strategies.lines.deal_apart import (
-    deal_tours,
-    find_near_blocks,
-    find_swath_middles,
-    list_deals_apart,
-    list_other_way_round,
-)
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -39,12 +33,10 @@ from strategies.programmes.order_gates import add_order_gates
 from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import charge_rounds, find_first_tasks, list_stages, stagger_starts
-from strategies.programmes.waiting_places import ClearanceCheck
-from strategies.rules.dealing import LineDeal, group_swath_lines
+from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
-from strategies.split_field import deal_blocks
 from strategies.strategy_record import Strategy
-from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH, Plan
+from vehicle.missions.plan import REFILL, SWATH, Plan
 
 Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -291,23 +283,22 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     wishes = _settle_wishes(context, tractors)
 
-    def list_others(order: str) -> list[LineDeal]:
-        """Other deals, where the first makes tractors wait."""
-        if context.going_on is not None:
-            return _list_deals_from_here(moves, tractors)
-        apart = list_deals_apart(moves.lines, deal.allowed)
-        others = [*_list_deals_of_headland(moves, deal.allowed, order, stands_in_way), *apart]
-        return [replace(deal, allowed=allowed) for allowed in others]
+    goes_on = context.going_on is not None
 
     def sketch(order: str, other: LineDeal | None = None, most_left_m2: float = math.inf) -> SketchedPlan:
-        dealt = deal if other is None else other
-        allowed, table = wishes.limit(moves.lines, dealt.allowed), MoveTable(moves)
+        dealt, table = deal if other is None else other, MoveTable(moves)
         stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
         rounds_s = charge_rounds(table.lines, order)
-        sketch_tours = partial(sketch_programme, table, tractors, stages, allowed, served_s, stands_in_way, rounds_s)
-        sketched, barred = (sketch_tours(), []) if other is None else sketch_one_way_round(sketch_tours, moves)
+
+        def sketch_tours(allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
+            may = wishes.limit(moves.lines, allowed)
+            return sketch_programme(table, tractors, stages, may, served_s, stands_in_way, rounds_s, barred)
+
+        tidier = find_tidier(moves, deal, goes_on=goes_on) if other is None else other.allowed
+        sketched, dealt_lines, barred = sketch_tidily(sketch_tours, moves, dealt.allowed, tidier)
+        allowed = wishes.limit(moves.lines, dealt_lines)
 
         def compose(charged_s: Floats = rounds_s, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
             programme = make_programme(
@@ -340,7 +331,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
         def sketch_others(left_m2: float) -> list[SketchedPlan]:
             found = list[SketchedPlan]()
-            for following in [deal, *list_others(order)] if tractors > 1 else []:
+            for following in list_other_deals(sketch_tours, moves, deal, order, goes_on=goes_on):
                 with suppress(StrategyError):
                     found.append(sketch(order, following, left_m2))
             return found
@@ -354,31 +345,6 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
     return sketch
 
 
-def sketch_one_way_round(sketch: Callable[..., Sketch], moves: SiteMoves) -> tuple[Sketch, list[int]]:
-    """A sketch, and the nodes that are barred in it so that all go round the field one way.
-
-    That is the way that most of the headland is driven without it; none are barred where it is clearly dearer.
-    """
-    free = sketch()
-    starts = {node // 2 for node in moves.starts}
-    barred = [node for node in list_other_way_round(moves.lines, free.tours) if node // 2 not in starts]
-    one_way = sketch(barred=barred) if barred else free
-    return (one_way, barred) if one_way.cost_s <= (1.0 + MODEL_ERROR_SHARE) * free.cost_s else (free, [])
-
-
-def _list_deals_of_headland(moves: SiteMoves, allowed: Flags, order: str, stands_in_way: ClearanceCheck) -> list[Flags]:
-    """Where a crop stands, the deal by which all are done with the headland together: nobody waits for its end then."""
-    if not (moves.site.crop_stands and order == HEADLAND_FIRST):
-        return []
-    is_headland = [line.task.kind == HEADLAND_PASS for line in moves.lines]
-    stages = list_stages(moves.site, moves.lines, order)
-    rounds_s = charge_rounds(moves.lines, order)
-    on_it = sketch_programme(
-        MoveTable(moves), len(allowed), stages, allowed & is_headland, None, stands_in_way, rounds_s
-    )
-    return [deal_tours(allowed, on_it.tours)]
-
-
 def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
     """What is wanted of the lines of a context; where work goes on of those that are left, whoever works them."""
     wishes = context.request.line_wishes
@@ -386,32 +352,6 @@ def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
         return replace(wishes, given=())
     wishes.check(get_site_moves(context).lines, tractors, max(context.request.tractors))
     return wishes
-
-
-def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[LineDeal]:
-    """Deals of what is left: as it was dealt before, in that order and in any, then each part the tractor's that
-    stands near.
-
-    What was nobody's before comes last in that order. There are none for one tractor.
-    """
-    if tractors == 1:
-        return []
-    free = np.ones((tractors, len(moves.lines)), bool)
-    before, places = free.copy(), np.full(len(moves.lines), len(moves.lines))
-    for tractor, order in enumerate(moves.orders):
-        lines = [node // 2 for node in order]
-        before[:, lines], before[tractor, lines] = False, True
-        places[lines] = range(len(lines))
-    ends = np.array(moves.ends)[:, :2]
-    entrance = ends[:-1].mean(axis=0) if moves.site.lane is None else ends[-1]  # without one it may begin anywhere
-    stands = np.array([*ends[list(moves.starts)], *[entrance] * (tractors - len(moves.starts))])
-    if len(group_swath_lines(moves.lines)) < tractors:
-        deals = list_deals_apart(moves.lines, free, stands)
-    else:
-        blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
-        near = find_near_blocks(find_swath_middles(moves.lines, blocks), stands)
-        deals = [deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks))]
-    return [LineDeal(before, places=places.tolist()), *map(LineDeal, (before, *deals))]
 
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:

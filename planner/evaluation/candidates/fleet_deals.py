@@ -1,0 +1,97 @@
+"""How lines are dealt to a fleet beside what its strategy says: tidier, by who stands near, so that fewer wait."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.common.plan_results import MODEL_ERROR_SHARE
+from strategies.lines.deal_apart import (
+    deal_sides,
+    deal_tours,
+    find_near_blocks,
+    find_swath_middles,
+    list_deals_apart,
+    list_other_way_round,
+)
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.programme import Sketch
+from strategies.programmes.site_moves import SiteMoves
+from strategies.rules.dealing import LineDeal, group_swath_lines
+from strategies.split_field import deal_blocks
+from vehicle.missions.plan import HEADLAND_PASS
+
+Flags = npt.NDArray[np.bool_]
+SketchDeal = Callable[[Flags, Sequence[int]], Sketch]
+"""Sketches tours by a deal of lines, with some nodes barred."""
+
+
+def sketch_tidily(
+    sketch: SketchDeal, moves: SiteMoves, allowed: Flags, tidier: Flags | None
+) -> tuple[Sketch, Flags, list[int]]:
+    """A sketch by a tidier deal in which all go round the field one way, with the deal and the nodes barred for that.
+
+    The way is that in which most of the headland is driven without it. Where it is clearly dearer, or there is no
+    tidier deal, the sketch is by the deal `allowed`, either way round.
+    """
+    free = sketch(allowed, ())
+    if tidier is None:
+        return free, allowed, []
+    starts = {node // 2 for node in moves.starts}
+    barred = [node for node in list_other_way_round(moves.lines, free.tours) if node // 2 not in starts]
+    tidy = sketch(tidier, barred)
+    return (tidy, tidier, barred) if tidy.cost_s <= (1.0 + MODEL_ERROR_SHARE) * free.cost_s else (free, allowed, [])
+
+
+def find_tidier(moves: SiteMoves, deal: LineDeal, *, goes_on: bool) -> Flags | None:
+    """The deal of a fleet by which every side of the headland is one tractor's; None where there is none.
+
+    There is none for tractors that go on where they stand.
+    """
+    sides = deal.allowed if goes_on or len(deal.allowed) == 1 else deal_sides(moves.lines, deal.allowed)
+    return None if sides is deal.allowed else sides
+
+
+def list_other_deals(
+    sketch: SketchDeal, moves: SiteMoves, deal: LineDeal, order: str, *, goes_on: bool
+) -> list[LineDeal]:
+    """What is tried where a deal makes the tractors of a fleet wait, itself with one way round first.
+
+    Where a crop stands the next is that by which all are done with the headland together: nobody waits for its end.
+    """
+    if len(deal.allowed) == 1:
+        return []
+    if goes_on:
+        return [deal, *_list_deals_from_here(moves, len(deal.allowed))]
+    others = list_deals_apart(moves.lines, deal.allowed)
+    if moves.site.crop_stands and order == HEADLAND_FIRST:
+        is_headland = [line.task.kind == HEADLAND_PASS for line in moves.lines]
+        others.insert(0, deal_tours(deal.allowed, sketch(deal.allowed & is_headland, ()).tours))
+    return [deal, *(replace(deal, allowed=allowed) for allowed in others)]
+
+
+def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[LineDeal]:
+    """Deals of what is left: as it was dealt before, in that order and in any, then each part the tractor's that
+    stands near.
+
+    What was nobody's before comes last in that order.
+    """
+    free = np.ones((tractors, len(moves.lines)), bool)
+    before, places = free.copy(), np.full(len(moves.lines), len(moves.lines))
+    for tractor, order in enumerate(moves.orders):
+        lines = [node // 2 for node in order]
+        before[:, lines], before[tractor, lines] = False, True
+        places[lines] = range(len(lines))
+    ends = np.array(moves.ends)[:, :2]
+    entrance = ends[:-1].mean(axis=0) if moves.site.lane is None else ends[-1]  # without one it may begin anywhere
+    stands = np.array([*ends[list(moves.starts)], *[entrance] * (tractors - len(moves.starts))])
+    if len(group_swath_lines(moves.lines)) < tractors:
+        deals = list_deals_apart(moves.lines, free, stands)
+    else:
+        blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
+        near = find_near_blocks(find_swath_middles(moves.lines, blocks), stands)
+        deals = [deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks))]
+    return [LineDeal(before, places=places.tolist()), *map(LineDeal, (before, *deals))]
