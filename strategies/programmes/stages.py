@@ -16,7 +16,7 @@ from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegGate, LegTask, Missio
 
 Floats = npt.NDArray[np.float64]
 
-ROUND_S = 60.0  # charged for a move back to a headland pass that was left
+ROUND_S = 120.0  # charged for a move that leaves the order of passes: it saves the way over what is finished
 
 
 def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
@@ -66,18 +66,24 @@ def _works_way_in(site: Site, order: str) -> bool:
 
 
 def charge_rounds(lines: Sequence[WorkLine], order: str) -> Floats:
-    """Seconds (n + 1, n + 1) that moves between nodes are charged: ROUND_S back to a headland pass that was left.
+    """Seconds (n + 1, n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
-    machine is at the tracks when they begin, else from the inside out.
+    machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
+    another with the first.
     """
-    nests = np.full(len(lines), -1)
+    nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
     for nest, ring in enumerate(list_rings(lines)):
-        nests[[number for side in ring for number in side]] = nest
-    places = np.array([line.task.number or 0 for line in lines]) * (1 if order == HEADLAND_FIRST else -1)
-    goes_back = (nests[:, None] == nests) & (nests >= 0) & (places[:, None] > places)
+        numbers = [number for side in ring for number in side]
+        passes = {lines[number].task.number or 0 for number in numbers}
+        by_place = sorted(passes, reverse=order != HEADLAND_FIRST)
+        nests[numbers] = nest
+        places[numbers] = [by_place.index(lines[number].task.number or 0) for number in numbers]
+    goes_back = (nests[:, None] == nests) & (places[:, None] > places)
+    begins_late = (nests[:, None] >= 0) & (nests[:, None] != nests) & (places > 0)
+    is_charged = (nests >= 0) & (goes_back | begins_late)
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
-    charged_s[:-1, :-1] = ROUND_S * np.kron(goes_back, np.ones((2, 2)))
+    charged_s[:-1, :-1] = ROUND_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
 
 

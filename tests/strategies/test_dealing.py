@@ -163,19 +163,23 @@ def list_gates(plan: Plan) -> dict[tuple[int, int], list[LegGate]]:
     return {(t, n): list(leg.gates) for t, m in enumerate(plan.missions) for n, leg in enumerate(m.legs) if leg.gates}
 
 
-def test_going_back_to_a_round_that_was_left_is_charged() -> None:
-    """Three rings round a field, one round a hole, a track; a side of each."""
+def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
+    """Three rings round a field, two round a hole, a track; a side of each."""
     rings = [draw_ring(number, 3.0 * number, 120.0 - 3.0 * number, number) for number in (1, 2, 3)]
-    around = [replace(line, group=(HOLE_PASS, 1)) for line in draw_ring(1, 50.0, 60.0, 0)]
-    lines = [*(side for ring in rings for side in ring), *around, draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0))]
-    one, two, three, hole, swath = (2 * number for number in (0, 4, 8, 12, 16))
+    around = [draw_ring(number, 50.0 - 3.0 * number, 60.0 + 3.0 * number, 9) for number in (1, 2)]
+    lines = [*(side for ring in (*rings, *around) for side in ring)]
+    lines.append(draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0)))
+    one, two, three, near, away, swath, gate = (*(2 * number for number in (0, 4, 8, 12, 16, 20)), -1)
     charged_s = charge_rounds(lines, "first")
-    assert charged_s.shape == (35, 35)
-    assert charged_s[two, one] == charged_s[three, one] == charged_s[three + 1, two] == ROUND_S
-    assert charged_s[one, two] == charged_s[one, one + 2] == 0.0, "from the outside in"
-    assert not charged_s[[hole, swath, -1]].any() and not charged_s[:, [hole, swath, -1]].any()
-    other_s = charge_rounds(lines, "last")
-    assert (other_s == charged_s.T).all(), "else from the inside out"
+    assert charged_s.shape == (43, 43) and set(charged_s.ravel()) == {0.0, ROUND_S}
+    free = [(one, two), (one, three), (one, one + 2), (near, away), (away, one), (swath, two), (swath, away)]
+    assert not any(charged_s[pair] for pair in free), "from the outside in, and from another nest to the first"
+    charged = [(two, one), (three, two + 1), (three, one), (away, near), (one, away), (near, two)]
+    assert all(charged_s[pair] for pair in charged)
+    assert not charged_s[:, [swath, gate]].any() and not charged_s[[swath, gate]].any()
+    inside_out_s = charge_rounds(lines, "last")
+    assert not any(inside_out_s[pair] for pair in [(three, two), (two, one), (away, near), (one, away), (near, three)])
+    assert all(inside_out_s[pair] for pair in [(two, three), (one, three), (one, near), (near, away), (near, two)])
 
 
 def test_sides_that_are_driven_against_the_others() -> None:
