@@ -248,7 +248,7 @@ def _describe_counting(ranking: PlanRanking) -> str:
         return ""
     count = format_tractor_count(ranking.priced_tractors)
     return translate(
-        "Counted by time alone; by the assumed price it would be {tractors} (--price-per-hour).", tractors=count
+        "By time alone; by the assumed price it would be {tractors} (--price-per-hour).", tractors=count
     )
 
 

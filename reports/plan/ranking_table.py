@@ -60,7 +60,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     answer, title = write_answer(ranking), ""
     certainty = " ".join(filter(None, (answer.work, answer.certainty)))
     must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
-    others = tuple(filter(None, (certainty if answer.verdict else "", answer.alternatives, answer.counting)))
+    others = tuple(filter(None, (certainty if answer.verdict else "", answer.counting, answer.alternatives)))
     faults = (answer.question, *answer.faults) if answer.question else answer.faults
     if not ranking.shortfalls:
         name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
