@@ -247,9 +247,7 @@ def _describe_counting(ranking: PlanRanking) -> str:
     if ranking.priced_tractors is None:
         return ""
     count = format_tractor_count(ranking.priced_tractors)
-    return translate(
-        "By time alone; by the assumed price it would be {tractors} (--price-per-hour).", tractors=count
-    )
+    return translate("By time alone; by the assumed price it would be {tractors} (--price-per-hour).", tractors=count)
 
 
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:

@@ -126,7 +126,7 @@ def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_tak
     plans = build_plan(1, 90.0, 50.0), build_plan(2, 50.0, 60.0), build_plan(3, 40.0, 75.0)
     ranking = PlanRanking("f", 1.0, 1, plans, currency="EUR", prices_assumed=True)
     said = write_answer(ranking).counting
-    assert said == "Counted by time alone; by the assumed price it would be 1 tractor (--price-per-hour)."
+    assert said == "By time alone; by the assumed price it would be 1 tractor (--price-per-hour)."
     assert said in write_answer(ranking).list_sentences()
     assert write_answer(replace(ranking, prices_assumed=False)).counting == ""
     same = replace(plans[2], cost=49.0, finished_cost=49.0)
