@@ -196,7 +196,7 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     values = {"limit": limit, "share": share, "loss": format_money(loss, ranking.currency)}
     if ranking.allowed_s is None:
         return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
-    return translate("Done {limit}: {share} sure; the cost includes {loss} for ground that is late.", **values)
+    return translate("Done {limit}: {share} sure; the cost includes {loss} for the risk of late ground.", **values)
 
 
 def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:

@@ -175,7 +175,7 @@ def _describe_not_simulated(ranking: PlanRanking, plans: Sequence[PlanResult]) -
         return translate("{count} not simulated as others are better (--all)", count=worse_count) if plans else ""
     values = {"near": near_count, "distance": format_width(ranking.scenario["clearance_m"])}
     if not worse_count:
-        return translate("{near} not simulated as tractors may come nearer than {distance} (--all)", **values)
+        return translate("{near} other plans, whose tractors may come nearer than {distance} (--all)", **values)
     return translate(
         "{count} not simulated as others are better, {near} as tractors may come nearer than {distance} (--all)",
         count=worse_count,
