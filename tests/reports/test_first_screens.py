@@ -112,11 +112,11 @@ def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain
 
 def test_what_is_not_simulated_is_counted_by_its_reason() -> None:
     worse, near = (plan for plan in REFUSED if not plan.is_simulated)
-    near_told = "as tractors may come nearer than 0.5 m (--all)"
+    near_told = "tractors may come nearer than 0.5 m (--all)"
     for plans, told in (
         ((worse,), "1 not simulated as others are better (--all)"),
-        ((near, near), f"2 not simulated {near_told}"),
-        ((near, worse, near), f"1 not simulated as others are better, 2 {near_told}"),
+        ((near, near), f"2 other plans, whose {near_told}"),
+        ((near, worse, near), f"1 not simulated as others are better, 2 as {near_told}"),
     ):
         ranking = replace(RANKINGS["default"], plans=(*PLANS, *plans))
         assert count_other_plans(ranking, PLANS) == [f"Not shown: {told}."]

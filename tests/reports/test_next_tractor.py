@@ -59,7 +59,7 @@ def test_what_is_saved_and_paid_counts_the_ground_that_is_left() -> None:
     whole = build_plan(1, 60.0, 50.0, 99.8)
     assert write_alternatives(whole, left) == "1 tractor; a second saves 2 min for 7 EUR, 86.2 % worked."
     shown = replace(PlanRanking("f", 1.0, 1, (left,)), currency="EUR")
-    assert write_answer(shown).work == "86.2 % worked (0.14 ha left: 8 min, 12 EUR more)."
+    assert write_answer(shown).work == "86.2 % worked (0.14 ha left, 8 min and 12 EUR to finish it)."
     little = replace(left, finished_s=3059.0)  # 59 s of 50 min are less than 2 %
     assert write_answer(replace(shown, plans=(little,))).work == "86.2 % worked."
 
