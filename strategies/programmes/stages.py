@@ -65,12 +65,12 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
-def charge_rounds(lines: Sequence[WorkLine], order: str) -> Floats:
+def charge_rounds(lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
     """Seconds (n + 1, n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
     machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
-    another with the first.
+    another with the first. For a tractor that `is_alone`, and so works them all, they follow on tracks so too.
     """
     nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
     for nest, ring in enumerate(list_rings(lines)):
@@ -80,7 +80,7 @@ def charge_rounds(lines: Sequence[WorkLine], order: str) -> Floats:
         nests[numbers] = nest
         places[numbers] = [by_place.index(lines[number].task.number or 0) for number in numbers]
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
-    begins_late = (nests[:, None] >= 0) & (nests[:, None] != nests) & (places > 0)
+    begins_late = (is_alone | (nests[:, None] >= 0)) & (nests[:, None] != nests) & (places > 0)
     is_charged = (nests >= 0) & (goes_back | begins_late)
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     charged_s[:-1, :-1] = ROUND_S * np.kron(is_charged, np.ones((2, 2)))

@@ -170,14 +170,17 @@ def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     lines = [*(side for ring in (*rings, *around) for side in ring)]
     lines.append(draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0)))
     one, two, three, near, away, swath, gate = (*(2 * number for number in (0, 4, 8, 12, 16, 20)), -1)
-    charged_s = charge_rounds(lines, "first")
+    charged_s = charge_rounds(lines, "first", is_alone=False)
     assert charged_s.shape == (43, 43) and set(charged_s.ravel()) == {0.0, ROUND_S}
     free = [(one, two), (one, three), (one, one + 2), (near, away), (away, one), (swath, two), (swath, away)]
     assert not any(charged_s[pair] for pair in free), "from the outside in, and from another nest to the first"
     charged = [(two, one), (three, two + 1), (three, one), (away, near), (one, away), (near, two)]
     assert all(charged_s[pair] for pair in charged)
     assert not charged_s[:, [swath, gate]].any() and not charged_s[[swath, gate]].any()
-    inside_out_s = charge_rounds(lines, "last")
+    alone_s = charge_rounds(lines, "first", is_alone=True)
+    assert all(alone_s[pair] for pair in [(swath, two), (swath, away)]) and not alone_s[swath, one]
+    assert (np.delete(alone_s, [swath, swath + 1], axis=0) == np.delete(charged_s, [swath, swath + 1], axis=0)).all()
+    inside_out_s = charge_rounds(lines, "last", is_alone=False)
     assert not any(inside_out_s[pair] for pair in [(three, two), (two, one), (away, near), (one, away), (near, three)])
     assert all(inside_out_s[pair] for pair in [(two, three), (one, three), (one, near), (near, away), (near, two)])
 

@@ -290,7 +290,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
-        rounds_s = charge_rounds(table.lines, order)
+        rounds_s = charge_rounds(table.lines, order, is_alone=tractors == 1)
 
         def sketch_tours(allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
             may = wishes.limit(moves.lines, allowed)
