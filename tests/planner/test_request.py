@@ -52,7 +52,7 @@ def test_the_api_has_every_option_with_its_default_and_help() -> None:
     for name, option in OPTIONS.items():
         assert model.model_fields[name].default == option.default, name
         assert properties[name]["description"] == option.format_help(strip_unit, for_api=True), name
-    assert (properties["width"]["exclusiveMinimum"], properties["width"]["maximum"]) == (0.0, 1000.0)
+    assert (properties["width"]["minimum"], properties["width"]["maximum"]) == (0.5, 100.0)
     assert properties["objective"]["enum"] == ["fastest", "cheapest", "surest", "fuel", None]
 
 
