@@ -58,7 +58,8 @@ def list_other_way_round(lines: Sequence[WorkLine], tours: Sequence[Sequence[int
 
     Sides that may be driven only one way are none of them.
     """
-    sides = {number for ring in list_rings(lines)[:1] for side in ring for number in side if lines[number].both_ways}
+    numbers = [number for ring in list_rings(lines)[:1] for side in ring for number in side]
+    sides = {number for number in numbers if lines[number].is_side and lines[number].both_ways}
     lengths_m = [0.0, 0.0]
     for node in (node for tour in tours for node in tour if node // 2 in sides):
         lengths_m[node % 2] += lines[node // 2].length_m

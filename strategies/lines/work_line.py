@@ -13,7 +13,7 @@ import shapely
 
 from strategies.path_planning.paths import Pose
 from vehicle.arrays import measure_along
-from vehicle.missions.plan import LegTask
+from vehicle.missions.plan import HEADLAND_PASS, LegTask
 
 Floats = npt.NDArray[np.float64]
 
@@ -93,6 +93,11 @@ class WorkLine:
     def is_place(self) -> bool:
         """Whether it is only where a tractor stands, and no work."""
         return not self.task.is_work
+
+    @property
+    def is_side(self) -> bool:
+        """Whether it is a side of a headland pass, round the field or round a hole."""
+        return self.group[0] in (HEADLAND_PASS, HOLE_PASS)
 
     @property
     def length_m(self) -> float:

@@ -87,7 +87,7 @@ class MoveFinder:
             for k, seconds in zip(numbers.tolist(), weights.tolist(), strict=True)
         ]
 
-    def list_folded_moves(self, a: Pose, b: Pose) -> list[Move]:
+    def list_folded_moves(self, a: Pose, b: Pose, passes: int | None = None) -> list[Move]:
         """Moves with the implement folded, in closed form, else by search; none where it does not fold.
 
         To unfold beside an edge a machine has to stand straight: some drive on along the line of b and back up to it.
@@ -95,17 +95,17 @@ class MoveFinder:
         site = self.site
         if site.folded is None:
             return []
-        found = self._find_folded(a, b)
+        found = self._find_folded(a, b, passes)
         if site.allowed_kinds[3]:
             on_m = site.rules.radius_m  # as far again the tractor needs to come into line with its implement
             straighten = np.array([[on_m, 0.0, 1.0], [2.0 * on_m, 0.0, -1.0]])
-            beyond = self._find_folded(a, shift_pose_ahead(b, on_m))
-            found += [self._build_move(a, np.concatenate((one.rows, straighten)), one.kind) for one in beyond]
+            beyond = self._find_folded(a, shift_pose_ahead(b, on_m), passes)
+            found += [self._build_move(a, np.concatenate((one.rows, straighten)), one.kind, passes) for one in beyond]
         return [replace(move, drive_s=move.drive_s + 2.0 * site.get_fold_s(True), is_folded=True) for move in found]
 
-    def _find_folded(self, a: Pose, b: Pose) -> list[Move]:
-        found = self.list_moves(a, b, is_folded=True)
-        searched = None if found else self._search_within(a, b, self.site.rules.max_reverse_m, is_folded=True)
+    def _find_folded(self, a: Pose, b: Pose, passes: int | None) -> list[Move]:
+        found = self.list_moves(a, b, is_folded=True, passes=passes)
+        searched = None if found else self._search_within(a, b, self.site.rules.max_reverse_m, True, passes)
         return found if searched is None else [searched]
 
     def _build_move(self, a: Pose, rows: Floats, kind: str, passes: int | None = None) -> Move:

@@ -29,10 +29,11 @@ def add_order_gates(plan: Plan, site: Site, first: Collection[LegTask], body_wid
     """The plan with the gates that the `first` tasks before all others ask for.
 
     `is_kept` is whether finished ground must not be driven over, else a crop stands that must not. A body is
-    `body_width_m` wide. No gate comes before another that opens it, so they never bar each other.
+    `body_width_m` wide. No gate comes before another that opens it, so they never bar each other. Who rests has none.
     """
     orders = [_MissionOrder.trace(mission, site, first, body_width_m) for mission in plan.missions]
-    for waiting, awaited in permutations(range(plan.tractors), 2):
+    works = [number for number, mission in enumerate(plan.missions) if mission.works]
+    for waiting, awaited in permutations(works, 2):
         gates = dict(sorted(_iter_waits(orders[waiting], orders[awaited], is_kept=is_kept)))
         reached = -1
         for hold, leg in gates.items():

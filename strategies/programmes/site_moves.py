@@ -140,7 +140,7 @@ class SiteMoves:
             spared_s = (begins + (v == self.gate)) * self.site.get_fold_s(True)
             found = (
                 replace(one, drive_s=one.drive_s - spared_s, begins_folded=begins)
-                for one in finder.list_folded_moves(self.ends[u], self.begins[v])
+                for one in finder.list_folded_moves(self.ends[u], self.begins[v], self.estimates.count_passes(u, v))
             )
             self._folded_moves[u, v] = tuple(sorted(found, key=attrgetter("cost_s")))
         return self._folded_moves[u, v]

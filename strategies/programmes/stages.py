@@ -65,24 +65,28 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
-def charge_rounds(lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
+def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
     """Seconds (n + 1, n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
     machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
-    another with the first. For a tractor that `is_alone`, and so works them all, they follow on tracks so too.
+    another with the first. For a tractor that `is_alone`, and so works them all, they follow on tracks so too. Into a
+    crop that stands, stages put them in order.
     """
+    charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
+    if _works_way_in(site, order):
+        return charged_s
     nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
     for nest, ring in enumerate(list_rings(lines)):
-        numbers = [number for side in ring for number in side]
+        numbers = [number for side in ring for number in side if lines[number].is_side]
         passes = {lines[number].task.number or 0 for number in numbers}
         by_place = sorted(passes, reverse=order != HEADLAND_FIRST)
         nests[numbers] = nest
         places[numbers] = [by_place.index(lines[number].task.number or 0) for number in numbers]
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
-    begins_late = (is_alone | (nests[:, None] >= 0)) & (nests[:, None] != nests) & (places > 0)
+    is_track = np.array([is_alone and line.group[0] == SWATH for line in lines], bool)
+    begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & (places > 0)
     is_charged = (nests >= 0) & (goes_back | begins_late)
-    charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     charged_s[:-1, :-1] = ROUND_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
 

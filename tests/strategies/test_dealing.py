@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from strategies.interleaved import deal_in_turn
 from strategies.lines.deal_apart import deal_tours, list_deals_apart, list_other_way_round
+from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.stages import ROUND_S, charge_rounds, find_first_tasks, list_stages, stagger_starts
@@ -66,7 +67,7 @@ def draw_ring(number: int, low: float, high: float, first: int) -> list[WorkLine
     """The sides of a square, from the south anticlockwise, as headland pass `number`."""
     corners = [(low, low), (high, low), (high, high), (low, high), (low, low)]
     return [
-        WorkLine(LegTask(HEADLAND_PASS, number), ("ring", first), (path, path[::-1].copy()), 1.0)
+        WorkLine(LegTask(HEADLAND_PASS, number), (HEADLAND_PASS, first), (path, path[::-1].copy()), 1.0)
         for path in (np.array(ends) for ends in pairwise(corners))
     ]
 
@@ -167,20 +168,25 @@ def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     """Three rings round a field, two round a hole, a track; a side of each."""
     rings = [draw_ring(number, 3.0 * number, 120.0 - 3.0 * number, number) for number in (1, 2, 3)]
     around = [draw_ring(number, 50.0 - 3.0 * number, 60.0 + 3.0 * number, 9) for number in (1, 2)]
-    lines = [*(side for ring in (*rings, *around) for side in ring)]
+    lines = [*(side for ring in rings for side in ring)]
+    lines += [replace(side, group=(HOLE_PASS, 9)) for ring in around for side in ring]
     lines.append(draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0)))
     one, two, three, near, away, swath, gate = (*(2 * number for number in (0, 4, 8, 12, 16, 20)), -1)
-    charged_s = charge_rounds(lines, "first", is_alone=False)
+    charged_s = charge_rounds(make_site(), lines, "first", is_alone=False)
     assert charged_s.shape == (43, 43) and set(charged_s.ravel()) == {0.0, ROUND_S}
     free = [(one, two), (one, three), (one, one + 2), (near, away), (away, one), (swath, two), (swath, away)]
     assert not any(charged_s[pair] for pair in free), "from the outside in, and from another nest to the first"
     charged = [(two, one), (three, two + 1), (three, one), (away, near), (one, away), (near, two)]
     assert all(charged_s[pair] for pair in charged)
     assert not charged_s[:, [swath, gate]].any() and not charged_s[[swath, gate]].any()
-    alone_s = charge_rounds(lines, "first", is_alone=True)
+    alone_s = charge_rounds(make_site(), lines, "first", is_alone=True)
     assert all(alone_s[pair] for pair in [(swath, two), (swath, away)]) and not alone_s[swath, one]
     assert (np.delete(alone_s, [swath, swath + 1], axis=0) == np.delete(charged_s, [swath, swath + 1], axis=0)).all()
-    inside_out_s = charge_rounds(lines, "last", is_alone=False)
+    assert not charge_rounds(make_site(crop_stands=True), lines, "first", is_alone=True).any(), "stages see to that"
+    leftover = replace(rings[2][0], task=LegTask(HEADLAND_PASS, 4), group=(LEFTOVER, 0))
+    with_it_s = charge_rounds(make_site(), [*lines, leftover], "last", is_alone=True)
+    assert not with_it_s[swath, three] and not with_it_s[-3:].any() and not with_it_s[:, -3:].any(), "it is no pass"
+    inside_out_s = charge_rounds(make_site(), lines, "last", is_alone=False)
     assert not any(inside_out_s[pair] for pair in [(three, two), (two, one), (away, near), (one, away), (near, three)])
     assert all(inside_out_s[pair] for pair in [(two, three), (one, three), (one, near), (near, away), (near, two)])
 

@@ -30,29 +30,26 @@ SketchDeal = Callable[[Flags, Sequence[int]], Sketch]
 
 
 def sketch_tidily(
-    sketch: SketchDeal, moves: SiteMoves, allowed: Flags, tidier: Flags | None
+    sketch: SketchDeal, moves: SiteMoves, deal: LineDeal, *, is_first: bool
 ) -> tuple[Sketch, Flags, list[int]]:
-    """A sketch by a tidier deal in which all go round the field one way, with the deal and the nodes barred for that.
+    """A sketch by a deal in a way that people would rather see, with the lines for each and the nodes that are barred.
 
-    The way is that in which most of the headland is driven without it. Where it is clearly dearer, or there is no
-    tidier deal, the sketch is by the deal `allowed`, either way round.
+    The first of a fleet, in which every side of the headland is one tractor's in all passes; one that follows, in which
+    all go round the field the way that most of the headland is driven without that. Where it is clearly dearer, or
+    there is no such way, the sketch is by the deal alone.
     """
-    free = sketch(allowed, ())
-    if tidier is None:
-        return free, allowed, []
-    starts = {node // 2 for node in moves.starts}
-    barred = [node for node in list_other_way_round(moves.lines, free.tours) if node // 2 not in starts]
-    tidy = sketch(tidier, barred)
-    return (tidy, tidier, barred) if tidy.cost_s <= (1.0 + MODEL_ERROR_SHARE) * free.cost_s else (free, allowed, [])
-
-
-def find_tidier(moves: SiteMoves, deal: LineDeal, *, goes_on: bool) -> Flags | None:
-    """The deal of a fleet by which every side of the headland is one tractor's; None where there is none.
-
-    There is none for tractors that go on where they stand.
-    """
-    sides = deal.allowed if goes_on or len(deal.allowed) == 1 else deal_sides(moves.lines, deal.allowed)
-    return None if sides is deal.allowed else sides
+    allowed, barred = deal.allowed, list[int]()
+    free = sketch(allowed, barred)
+    if is_first:
+        allowed = deal_sides(moves.lines, allowed)
+    else:
+        starts = {node // 2 for node in moves.starts}
+        barred = [node for node in list_other_way_round(moves.lines, free.tours) if node // 2 not in starts]
+    if allowed is deal.allowed and not barred:
+        return free, allowed, barred
+    tidy = sketch(allowed, barred)
+    is_dearer = tidy.cost_s > (1.0 + MODEL_ERROR_SHARE) * free.cost_s
+    return (free, deal.allowed, []) if is_dearer else (tidy, allowed, barred)
 
 
 def list_other_deals(

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
-from planner.evaluation.candidates.fleet_deals import find_tidier, list_other_deals, sketch_tidily
+from planner.evaluation.candidates.fleet_deals import list_other_deals, sketch_tidily
 from planner.evaluation.candidates.fleet_drive import FleetDriver, build_clearance_check
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
@@ -91,7 +91,7 @@ class SketchedPlan:
         tours: the nodes of every tractor in order; empty for a formation.
         served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_others: sketches the same with what is left shared otherwise, as it was before or by who stands near, and
+        sketch_others: sketches the same with lines dealt otherwise, such as by who stands near where work goes on, and
             hardly more ground left than so much (m2); None for such a sketch.
     """
 
@@ -281,24 +281,26 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
-    wishes = _settle_wishes(context, tractors)
+    wishes, goes_on = _settle_wishes(context, tractors), context.going_on is not None
 
-    goes_on = context.going_on is not None
-
-    def sketch(order: str, other: LineDeal | None = None, most_left_m2: float = math.inf) -> SketchedPlan:
+    def sketch(
+        order: str, other: LineDeal | None = None, most_left_m2: float = math.inf, is_plain: bool = False
+    ) -> SketchedPlan:
         dealt, table = deal if other is None else other, MoveTable(moves)
         stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
         served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
-        rounds_s = charge_rounds(table.lines, order, is_alone=tractors == 1)
+        rounds_s = charge_rounds(moves.site, table.lines, order, is_alone=tractors == 1)
 
         def sketch_tours(allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
             may = wishes.limit(moves.lines, allowed)
             return sketch_programme(table, tractors, stages, may, served_s, stands_in_way, rounds_s, barred)
 
-        tidier = find_tidier(moves, deal, goes_on=goes_on) if other is None else other.allowed
-        sketched, dealt_lines, barred = sketch_tidily(sketch_tours, moves, dealt.allowed, tidier)
-        allowed = wishes.limit(moves.lines, dealt_lines)
+        if tractors == 1 or is_plain or (goes_on and other is None):
+            sketched, own, barred = sketch_tours(dealt.allowed), dealt.allowed, list[int]()
+        else:
+            sketched, own, barred = sketch_tidily(sketch_tours, moves, dealt, is_first=other is None)
+        allowed = wishes.limit(moves.lines, own)
 
         def compose(charged_s: Floats = rounds_s, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
             programme = make_programme(
@@ -331,6 +333,8 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
         def sketch_others(left_m2: float) -> list[SketchedPlan]:
             found = list[SketchedPlan]()
+            if own is not deal.allowed:
+                found.append(sketch(order, deal, left_m2, is_plain=True))
             for following in list_other_deals(sketch_tours, moves, deal, order, goes_on=goes_on):
                 with suppress(StrategyError):
                     found.append(sketch(order, following, left_m2))
