@@ -250,3 +250,21 @@ def test_a_formation_reaches_passes_round_a_hole_over_worked_ground_where_a_crop
     assert composed.order == "first" and any(HOLE_PASS in kinds for kinds in driven)
     for kinds in driven:
         assert HOLE_PASS not in kinds or SWATH not in kinds[kinds.index(HOLE_PASS) :]
+
+
+def test_what_stands_is_charged_on_the_way_into_a_crop() -> None:
+    """Northwards through the middle of the field: of less after each pass that is worked."""
+    found = prepare(Field("rectangle", RECTANGLE), operation="harvest", headland_passes=3)
+    moves = get_site_moves(found)
+    sides = {number: line for number, line in enumerate(moves.lines) if line.group == (HEADLAND_PASS, 0)}
+    assert {moves.estimates.count_passes(2 * number, moves.gate) for number in sides} == {None}
+    first = next(number for number, line in sides.items() if line.task.number == 1)
+    assert moves.estimates.count_passes(moves.gate, 2 * first) == 0
+    assert moves.estimates.count_passes(2 * first, 2 * first + 2) == 1
+    charges_s = []
+    for passes in (0, 1, 2, 3):
+        (move, *_) = moves.finder.list_moves((90.0, 12.0, 0.5 * math.pi), (90.0, 60.0, 0.5 * math.pi), passes=passes)
+        charges_s.append(move.charge_s)
+    assert charges_s[0] == charges_s[1] == pytest.approx(charges_s[2], abs=2.0), "it begins inside the first"
+    per_pass_s = moves.site.wheels_s_per_m * WIDTH_M
+    assert charges_s[2] - charges_s[3] == pytest.approx(per_pass_s, abs=0.3 * per_pass_s)
