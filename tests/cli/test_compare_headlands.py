@@ -131,7 +131,7 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
         (("--headland-passes", "999999999999"), "is not a list of numbers"),
         (("--no-headland",), "No such option"),
         (("--width", "3,,6"), "--width '3,,6' is not a width"),
-        (("--width", "3,0"), "working width (--width) is 0 m; use more than 0"),
+        (("--width", "3,0"), "working width (--width) is 0 m; use 0.5 to 100 m"),
         (("--operations-per-year", "0"), "--operations-per-year is 0; use 1 to 366."),
         (("--operations-per-year", "1" + "0" * 400), "use 1 to 366"),
         (("--json", "--csv"), "choose one"),

@@ -135,7 +135,7 @@ def test_a_page_shows_every_field_from_kept_answers_too(
         (("--png", "map.png"), "is for one field"),
         (("--save", "plan.json"), "is for one field"),
         (("--width", "3,x"), "is not a width"),
-        (("--width", "3,-1"), "use more than 0"),
+        (("--width", "3,-1"), "use 0.5 to 100 m"),
         (("--checkpoint", "answers.csv"), "does not end in .jsonl"),
         (("--cluster", "nowhere"), "no Dask scheduler at 'nowhere'"),
     ],

@@ -247,7 +247,7 @@ def test_the_pages_speak_with_the_service_itself(
         watched.well()
         page.fill("input[name=width]", "-1")
         page.click("text=Run the plan")
-        page.wait_for_selector("text=use more than 0")
+        page.wait_for_selector("text=use 0.5 to 100")
         page.fill("input[name=width]", "3")
         page.click("text=Run the plan")
         page.wait_for_selector("text=Waiting for its turn.")

@@ -9,6 +9,7 @@ import pytest
 
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.missions.run import DONE
 from vehicle.sim.compile import compile_plan
 from vehicle.sim.world import World
 
@@ -109,6 +110,19 @@ def test_legs_may_meet_within_the_joint(plan: Plan) -> None:
     check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 0.99 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
     with pytest.raises(MissionError, match="must meet within"):
         check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 1.01 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
+
+
+@pytest.mark.parametrize("last", [[(0.0, 9.98), (0.0, 10.0)], [(0.0, 9.98), (0.0, 10.0), (0.0, 10.02)]])
+def test_a_leg_that_ends_where_the_one_before_does_is_driven(
+    build: Any, eg105: Any, implement: Any, last: list[tuple[float, float]]
+) -> None:
+    """Nothing of it is left once it is joined: its path has no length of its own to look ahead on."""
+    legs = [build.leg((0, 0), (0, 10)), build.leg(*last), build.leg((0, 10), (0, 2), gear=-1)]
+    run = World(build.plan(legs), eg105, implement).run(max_time_s=60.0)
+    assert run.outcome == DONE and np.isfinite(run.record).all()
+    assert run.get_poses(0)[:, 1].max() == pytest.approx(
+        World(build.plan([legs[0], legs[2]]), eg105, implement).run(max_time_s=60.0).get_poses(0)[:, 1].max(), abs=0.05
+    )
 
 
 def test_a_world_refuses_plans_that_cannot_be_executed(plan: Plan, eg105: Any, implement: Any) -> None:

@@ -45,7 +45,7 @@ def join_legs(points, sizes, begins, new_run, path, cumulative, ends, first, las
 
     Written are the first two columns of `path` (p, 3) and `cumulative` (p,), the distance from the start of the
     mission, and per leg in `ends` the distance at its end, in `first` its first segment, and in `last` the last segment
-    of its run.
+    of its run that has a length.
     """
     size, place, run_start = 0, 0, 0
     mission_m = 0.0
@@ -75,8 +75,12 @@ def join_legs(points, sizes, begins, new_run, path, cumulative, ends, first, las
             size += 1
         place += sizes[leg]
         mission_m += leg_m
-        ends[leg], first[leg] = mission_m, start
-        last[run_start : leg + 1] = size - 2
+        end = size - 2
+        first[leg] = start
+        while end > first[run_start] and cumulative[end + 1] == cumulative[end]:
+            end -= 1
+        ends[leg], first[leg] = mission_m, min(start, end)
+        last[run_start : leg + 1] = end
     return size
 
 
