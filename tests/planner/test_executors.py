@@ -154,7 +154,8 @@ class TestLocalPool:
         )
         run = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
                              capture_output=True, text=True, timeout=240)  # fmt: skip
-        assert run.stderr.splitlines()[-1] == "KeyboardInterrupt" and "Exception in thread" not in run.stderr
+        # A tracker of resources, a process of its own, may have the last word.
+        assert "KeyboardInterrupt" in run.stderr.splitlines() and "Exception in thread" not in run.stderr
 
 
 def end_process(caller: int) -> None:
