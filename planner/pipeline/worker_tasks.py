@@ -18,10 +18,10 @@ from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
 from planner.traffic.precedence import schedule_plan
-from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, load_tractor
+from vehicle.sim.path_conflicts import ClearanceCheck
 from vehicle.sim.world import simulate
 
 CONTEXT_ATTRIBUTE = "headland_context"  # under this name a thread keeps its context

@@ -17,9 +17,9 @@ import numpy.typing as npt
 
 from planner.traffic.deadlock_search import find_first_place_row
 from planner.traffic.trajectories import SoloTrajectory, TrajectoryCache
-from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 Ints = npt.NDArray[np.int64]
 Floats = npt.NDArray[np.float64]

@@ -29,8 +29,8 @@ from planner.traffic.timetable_search import (
     fill_timetable,
 )
 from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
-from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import LegGate, Mission, Plan
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 Floats = npt.NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.waiting_places import ClearanceCheck
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 ADVICE = "use fewer tractors, or split-field or interleaved"
 T = TypeVar("T")

@@ -17,10 +17,9 @@ from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.waiting_places import ClearanceCheck
 from strategies.site.site import Site
 from vehicle.arrays import measure_along
-from vehicle.sim.path_conflicts import PosePath, build_poses
+from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]
 

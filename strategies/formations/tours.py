@@ -22,9 +22,10 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, count_clashes
 from strategies.programmes.programme import list_pairs, prove_short_runs
 from strategies.programmes.stages import find_first_tasks
-from strategies.programmes.waiting_places import ClearanceCheck, find_clashes
+from strategies.programmes.waiting_places import find_clashes
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
 

@@ -103,8 +103,10 @@ class MoveEstimates:
         Into a crop that stands the way in leads to the first of them, and from each on to the next.
         """
         gate = len(self.ends) - 1
-        line = None if gate in (u, v) and u != gate else self.lines[(v if u == gate else u) // 2]
-        if line is None or line.group[0] != HEADLAND_PASS:
+        if self.site.standing is None or v == gate:
+            return None
+        line = self.lines[(v if u == gate else u) // 2]
+        if line.group[0] != HEADLAND_PASS:
             return None
         return 0 if u == gate else line.task.number
 

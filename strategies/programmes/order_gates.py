@@ -7,7 +7,7 @@ before it is worked. Tractors on ground of their own wait for nobody.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import permutations
 
@@ -18,7 +18,7 @@ import shapely
 from fields.geometry.overlays import intersect
 from strategies.lines.work_line import build_tool_strip
 from strategies.site.site import Site
-from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan import LegGate, LegTask, Mission, Plan
 
 Shapes = npt.NDArray[np.object_]
 
@@ -75,17 +75,14 @@ class _MissionOrder:
         holds = np.full(len(legs), border)
         for number in (number for number in may_wait if number > border):
             holds[number:] = number
-        paths = shapely.linestrings(np.concatenate([leg.points for leg in legs]), indices=_list_indices(legs))
+        owner = np.repeat(np.arange(len(legs)), [len(leg.points) for leg in legs])
+        paths = shapely.linestrings(np.concatenate([leg.points for leg in legs]), indices=owner)
         driven = shapely.buffer(paths, 0.5 * body_width_m, cap_style="flat")
         strips = [
             build_tool_strip(leg.points, site.rules.tool_m, site.width_m) if leg.implement else None for leg in legs
         ]
         stages = (np.arange(len(legs)) > last).astype(np.int64)
         return cls(driven, np.array(strips, object), stages, is_first, holds, border - 1 if last >= 0 else -1)
-
-
-def _list_indices(legs: Sequence[Leg]) -> npt.NDArray[np.int64]:
-    return np.repeat(np.arange(len(legs)), [len(leg.points) for leg in legs])
 
 
 def _iter_waits(waiting: _MissionOrder, awaited: _MissionOrder, *, is_kept: bool) -> Iterator[tuple[int, int]]:

@@ -19,10 +19,11 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import HEADLAND_WAIT_M, ClearanceCheck, find_clashes
+from strategies.programmes.waiting_places import HEADLAND_WAIT_M, find_clashes
 from strategies.programmes.ways_home import Way, WayBook
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

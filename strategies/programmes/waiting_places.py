@@ -7,8 +7,6 @@ pass on its first or last part never get on, so no two tours begin or end so.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -17,55 +15,13 @@ from strategies.lines.work_line import cut_line, locate_at
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS
-from vehicle.model.tractor import Implement, Tractor
-from vehicle.sim.compile import build_model_record
-from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
+from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses are POSE_STEP_M apart
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
-
-
-@dataclass(frozen=True)
-class ClearanceCheck:
-    """How near tractors may come to one another, as the scheduler sees it; all of one site have the same machine.
-
-    Attributes:
-        models: (1,) their MODEL record.
-        clearance_m, beside_clearance_m: how near they may come, and how near beside each other.
-    """
-
-    models: npt.NDArray[np.void] = field(compare=False)
-    clearance_m: float
-    beside_clearance_m: float
-
-    @classmethod
-    def for_machine(
-        cls, tractor: Tractor, implement: Implement, clearance_m: float, beside_clearance_m: float
-    ) -> ClearanceCheck:
-        """That of tractors which keep a clearance on paths known by poses, which are some way apart."""
-        models = np.array([build_model_record(tractor, implement)])
-        return cls(models, clearance_m + EXTRA_CLEARANCE_M, beside_clearance_m)
-
-    @property
-    def reach_m(self) -> float:
-        """How far apart two are never in each other's way (m)."""
-        return float(2.0 * self.models["reach"][0] + max(self.clearance_m, self.beside_clearance_m))
-
-    def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> npt.NDArray[np.bool_]:
-        """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
-        standing, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
-        for other in driving:
-            blocked[self.find_blocked_parts(standing, other)[:, 0]] = True
-        return blocked
-
-    def find_blocked_parts(self, standing: PosePath, driving: PosePath) -> npt.NDArray[np.int64]:
-        """Rows (k, 3): one of some poses, to stand at or driven too, and the first and last pose of a path that one
-        there bars."""
-        return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)
 
 
 def sample_poses(points: Floats, back_m: float, gear: int = 1) -> Floats:

@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.waiting_places import ClearanceCheck, sample_poses
+from strategies.programmes.waiting_places import sample_poses
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
-from vehicle.sim.path_conflicts import PosePath, build_poses
+from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]

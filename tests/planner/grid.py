@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
 from planner.traffic.precedence import Timetable
 from planner.traffic.trajectories import SoloTrajectory
-from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.model.tractor import Implement, load_tractor
-from vehicle.sim.path_conflicts import build_poses
+from vehicle.sim.path_conflicts import ClearanceCheck, build_poses
 
 TRACTOR, IMPLEMENT = load_tractor("eg105"), Implement()
 APART_M = 0.05

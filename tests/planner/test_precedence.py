@@ -17,7 +17,6 @@ from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_
 from planner.traffic.precedence import PrecedenceSearch, _add_gates
 from planner.traffic.timetable_search import GAP_BEHIND_S, START_LOSS_S
 from planner.traffic.trajectories import SoloTrajectory
-from strategies.programmes.waiting_places import EXTRA_CLEARANCE_M
 from tests.examples import count_examples, seldom
 from tests.planner.grid import (
     APART_M,
@@ -33,6 +32,7 @@ from tests.planner.grid import (
 )
 from vehicle.missions.plan import LegGate
 from vehicle.sim.compile import compute_contact_boxes
+from vehicle.sim.path_conflicts import EXTRA_CLEARANCE_M
 
 
 class TestCrossingPaths:

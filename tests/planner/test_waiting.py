@@ -10,11 +10,11 @@ from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.fleet_drive import SoloRuns
 from planner.traffic.giving_way import can_gates_open, resolve_conflicts
 from planner.traffic.precedence import schedule_plan
-from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
+from vehicle.sim.path_conflicts import ClearanceCheck
 from vehicle.sim.world import World
 
 SPEED = 5 / 3.6

@@ -6,10 +6,14 @@ the boxes round whole tractors come first, and distances are computed only where
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from vehicle.arrays import Booleans, Floats, Integers, Records
 from vehicle.jit import compile_function, drop_owner
+from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.clearance import (
     PARALLEL_SINE,
     ROUNDING_M,
@@ -20,7 +24,9 @@ from vehicle.sim.clearance import (
     get_boxes,
     is_beside,
 )
+from vehicle.sim.compile import build_model_record
 
+EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses of a path are some way apart
 BLOCK_SIZE = 16  # poses under one enclosing circle, and circles under one larger one
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
 
@@ -242,3 +248,42 @@ def _scan_approaches(  # type: ignore[no-untyped-def]
 def _fill_distances(poses, other_poses, model, other_model, out):  # type: ignore[no-untyped-def]
     for k in range(len(poses)):
         out[k] = compute_outline_distance(poses[k], model[0], other_poses[k], other_model[0])
+
+
+@dataclass(frozen=True)
+class ClearanceCheck:
+    """How near tractors may come to one another, on paths known by poses; all have the same machine.
+
+    Attributes:
+        models: (1,) their MODEL record.
+        clearance_m, beside_clearance_m: how near they may come, and how near beside each other.
+    """
+
+    models: Records = field(compare=False)
+    clearance_m: float
+    beside_clearance_m: float
+
+    @classmethod
+    def for_machine(
+        cls, tractor: Tractor, implement: Implement, clearance_m: float, beside_clearance_m: float
+    ) -> ClearanceCheck:
+        """That of tractors which keep a clearance; poses of a path are some way apart."""
+        models = np.array([build_model_record(tractor, implement)])
+        return cls(models, clearance_m + EXTRA_CLEARANCE_M, beside_clearance_m)
+
+    @property
+    def reach_m(self) -> float:
+        """How far apart two are never in each other's way (m)."""
+        return float(2.0 * self.models["reach"][0] + max(self.clearance_m, self.beside_clearance_m))
+
+    def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> Booleans:
+        """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
+        standing, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
+        for other in driving:
+            blocked[self.find_blocked_parts(standing, other)[:, 0]] = True
+        return blocked
+
+    def find_blocked_parts(self, standing: PosePath, driving: PosePath) -> Integers:
+        """Rows (k, 3): one of some poses, to stand at or driven too, and the first and last pose of a path that one
+        there bars."""
+        return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)

@@ -11,10 +11,10 @@ from planner.request.plan_request import MIN_CLEARANCE_M
 from planner.traffic.giving_way import resolve_conflicts
 from planner.traffic.precedence import schedule_plan
 from planner.traffic.trajectories import compute_mission_key
-from strategies.programmes.waiting_places import ClearanceCheck
 from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 MAX_ROWS = 5_000_000  # of all cached records: about 300 MB
 MAX_PLAN_ROWS = 2_500_000  # tractors of larger plans are simulated one after another, which needs less memory

@@ -332,12 +332,10 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s(), compose_anew)
 
         def sketch_others(left_m2: float) -> list[SketchedPlan]:
-            found = list[SketchedPlan]()
-            if own is not deal.allowed:
-                found.append(sketch(order, deal, left_m2, is_plain=True))
-            for following in list_other_deals(sketch_tours, moves, deal, order, goes_on=goes_on):
+            following, found = list_other_deals(sketch_tours, moves, deal, order, goes_on=goes_on), list[SketchedPlan]()
+            for place, one in enumerate([*([] if own is deal.allowed else [deal]), *following]):
                 with suppress(StrategyError):
-                    found.append(sketch(order, following, left_m2))
+                    found.append(sketch(order, one, left_m2, place == 0 and own is not deal.allowed))
             return found
 
         stops_s = [
