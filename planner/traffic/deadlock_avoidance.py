@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
@@ -14,14 +15,19 @@ from planner.traffic.deadlock_search import (
     ScheduleNet,
     can_finish_by_turns,
     can_finish_one_by_one,
+    fill_safe_pair,
+    fill_safe_pairs,
     find_last_passes,
     find_last_waits,
+    is_pair_safe,
 )
 from planner.traffic.trajectories import SoloTrajectory
 from vehicle.missions.plan import FollowOrder, LegGate, Plan
 
 MAX_DROPPED_GATES = 80  # times that gates of the plan are dropped to undo a deadlock
 FOLLOW_DELAY_S = 4.0  # after this time the tractor followed is far enough ahead
+Ints = npt.NDArray[np.int64]
+Floats = npt.NDArray[np.float64]
 FleetState = tuple[int, ...]
 """The hold point each tractor stands at."""
 TractorSegment = tuple[int, int]
@@ -45,45 +51,69 @@ class PlannedWait:
 class DeadlockAvoidance:
     """Finds ways home. `waits` are gates by the segment they stand before, `waits_on` (n, n) tells who waits for whom.
 
-    `dropped_gates` are gates that are ignored, as (tractor, leg, gate): with them nobody would get home. `net` is the
-    input of traffic.deadlock_search.
+    `start` (n,) are the hold points at which all stand. `dropped_gates` are gates that are ignored, as (tractor, leg,
+    gate): with them nobody would get home. `net` is the input of traffic.deadlock_search.
     """
 
-    def __init__(self, plan: Plan, zones: ConflictZones, *, deep: bool = False) -> None:
-        """For the gates of a plan, none of them dropped yet; `deep` as in traffic.deadlock_search."""
-        self.deep = deep
+    def __init__(self, plan: Plan, zones: ConflictZones, at_once: Collection[int] = ()) -> None:
+        """For the gates of a plan, none of them dropped yet; those `at_once` are on their first segment."""
         self.zones, self.trajectories = zones, zones.trajectories
         self.final_holds: FleetState = tuple(trajectory.segment_count for trajectory in self.trajectories)
+        self.start = np.isin(np.arange(len(self.trajectories)), list(at_once)).astype(np.int64)
         self.waits, self.waits_on = _list_waits(plan, self.trajectories)
         self.dropped_gates: list[tuple[int, int, LegGate]] = []
-        bounds = [self._list_next_waits(tractor) for tractor in range(len(self.trajectories))]
-        self.net = self._build_net(np.concatenate(bounds))
+        self.net = self._build_net()
 
     def drop_deadlocked_gates(self) -> bool:
         """Drop gates of the plan, none if possible, until all get home from the start, one at a time.
 
         Returns False if that does not help.
         """
-        state = np.zeros(len(self.final_holds), dtype=np.int64)
-        if can_finish_one_by_one(self.net, state):
-            return True
         for _ in range(MAX_DROPPED_GATES):
-            if can_finish_by_turns(self.net, state.copy(), self.deep, state):
+            state, stuck = self.start.copy(), self._find_stuck_pair()
+            if stuck is None and (
+                can_finish_one_by_one(self.net, self.start) or can_finish_by_turns(self.net, self.start, state)
+            ):
                 return True
-            dropped = self._find_blocking_waits(state.tolist())
+            dropped = self._choose_pair_wait(*stuck) if stuck else self._find_blocking_waits(state.tolist())
             if not dropped:
                 return False
-            for tractor, wait in dropped:
-                self.waits[tractor, int(state[tractor])].remove(wait)
+            for segment, wait in dropped:
+                self.waits[segment].remove(wait)
                 if wait.gate is not None:
-                    self.dropped_gates.append((tractor, wait.leg, wait.gate))
-            self.net = self._build_net(self.net.bound)
+                    self.dropped_gates.append((segment[0], wait.leg, wait.gate))
+                self._renew_waits(*sorted((segment[0], wait.tractor)))
         return False
 
-    def _find_blocking_waits(self, state: Sequence[int]) -> list[tuple[int, PlannedWait]]:
+    def _find_stuck_pair(self) -> tuple[int, int] | None:
+        """The first two that would not get home if they were alone on the field."""
+        return next((pair for pair in combinations(range(len(self.start)), 2) if not self._can_finish(*pair)), None)
+
+    def _can_finish(self, one: int, other: int) -> bool:
+        """Whether two would get home if they were alone on the field."""
+        return bool(is_pair_safe(self.net, one, self.start[one], other, self.start[other]))
+
+    def _choose_pair_wait(self, one: int, other: int) -> list[tuple[TractorSegment, PlannedWait]]:
+        """The gate to drop between two that never get home: one without which they do, else the first."""
+        waits = [
+            (segment, wait)
+            for segment, segment_waits in sorted(self.waits.items())
+            for wait in segment_waits
+            if {segment[0], wait.tractor} == {one, other} and wait.gate is not None
+        ]
+        for segment, wait in waits:
+            number = self.waits[segment].index(wait)
+            del self.waits[segment][number]
+            self._renew_waits(one, other)
+            self.waits[segment].insert(number, wait)
+            if self._can_finish(one, other):
+                return [(segment, wait)]
+        return waits[:1]
+
+    def _find_blocking_waits(self, state: Sequence[int]) -> list[tuple[TractorSegment, PlannedWait]]:
         """Closed gates of tractors that block another which they wait for."""
         waiting = [
-            (tractor, wait)
+            ((tractor, state[tractor]), wait)
             for tractor in range(len(state))
             for wait in self.waits.get((tractor, state[tractor]), ())
             if state[wait.tractor] <= wait.segment and wait.gate is not None
@@ -99,26 +129,39 @@ class DeadlockAvoidance:
                 for other_tractor, number in enumerate(state)
                 if int(base[other_tractor]) + number in places
             ):
-                blocker_waits = [pair for pair in waiting if pair[0] == blocker]
+                blocker_waits = [pair for pair in waiting if pair[0][0] == blocker]
                 if any(wait.tractor == tractor for _, wait in blocker_waits):
                     return [pair for pair in waiting if pair[1].tractor == tractor]
                 if blocker_waits:
                     return blocker_waits
         return []
 
-    def _list_next_waits(self, tractor: int) -> list[int]:
-        """For each hold point the next one at which a tractor waits for others by plan."""
-        bounds, last = [], self.final_holds[tractor]
-        for number in range(self.final_holds[tractor], -1, -1):
-            bounds.append(last)
-            last = number if (tractor, number) in self.waits else last
-        return bounds[::-1]
-
-    def _build_net(self, next_waits: npt.NDArray[np.int64]) -> ScheduleNet:
-        """The input of the search, with the gates that are not dropped."""
+    def _build_net(self) -> ScheduleNet:
+        """The input of the search, with all gates."""
         zones = self.zones
         base, tables = zones.base, (zones.apart, zones.stands, zones.blockers)
         owner = np.repeat(np.arange(len(base) - 1), np.diff(base))
+        apart, stands, blockers = ((table.start, table.at, table.span_s) for table in tables)
+        safe_start, size = self._place_pairs()
+        net = ScheduleNet(
+            base,
+            owner,
+            zones.begins_s,
+            *apart,
+            *stands,
+            *blockers,
+            *self._build_waits(owner),
+            find_last_passes(base, owner, zones.stands.start, zones.stands.at),
+            zones.interacts,
+            safe_start,
+            np.zeros(size, np.bool_),
+        )
+        fill_safe_pairs(net)
+        return net
+
+    def _build_waits(self, owner: Ints) -> tuple[Ints, Ints, Floats, Ints]:
+        """The gates that are not dropped, as `waits` and `last_wait` of ScheduleNet."""
+        base = self.zones.base
         rows = [
             (int(base[tractor]) + number, int(base[wait.tractor]) + wait.segment, wait.after_s)
             for (tractor, number), tractor_waits in sorted(self.waits.items())
@@ -127,22 +170,21 @@ class DeadlockAvoidance:
         wait_rows = np.array(rows, dtype=np.float64).reshape(-1, 3)
         places = wait_rows[:, :2].astype(np.int64)
         waits = ConflictTable.from_rows(places[:, 0], places[:, 1], np.repeat(wait_rows[:, 2:], 2, axis=1), len(owner))
-        apart, stands, blockers = ((table.start, table.at, table.span_s) for table in tables)
-        return ScheduleNet(
-            base,
-            owner,
-            zones.begins_s,
-            *apart,
-            *stands,
-            *blockers,
-            waits.start,
-            waits.at,
-            np.ascontiguousarray(waits.span_s[:, 0]),
-            next_waits,
-            find_last_passes(base, owner, zones.stands.start, zones.stands.at),
-            find_last_waits(base, owner, waits.start, waits.at),
-            zones.interacts,
-        )
+        after_s = np.ascontiguousarray(waits.span_s[:, 0])
+        return waits.start, waits.at, after_s, find_last_waits(base, owner, waits.start, waits.at)
+
+    def _renew_waits(self, one: int, other: int) -> None:
+        """Take the gates as they are now, after some between two were changed."""
+        names = "waits_start", "waits_at", "waits_s", "last_wait"
+        self.net = self.net._replace(**dict(zip(names, self._build_waits(self.net.owner), strict=True)))
+        fill_safe_pair(self.net, one, other)
+
+    def _place_pairs(self) -> tuple[Ints, int]:
+        """Where the table of every two that interact begins in `ScheduleNet.safe` (-1: none), and the size of all."""
+        holds = np.diff(self.zones.base)
+        sizes = np.where(np.triu(self.zones.interacts | self.waits_on | self.waits_on.T, 1), np.outer(holds, holds), 0)
+        ends = np.cumsum(sizes).reshape(sizes.shape)
+        return np.where(sizes > 0, ends - sizes, -1), int(ends[-1, -1])
 
 
 def _list_waits(

@@ -1,8 +1,10 @@
-"""Whether a fleet that stands at hold points can get home, compiled: one after another, or in turns.
+"""Whether a fleet that stands at hold points can get home, compiled: two of it, one after another, or in turns.
 
-Whoever goes home in one go needs that nobody stands where it passes, that its gates are open, and that it will stand in
-nobody's way at home. Each of these concerns one other tractor that has yet to go, so all get home one after another
-exactly if these needs have no circle. In turns, moves are tried depth first, up to a limited number of states.
+Of two tractors all states are looked at, once for a plan: where these two alone cannot get home, no fleet with them
+can. Whoever goes home in one go needs that nobody stands where it passes, that its gates are open, and that it will
+stand in nobody's way at home. Each of these concerns one other tractor that has yet to go, so all get home one after
+another exactly if these needs have no circle. Else segments are tried depth first, but none after which two cannot get
+home.
 """
 
 from __future__ import annotations
@@ -15,7 +17,8 @@ import numpy.typing as npt
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
-MAX_STATES = 400  # states searched for a way home
+MOST_EFFORT = 1_000_000  # pairs of tractors looked at for a way home
+LEAST_STATES = 400  # that are searched for one, however large the fleet
 Array = npt.NDArray[Any]
 
 
@@ -24,10 +27,11 @@ class ScheduleNet(NamedTuple):
 
     `owner` (p,) is the tractor of a place. The tables `apart`, `stands` and `blockers` of that module come as `_start`,
     `_at` and `_s` each. `waits` are gates of the plan in the same form: the segment that must have been begun, and for
-    how long (s). `bound` (p,) is the next number of a place at which its tractor waits by plan. `last_pass` (p, n) is
+    how long (s). `last_pass` (p, n) is
     the last segment, by number, on which a tractor passes a place where another stands, `last_wait` (p, n) that of
     another tractor which must have been begun before all segments from here on are driven; -1 for none. `near` (n, n)
-    tells which tractors interact.
+    tells which tractors interact. `safe` holds a table for every two that do or wait for each other, from
+    `safe_start` (n, n) on (-1 for none): whether these two get home from a hold point of the one and one of the other.
     """
 
     base: Array
@@ -45,10 +49,11 @@ class ScheduleNet(NamedTuple):
     waits_start: Array
     waits_at: Array
     waits_s: Array
-    bound: Array
-    last_pass: Array
     last_wait: Array
+    last_pass: Array
     near: Array
+    safe_start: Array
+    safe: Array
 
 
 @compile_function
@@ -160,168 +165,176 @@ def can_finish_one_by_one(net, state):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def _find_farthest_hold_point(net, state, tractor):  # type: ignore[no-untyped-def]
-    """How far a tractor can go while all others stand, at most to where it waits by plan."""
-    base, place = net.base, net.base[tractor] + state[tractor]
-    for row in range(net.waits_start[place], net.waits_start[place + 1]):
-        other_tractor = net.owner[net.waits_at[row]]
-        if state[other_tractor] <= net.waits_at[row] - base[other_tractor]:
-            return state[tractor]
-    until = base[tractor] + net.bound[place]
-    for other_tractor in range(len(state)):
-        standing_place = base[other_tractor] + state[other_tractor]
-        if net.last_pass[standing_place, tractor] < state[tractor]:
-            continue
-        end = net.stands_start[standing_place + 1]
-        row = find_first_place_row(net.stands_at, net.stands_start[standing_place], end, place)
-        if row < end:
-            until = min(until, net.stands_at[row])
-    return until - base[tractor]
-
-
-@compile_function
-def _blocks_other_tractors(net, state, tractor, hold):  # type: ignore[no-untyped-def]
-    """Whether a tractor at a hold point stands in the way of what another does before it waits for anybody."""
-    place = net.base[tractor] + hold
-    for row in range(net.stands_start[place], net.stands_start[place + 1]):
-        other_tractor = net.owner[net.stands_at[row]]
-        number = net.stands_at[row] - net.base[other_tractor]
-        if state[other_tractor] <= number < net.bound[net.base[other_tractor] + state[other_tractor]]:
-            return True
-    return False
-
-
-@compile_function
-def _is_earlier_move(move, begins_s, harm, when_s, tractor, hold):  # type: ignore[no-untyped-def]
-    """Whether a move is to be tried before another one."""
-    if move[0] != harm:
-        return move[0] < harm
-    if begins_s != when_s:
-        return begins_s < when_s
-    if move[1] != tractor:
-        return move[1] < tractor
-    return move[2] < hold
-
-
-@compile_function
-def _insert_sorted(moves, when, count, harm, tractor, hold, begins_s):  # type: ignore[no-untyped-def]
-    """Insert a move before those that are to be tried sooner; returns the number of moves."""
-    row = count
-    while row > 0 and _is_earlier_move(moves[row - 1], when[row - 1], harm, begins_s, tractor, hold):
-        copy_row(moves[row - 1], moves[row])
-        when[row] = when[row - 1]
-        row -= 1
-    moves[row, 0], moves[row, 1], moves[row, 2], when[row] = harm, tractor, hold, begins_s
-    return count + 1
-
-
-@compile_function
-def _find_clear_hold_point(net, state, tractor, reach):  # type: ignore[no-untyped-def]
-    """The farthest hold point up to `reach` that nobody else passes any more; else where the tractor is."""
-    for hold in range(reach, state[tractor], -1):
-        is_free = True
-        for other_tractor in range(len(state)):
-            if net.last_pass[net.base[tractor] + hold, other_tractor] >= state[other_tractor]:
-                is_free = False
-                break
-        if is_free:
-            return hold
-    return state[tractor]
-
-
-@compile_function
-def _list_moves(net, state, deep, moves, when):  # type: ignore[no-untyped-def]
-    """Number of possible next moves, the best last: rows (blocks, tractor, hold point), and when they begin.
-
-    A tractor goes on to where it waits for others by plan, or else as far as it does not block what another has to do
-    before it waits for anybody. In a deep search none goes home while others have to pass there; and if one can go on
-    to where nobody passes any more, that is the only next move, because it blocks nobody.
-    """
-    count, no_harm = np.int64(0), np.int64(0)
-    for tractor in range(len(state)):
-        place, home = net.base[tractor] + state[tractor], net.base[tractor + 1] - net.base[tractor] - 1
-        reach = _find_farthest_hold_point(net, state, tractor) if state[tractor] < home else state[tractor]
-        if reach == state[tractor]:
-            continue
-        hold = _find_clear_hold_point(net, state, tractor, reach) if deep else state[tractor]
-        if hold > state[tractor]:
-            return _insert_sorted(moves, when, no_harm, no_harm, tractor, hold, net.begins_s[place])
-        reach -= 1 if deep and reach == home else 0
-        hold = reach
-        while hold > state[tractor] and _blocks_other_tractors(net, state, tractor, hold):
-            hold -= 1
-        if hold > state[tractor]:
-            count = _insert_sorted(moves, when, count, no_harm, tractor, hold, net.begins_s[place])
-        if hold < reach:
-            count = _insert_sorted(moves, when, count, no_harm + 1, tractor, reach, net.begins_s[place])
-    return count
-
-
-@compile_function
-def _is_new_state(states, slots, count):  # type: ignore[no-untyped-def]
-    """Whether state number `count` differs from all before it; if so it is entered in the hash table `slots`."""
-    code = np.uint64(1469598103934665603)
-    for tractor in range(states.shape[1]):
-        code = (code ^ np.uint64(states[count, tractor])) * np.uint64(1099511628211)
-    slot = np.int64((code >> np.uint64(20)) % np.uint64(len(slots)))
-    while slots[slot] >= 0:
-        is_same = True
-        for tractor in range(states.shape[1]):
-            is_same = is_same and states[slots[slot], tractor] == states[count, tractor]
-        if is_same:
+def _may_go_on(net, tractor, number, other_tractor, other_number):  # type: ignore[no-untyped-def]
+    """Whether a tractor may drive its next segment while another stands, as far as these two are concerned."""
+    segment, stood = net.base[tractor] + number, net.base[other_tractor] + other_number
+    end = net.blockers_start[segment + 1]
+    row = find_first_place_row(net.blockers_at, net.blockers_start[segment], end, stood)
+    if row < end and net.blockers_at[row] == stood:
+        return False
+    for row in range(net.waits_start[segment], net.waits_start[segment + 1]):
+        place = net.waits_at[row]
+        if net.owner[place] == other_tractor and place >= stood:
             return False
-        slot = (slot + 1) % len(slots)
-    slots[slot] = count
     return True
 
 
 @compile_function
-def _sum_driven_tenths(net, state):  # type: ignore[no-untyped-def]
-    """What a fleet has driven so far, in tenths of a second."""
-    total = 0.0
+def fill_safe_pair(net, one, other) -> None:  # type: ignore[no-untyped-def]
+    """Fill the table of two tractors, the first of them first, in `ScheduleNet.safe`, from their ends backwards."""
+    last, other_last = net.base[one + 1] - net.base[one] - 1, net.base[other + 1] - net.base[other] - 1
+    start, width = net.safe_start[one, other], other_last + 1
+    if start < 0:
+        return
+    for number in range(last, -1, -1):
+        for other_number in range(other_last, -1, -1):
+            at = start + number * width + other_number
+            net.safe[at] = number == last and other_number == other_last
+            if number < last and net.safe[at + width]:
+                net.safe[at] = _may_go_on(net, one, number, other, other_number)
+            if not net.safe[at] and other_number < other_last and net.safe[at + 1]:
+                net.safe[at] = _may_go_on(net, other, other_number, one, number)
+
+
+@compile_function
+def fill_safe_pairs(net) -> None:  # type: ignore[no-untyped-def]
+    """Fill the tables of every two tractors in `ScheduleNet.safe`."""
+    count = len(net.base) - 1
+    for one in range(count):
+        for other in range(one + 1, count):
+            fill_safe_pair(net, one, other)
+
+
+@compile_function
+def is_pair_safe(net, one, number, other, other_number):  # type: ignore[no-untyped-def]
+    """Whether two tractors that stand at hold points could get home if they were alone."""
+    if one > other:
+        one, number, other, other_number = other, other_number, one, number
+    start = net.safe_start[one, other]
+    return start < 0 or net.safe[start + number * (net.base[other + 1] - net.base[other]) + other_number]
+
+
+@compile_function
+def are_pairs_safe(net, state, tractor):  # type: ignore[no-untyped-def]
+    """Whether a tractor and each of the others could get home if these two were alone."""
+    for other_tractor in range(len(state)):
+        if other_tractor != tractor and not is_pair_safe(
+            net, tractor, state[tractor], other_tractor, state[other_tractor]
+        ):
+            return False
+    return True
+
+
+@compile_function
+def _is_next_move(net, state, tractor):  # type: ignore[no-untyped-def]
+    """Whether a tractor may drive its next segment while all others stand, and no two are stuck after it."""
+    if state[tractor] == net.base[tractor + 1] - net.base[tractor] - 1:
+        return False
+    for other_tractor in range(len(state)):
+        if other_tractor != tractor and net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0:
+            number, other_number = state[tractor], state[other_tractor]
+            if not is_pair_safe(net, tractor, number + 1, other_tractor, other_number):
+                return False
+            if not _may_go_on(net, tractor, number, other_tractor, other_number):
+                return False
+    return True
+
+
+@compile_function
+def _add_key(keys, key):  # type: ignore[no-untyped-def]
+    """Enter a key, not 0, in a hash table; False if it is there."""
+    slot = np.int64((key >> np.uint64(20)) % np.uint64(len(keys)))
+    while keys[slot] != 0:
+        if keys[slot] == key:
+            return False
+        slot = (slot + 1) % len(keys)
+    keys[slot] = key
+    return True
+
+
+@compile_function
+def _add_state(keys, seen, state):  # type: ignore[no-untyped-def]
+    """The hash table, larger if it was half full, and whether a state was not in it before."""
+    if 2 * seen > len(keys):
+        grown = np.zeros(4 * len(keys), dtype=np.uint64)
+        for slot in range(len(keys)):
+            if keys[slot] != 0:
+                _add_key(grown, keys[slot])
+        keys = grown
+    code = np.uint64(1469598103934665603)
     for tractor in range(len(state)):
-        total += net.begins_s[net.base[tractor] + state[tractor]]
-    return round_to_tenths(total)
+        code = (code ^ np.uint64(state[tractor])) * np.uint64(1099511628211)
+    return keys, _add_key(keys, code | np.uint64(1))
 
 
 @compile_function
-def compute_state_limit(count, deep):  # type: ignore[no-untyped-def]
-    """Number of states searched for a fleet; in a deep search more, the more tractors there are."""
-    return MAX_STATES * (1 + count * count // 50 if deep else 1)
+def _find_clear_hold_point(net, state, tractor):  # type: ignore[no-untyped-def]
+    """The farthest hold point that a tractor reaches while all others stand, and that nobody else passes any more; else
+    where it is."""
+    clear, last = state[tractor], net.base[tractor + 1] - net.base[tractor] - 1
+    for number in range(state[tractor], last):
+        is_free = True
+        for other_tractor in range(len(state)):
+            if net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0:
+                if not _may_go_on(net, tractor, number, other_tractor, state[other_tractor]):
+                    return clear
+                is_free = (
+                    is_free and net.last_pass[net.base[tractor] + number + 1, other_tractor] < state[other_tractor]
+                )
+        clear = number + 1 if is_free else clear
+    return clear
 
 
 @compile_function
-def can_finish_by_turns(net, start, deep, reached):  # type: ignore[no-untyped-def]
-    """Whether an order of moves in which all get home is found; `reached` becomes the farthest state found."""
-    count = len(start)
-    max_states = compute_state_limit(count, deep)
-    room = max_states + 2 * count + 1
-    states, slots = np.empty((room, count), dtype=np.int64), np.full(4 * room, -1)
-    stack, seen, stack_size = np.empty(room, dtype=np.int64), np.int64(0), 1
-    moves, when = np.empty((2 * count + 1, 3), dtype=np.int64), np.empty(2 * count + 1)
-    copy_row(start, states[0])
+def _find_next_move(net, state, tried):  # type: ignore[no-untyped-def]
+    """The next tractor to go on, of those below `tried`, to which hold point, and which tractors are left to try.
+
+    One that can go on to where nobody passes any more is the only one to try, because it blocks nobody.
+    """
+    if tried == len(state):
+        for tractor in range(len(state)):
+            hold = _find_clear_hold_point(net, state, tractor)
+            if hold > state[tractor]:
+                return tractor, hold, 0
+    for tractor in range(tried - 1, -1, -1):
+        if _is_next_move(net, state, tractor):
+            return tractor, state[tractor] + 1, tractor
+    return -1, 0, 0
+
+
+@compile_function
+def can_finish_by_turns(net, start, reached):  # type: ignore[no-untyped-def]
+    """Whether an order of segments in which all get home is found; `reached` becomes the farthest state found.
+
+    Where it is not, there is none if the search looked at all states that can be reached (MOST_EFFORT).
+    """
+    count, remaining = len(start), np.int64(0)
+    for tractor in range(count):
+        remaining += net.base[tractor + 1] - net.base[tractor] - 1 - start[tractor]
+    moves, tried = np.empty((remaining + 1, 2), dtype=np.int64), np.full(remaining + 1, count)
+    keys, seen, depth, driven, farthest = np.zeros(1024, dtype=np.uint64), 1, 0, np.int64(0), np.int64(0)
+    state, most_states = start.copy(), max(LEAST_STATES, MOST_EFFORT // (count * count))
     copy_row(start, reached)
-    stack[0] = 0
-    _is_new_state(states, slots, seen)
-    seen += 1
-    farthest = _sum_driven_tenths(net, start)
-    while stack_size > 0 and seen < max_states:
-        stack_size -= 1
-        state = states[stack[stack_size]]
-        is_home = True
-        for tractor in range(count):
-            is_home = is_home and state[tractor] == net.base[tractor + 1] - net.base[tractor] - 1
-        driven_tenths = _sum_driven_tenths(net, state)
-        if is_home or driven_tenths > farthest:
-            farthest = driven_tenths
+    while driven < remaining and seen < most_states:
+        tractor, hold, tried[depth] = _find_next_move(net, state, tried[depth])
+        if tractor < 0:
+            if depth == 0:
+                return False
+            depth -= 1
+            driven -= state[moves[depth, 0]] - moves[depth, 1]
+            state[moves[depth, 0]] = moves[depth, 1]
+            continue
+        before, state[tractor] = state[tractor], hold
+        keys, is_new = _add_state(keys, seen, state)
+        if not is_new:
+            state[tractor] = before
+            continue
+        seen += 1
+        moves[depth, 0], moves[depth, 1] = tractor, before
+        driven += hold - before
+        depth += 1
+        tried[depth] = count
+        if driven > farthest:
+            farthest = driven
             copy_row(state, reached)
-        if is_home:
-            return True
-        for row in range(_list_moves(net, state, deep, moves, when)):
-            copy_row(state, states[seen])
-            states[seen, moves[row, 1]] = moves[row, 2]
-            if _is_new_state(states, slots, seen):
-                stack[stack_size] = seen
-                stack_size += 1
-                seen += 1
-    return False
+    return driven == remaining

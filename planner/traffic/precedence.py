@@ -34,10 +34,9 @@ from vehicle.sim.path_conflicts import ClearanceCheck
 
 Floats = npt.NDArray[np.float64]
 
-RULES = ((0.0, False), (0.0, True), (0.5, False), (0.5, True), (1.0, True))
-"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has reached its hold
-point; and whether one that must not stop at the next hold point may continue beyond it in one go."""
-SMALL_FLEET_TRACTORS = 4  # for whom every rule is tried, however long their plan
+EAGERNESS = (0.0, 0.5, 1.0)
+"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has waited long."""
+SMALL_FLEET_TRACTORS = 4  # for whom every eagerness is tried, however long their plan
 MOST_TIMETABLES = 12  # tried, of which the quickest is taken
 MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
@@ -60,58 +59,48 @@ class Timetable:
 class PrecedenceSearch:
     """Finds a timetable for the trajectories of a plan."""
 
-    def __init__(self, plan: Plan, zones: ConflictZones, slack: float = 1.0, at_once: Collection[int] = ()) -> None:
-        """For a plan whose tractors keep `slack` times the usual time between each other; those `at_once` drive."""
-        self._at_once = np.isin(np.arange(len(plan.missions)), list(at_once))
+    def __init__(self, plan: Plan, zones: ConflictZones, at_once: Collection[int] = ()) -> None:
+        """For a plan of which those `at_once` drive already."""
         self.plan, self.zones, self.trajectories = plan, zones, zones.trajectories
-        self.margins_s = GAP_BEHIND_S * slack, GAP_AHEAD_S * slack
-        self.deadlock_avoidance = DeadlockAvoidance(plan, zones)
+        self.deadlock_avoidance = DeadlockAvoidance(plan, zones, at_once)
 
     def find_timetable(self) -> Timetable | None:
         """The quickest timetable; None if tractors stand so that they could not even get home one after another.
 
-        Gates of the plan that would prevent that are dropped (DeadlockAvoidance.dropped_gates). If no timetable is
-        found, a deeper search for ways home follows.
+        Gates of the plan that would prevent that are dropped (DeadlockAvoidance.dropped_gates).
         """
-        for deep in (False, True):
-            if deep:
-                self.deadlock_avoidance = DeadlockAvoidance(self.plan, self.zones, deep=deep)
-            if not self.deadlock_avoidance.drop_deadlocked_gates():
-                continue
-            best = self._find_quickest()
-            if best is not None:
-                return self._build_timetable(*best)
-        return None
+        best = self._find_quickest() if self.deadlock_avoidance.drop_deadlocked_gates() else None
+        return best and self._build_timetable(*best)
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
-        """The quickest of some timetables, by each rule and then with other leads; None without any.
+        """The quickest of some timetables, by each eagerness and then with other leads; None without any.
 
         Leads are drawn around those of the quickest before, until the last to finish waits for nobody.
         """
         net, count = self.deadlock_avoidance.net, len(self.trajectories)
         alone_s = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
         least_s = alone_s.max() + START_LOSS_S + TIME_TOLERANCE_S
-        least = len(RULES) if count <= SMALL_FLEET_TRACTORS else 1
+        least = len(EAGERNESS) if count <= SMALL_FLEET_TRACTORS else 1
         tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), least))
-        draw, best, rule, leads_s = random.Random(1), None, RULES[0], np.zeros(count)
+        draw, best, eager, leads_s = random.Random(1), None, EAGERNESS[0], np.zeros(count)
         for number in range(tries):
-            most_s, tried = (0.0, RULES[number]) if number < len(RULES) else (MOST_LEAD_S, rule)
+            most_s, tried = (0.0, EAGERNESS[number]) if number < len(EAGERNESS) else (MOST_LEAD_S, eager)
             tried_s = leads_s + [draw.uniform(-most_s, most_s) for _ in range(count)]
             table = self._fill_timetable(tried, tried_s)
             if np.isnan(table[1]).any() or (best and _rank_timetable(table[1]) >= _rank_timetable(best[1])):
                 continue
-            best, rule, leads_s = table, tried, tried_s
+            best, eager, leads_s = table, tried, tried_s
             if best[1].max() <= least_s:
                 break
         return best
 
-    def _fill_timetable(self, rule: tuple[float, bool], leads_s: Floats) -> tuple[Floats, Floats, Floats]:
+    def _fill_timetable(self, eager: float, leads_s: Floats) -> tuple[Floats, Floats, Floats]:
         """A timetable in which the earliest possible entry comes next (timetable_search.fill_timetable)."""
         net = self.deadlock_avoidance.net
         max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         is_concerned = net.near | self.deadlock_avoidance.waits_on
-        how = rule, leads_s, self._at_once, self.deadlock_avoidance.deep
-        return fill_timetable(net, is_concerned, max_spans, self.margins_s, *how)  # type: ignore[no-any-return]
+        how = eager, leads_s, self.deadlock_avoidance.start
+        return fill_timetable(net, is_concerned, max_spans, (GAP_BEHIND_S, GAP_AHEAD_S), *how)  # type: ignore[no-any-return]
 
     def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
         """A timetable by tractors, legs and metres from one by numbered places."""
@@ -139,19 +128,18 @@ def schedule_plan(
     check: ClearanceCheck,
     simulate_alone: SoloSimulation,
     cache: TrajectoryCache | None = None,
-    slack: float = 1.0,
     at_once: Collection[int] = (),
 ) -> Plan | None:
     """The plan with gates so that no tractors meet; None if no order was found.
 
-    `slack` times the usual time is kept between two that use the same place one after the other. Those `at_once`, by
-    number, are on their way and cannot wait where they are. `cache` holds results for the same machine and clearance.
+    Those `at_once`, by number, are on their way and cannot wait where they are. `cache` holds results for the same
+    machine and clearance.
     """
     trajectories = get_trajectories(plan, simulate_alone, cache)
     if trajectories is None:
         return None
     gated_legs = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
-    precedence = PrecedenceSearch(plan, find_conflict_zones(trajectories, check, gated_legs, cache), slack, at_once)
+    precedence = PrecedenceSearch(plan, find_conflict_zones(trajectories, check, gated_legs, cache), at_once)
     table = precedence.find_timetable()
     if table is None:
         return None

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from planner.traffic.deadlock_search import (
+    are_pairs_safe,
     can_finish_by_turns,
     can_finish_one_by_one,
     find_first_place_row,
@@ -32,6 +33,14 @@ NEVER_S = math.inf
 
 
 @compile_function
+def _measure_stand_s(net, begun_s, place, first):  # type: ignore[no-untyped-def]
+    """How long a tractor stands before a segment that it has begun, with its start loss (s); for ever at first."""
+    if place == first:
+        return NEVER_S
+    return begun_s[place] - begun_s[place - 1] - (net.begins_s[place] - net.begins_s[place - 1])
+
+
+@compile_function
 def _add_exclusions(net, state, begun_s, margins, own_segment, shift, soonest, spans, count):  # type: ignore[no-untyped-def]
     """Add the spans in which a segment must not be begun because of segments that others have begun."""
     start, row = net.apart_start[own_segment], net.apart_start[own_segment + 1]
@@ -46,8 +55,13 @@ def _add_exclusions(net, state, begun_s, margins, own_segment, shift, soonest, s
                 row = find_first_place_row(net.apart_at, start, row, first)
                 break
             row -= 1
+            behind_s = net.apart_s[row, 1] + margins[0]
+            if _measure_stand_s(net, begun_s, place, first) > START_LOSS_S + MIN_STANDING_S:
+                behind_s = max(
+                    behind_s, MOVED_OFF_S
+                )  # a gate cannot tell how long somebody stands, but that it goes on
             spans[count, 0] = begun_s[place] + net.apart_s[row, 0] - margins[1] - shift
-            spans[count, 1] = begun_s[place] + net.apart_s[row, 1] + margins[0] - shift
+            spans[count, 1] = begun_s[place] + behind_s - shift
             count += 1
     return count
 
@@ -123,14 +137,14 @@ def _write_entry(net, state, free_s, tractor, length, begin_s, entry) -> None:  
 
 
 @compile_function
-def _find_earliest_entry(net, state, begun_s, free_s, margins, refused_for, tractor, spans, entry) -> None:  # type: ignore[no-untyped-def]
-    """When a tractor can enter its next segment, or the next few in one go if that is sooner; length 0 for never."""
+def _find_earliest_entry(net, state, begun_s, free_s, margins, refused_for, tractor, most, spans, entry) -> None:  # type: ignore[no-untyped-def]
+    """When a tractor can enter its next segment, or up to `most` in one go if that is sooner; length 0 for never."""
     soonest, segment_number = free_s[tractor], state[tractor]
     for other_tractor in range(len(state)):
         if refused_for[tractor, other_tractor]:
             soonest = max(soonest, begun_s[net.base[other_tractor] + state[other_tractor] - 1] + MOVED_OFF_S)
     entry[0] = 0.0
-    for length in range(1, min(MAX_CHAIN, net.base[tractor + 1] - net.base[tractor] - 1 - segment_number) + 1):
+    for length in range(1, min(most, net.base[tractor + 1] - net.base[tractor] - 1 - segment_number) + 1):
         begin_s = _find_begin_s(net, state, begun_s, free_s, margins, tractor, length, soonest, spans)
         if begin_s < NEVER_S and (entry[0] == 0.0 or begin_s < entry[1] - TIME_TOLERANCE_S):
             _write_entry(net, state, free_s, tractor, length, begin_s, entry)
@@ -159,21 +173,20 @@ def _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried):  # t
 
 
 @compile_function
-def _stays_deadlock_free(net, state, tractor, length, deep, state_after, reached, unsafe):  # type: ignore[no-untyped-def]
+def _stays_deadlock_free(net, state, tractor, length, state_after, reached, unsafe):  # type: ignore[no-untyped-def]
     """Whether all can still get home after a tractor has gone on by `length` segments.
 
-    What a deep search finds to be otherwise is marked `unsafe` and not searched again until that may have changed.
+    What is found to be otherwise is marked `unsafe` and not searched again until that may have changed.
     """
     if unsafe[tractor, length]:
         return False
     copy_row(state, state_after)
     state_after[tractor] += length
-    is_safe = (
-        is_off_remaining_paths(net, tractor, state_after)
-        or can_finish_one_by_one(net, state_after)
-        or can_finish_by_turns(net, state_after, deep, reached)
+    is_safe = is_off_remaining_paths(net, tractor, state_after) or (
+        are_pairs_safe(net, state_after, tractor)
+        and (can_finish_one_by_one(net, state_after) or can_finish_by_turns(net, state_after, reached))
     )
-    unsafe[tractor, length] = deep and not is_safe
+    unsafe[tractor, length] = not is_safe
     return is_safe
 
 
@@ -191,18 +204,6 @@ def _clear_unsafe_marks(net, state, tractor, first, end, unsafe) -> None:  # typ
                 hold = net.base[other_tractor] + state[other_tractor] + length
                 row = find_first_place_row(net.stands_at, net.stands_start[hold], net.stands_start[hold + 1], first)
                 unsafe[other_tractor, length] = row == net.stands_start[hold + 1] or net.stands_at[row] >= end
-
-
-@compile_function
-def _can_chain_segments(net, state, begun_s, free_s, margins, tractor, length, entry, spans, longer_entry):  # type: ignore[no-untyped-def]
-    """Whether `length` segments in one go need not begin much later than the entry; writes them to `longer_entry`."""
-    if length > net.base[tractor + 1] - net.base[tractor] - 1 - state[tractor]:
-        return False
-    begin_s = _find_begin_s(net, state, begun_s, free_s, margins, tractor, length, entry[1], spans)
-    if begin_s > entry[1] + START_LOSS_S:
-        return False
-    _write_entry(net, state, free_s, tractor, length, begin_s, longer_entry)
-    return True
 
 
 @compile_function
@@ -245,13 +246,21 @@ def _append_gate(gates, count, own_segment, place, after_s):  # type: ignore[no-
 
 @compile_function
 def _add_clearing_gates(net, state, begun_s, behind_s, refused_for, tractor, entry, gates, count):  # type: ignore[no-untyped-def]
-    """Gates on those that must move on first, so that all get home, or must pass where this tractor will stand."""
+    """Gates on those that must move on first: so that all get home, off the way, or past where this one will stand."""
     own_segment, length = net.base[tractor] + state[tractor], int(entry[0])
     for other_tractor in range(len(state)):
         if refused_for[tractor, other_tractor]:
             gates, count = _append_gate(
                 gates, count, own_segment, net.base[other_tractor] + state[other_tractor] - 1, MOVED_OFF_S
             )
+    for number in range(length):
+        for row in range(net.blockers_start[own_segment + number], net.blockers_start[own_segment + number + 1]):
+            place = net.blockers_at[row]
+            if place - net.base[net.owner[place]] < state[net.owner[place]]:
+                after_s = max(MOVED_OFF_S, behind_s - net.blockers_s[row, 0])
+                due_s = begun_s[place] + after_s
+                if entry[1 + number] - GUARD_LIMIT_S < due_s <= entry[1 + number] + TIME_TOLERANCE_S:
+                    gates, count = _append_gate(gates, count, own_segment + number, place, after_s)
     stand_s = entry[1 + MAX_CHAIN] - entry[1]
     for row in range(net.stands_start[own_segment + length], net.stands_start[own_segment + length + 1]):
         place = net.stands_at[row]
@@ -294,24 +303,20 @@ def _commit_entry(net, state, begun_s, free_s, behind_s, refused, refused_for, t
 
 
 @compile_function
-def fill_timetable(net, is_concerned, max_spans, margins_s, rule, leads_s, at_once, deep):  # type: ignore[no-untyped-def]
+def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, start):  # type: ignore[no-untyped-def]
     """A timetable in which the earliest possible entry comes next that leaves everybody a way home.
 
     `margins_s` are seconds behind and ahead, `leads_s` (n,) by how much earlier a tractor is taken than it can begin,
-    `deep` whether ways home are searched deeply, `rule` as in precedence.RULES. Those `at_once` (n,) are on their first
-    segment already. `is_concerned` (n, n) tells whether what one may do can depend on another, `max_spans` how many
-    spans one entry can depend on.
+    `eager` as in precedence.EAGERNESS. `start` (n,) is where each begins: 1 is already on its first segment.
+    `is_concerned` (n, n) tells whether what one may do can depend on another, `max_spans` how many spans one entry can
+    depend on.
 
     Returns when each segment is begun (p,), when each tractor stands for good (n,; the first nan if no entry was left),
     and gates (k, 3): before which segment, which other segment, and for how long that must have been begun (s).
     """
     count = len(net.base) - 1
-    state, free_s, begun_s = np.zeros(count, dtype=np.int64), np.zeros(count), np.full(len(net.owner), np.nan)
-    entries, is_current, longer_entry = (
-        np.zeros((count, MAX_CHAIN + 2)),
-        np.zeros(count, dtype=np.bool_),
-        np.zeros(MAX_CHAIN + 2),
-    )
+    state, free_s, begun_s = start.copy(), np.zeros(count), np.full(len(net.owner), np.nan)
+    entries, is_current = np.zeros((count, MAX_CHAIN + 2)), np.zeros(count, dtype=np.bool_)
     refused, refused_for = np.zeros(count, dtype=np.bool_), np.zeros((count, count), dtype=np.bool_)
     unsafe, tried = np.zeros((count, MAX_CHAIN + 1), dtype=np.bool_), np.zeros(count, dtype=np.bool_)
     spans, state_after, reached = (
@@ -322,45 +327,46 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, rule, leads_s, at_on
     gates, gate_count = np.empty((64, 3)), np.int64(0)
     remaining = len(net.owner) - count
     for tractor in range(count):
-        if at_once[tractor]:
+        if state[tractor] > 0:
             first = net.base[tractor]
             begun_s[first], free_s[tractor] = 0.0, net.begins_s[first + 1] - net.begins_s[first]
-            state[tractor] = 1
             remaining -= 1
     while remaining > 0:
         for tractor in range(count):
             tried[tractor] = False
             if not is_current[tractor]:
+                is_current[tractor], most = True, MAX_CHAIN
                 _find_earliest_entry(
-                    net, state, begun_s, free_s, margins_s, refused_for, tractor, spans, entries[tractor]
+                    net, state, begun_s, free_s, margins_s, refused_for, tractor, most, spans, entries[tractor]
                 )
-                is_current[tractor] = True
-        tractor, length = _pick_next_tractor(net, state, free_s, rule[0], leads_s, entries, tried), 0
+        tractor = _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried)
         while tractor >= 0:
-            length = int(entries[tractor, 0])
-            copy_row(entries[tractor], longer_entry)
-            while not _stays_deadlock_free(net, state, tractor, length, deep, state_after, reached, unsafe):
-                length += 1
-                while length <= MAX_CHAIN and not (
-                    rule[1]
-                    and _can_chain_segments(
-                        net, state, begun_s, free_s, margins_s, tractor, length, entries[tractor], spans, longer_entry
-                    )
-                ):
-                    length += 1
-                if length > MAX_CHAIN:
-                    break
-            if length <= MAX_CHAIN:
+            most = int(entries[tractor, 0]) - 1
+            if _stays_deadlock_free(net, state, tractor, most + 1, state_after, reached, unsafe):
                 break
-            tried[tractor] = refused[tractor] = True
-            tractor = _pick_next_tractor(net, state, free_s, rule[0], leads_s, entries, tried)
+            tried[tractor] = refused[tractor] = most == 0
+            _find_earliest_entry(
+                net, state, begun_s, free_s, margins_s, refused_for, tractor, most, spans, entries[tractor]
+            )
+            tractor = _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried)
         if tractor < 0:
             free_s[0] = np.nan
             break
+        length = int(entries[tractor, 0])
         first = net.base[tractor] + state[tractor]
         remaining -= length
         gates, gate_count = _commit_entry(
-            net, state, begun_s, free_s, margins_s[0], refused, refused_for, tractor, longer_entry, gates, gate_count
+            net,
+            state,
+            begun_s,
+            free_s,
+            margins_s[0],
+            refused,
+            refused_for,
+            tractor,
+            entries[tractor],
+            gates,
+            gate_count,
         )
         _clear_unsafe_marks(net, state, tractor, first, first + length, unsafe)
         for other_tractor in range(count):

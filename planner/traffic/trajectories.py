@@ -93,7 +93,10 @@ class SoloTrajectory:
             and distance_m < POSE_STEP_M
         ):
             leg, distance_m = leg - 1, mission.legs[leg - 1].length_m
-        return LegGate.place(tractor, leg, mission.legs[leg].length_m, distance_m)
+        length_m = mission.legs[leg].length_m
+        if self.leaves and place == len(self.time_s) - 1:  # just before its end it is still in the lane
+            return LegGate.end(tractor, leg, length_m)
+        return LegGate.place(tractor, leg, length_m, distance_m)
 
 
 @dataclass

@@ -19,7 +19,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import HEADLAND_WAIT_M, find_clashes
+from strategies.programmes.waiting_places import WAIT_STEP_M, find_clashes
 from strategies.programmes.ways_home import Way, WayBook
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
@@ -338,7 +338,7 @@ def _list_parking_legs(table: MoveTable, mission: Mission, pose: Pose) -> tuple[
 def _iter_free_places(stand: Pose, ways: list[Way], back_m: float, check: ClearanceCheck) -> Iterator[Pose]:
     """Poses beside one, itself first and then the nearest, at which a tractor is in the way of no others."""
     (x, y, heading), step_m = stand, 0.5 * check.reach_m
-    most = math.ceil(HEADLAND_WAIT_M / step_m)  # no farther than to another place to wait
+    most = math.ceil(WAIT_STEP_M / step_m)  # no farther than to another place to wait
     steps_m = step_m * np.arange(-most, most + 1)
     ahead_m, aside_m = (values.ravel() for values in np.meshgrid(steps_m, steps_m))
     nearest = np.argsort(np.hypot(ahead_m, aside_m), kind="stable")

@@ -20,7 +20,7 @@ from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
+WAIT_STEP_M = 40.0  # between places to wait along a line
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
 
 
@@ -39,11 +39,14 @@ def sample_poses(points: Floats, back_m: float, gear: int = 1) -> Floats:
 def list_parts_m(moves: SiteMoves, node: int, length_m: float) -> list[float]:
     """Where the parts of a worked line begin, and its end: a tractor may wait before each but the first.
 
-    There are places to wait along a headland side, and before the last part of any line.
+    There are places to wait along a headland side, and before the last part of any line; on a long track also before
+    others come so near, as its end may be in their way.
     """
     hold_m = max(length_m - moves.site.rules.hold_back_m, 0.5 * length_m)
-    is_headland = moves.lines[node // 2].task.kind == HEADLAND_PASS
-    parts = max(1, round(hold_m / HEADLAND_WAIT_M)) if is_headland else 1
+    if moves.lines[node // 2].task.kind != HEADLAND_PASS:
+        before_m = [hold_m - WAIT_STEP_M] if hold_m > 2.0 * WAIT_STEP_M else []
+        return [0.0, *before_m, hold_m, length_m]
+    parts = max(1, round(hold_m / WAIT_STEP_M))
     return [0.0, *(hold_m * part / parts for part in range(1, parts + 1)), length_m]
 
 

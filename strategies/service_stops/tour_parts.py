@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.waiting_places import HEADLAND_WAIT_M
+from strategies.programmes.waiting_places import WAIT_STEP_M
 from strategies.rules.supply import Supply
 from vehicle.missions.plan import HEADLAND_PASS
 
@@ -91,6 +91,6 @@ def cut_at_wait_points(table: MoveTable, parts: Iterable[TourPart]) -> list[Tour
     cut = []
     for part in parts:
         is_side = table.lines[part.node // 2].task.kind == HEADLAND_PASS and not part.is_stand
-        count = max(1, round((part.last_m - part.first_m) / HEADLAND_WAIT_M)) if is_side else 1
+        count = max(1, round((part.last_m - part.first_m) / WAIT_STEP_M)) if is_side else 1
         cut += [replace(part, piece=part.piece * count + number, pieces=part.pieces * count) for number in range(count)]
     return cut

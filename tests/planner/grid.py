@@ -63,6 +63,9 @@ def crossings(trajectories: Sequence[SoloTrajectory], gated: dict[int, set[int]]
     return find_conflict_zones(trajectories, CHECK, [(gated or {}).get(n, set()) for n in range(len(trajectories))])
 
 
+State = tuple[int, ...]
+
+
 @dataclass
 class Cells:
     """Tractors that drive from cell to cell of a grid of 30 m, 10 s each; only one may be in a cell."""
@@ -76,18 +79,6 @@ class Cells:
             for own, holds in zip(self.cells, self.holds, strict=True)
         ]
 
-    def serial(self) -> bool:
-        """Whether all get home one after another in some order, looked for in all of them."""
-        return any(self._works(order) for order in permutations(range(len(self.cells))))
-
-    def _works(self, order: Sequence[int]) -> bool:
-        at = [own[0] for own in self.cells]
-        for one in order:
-            if set(self.cells[one]) & {cell for other, cell in enumerate(at) if other != one}:
-                return False
-            at[one] = self.cells[one][-1]
-        return True
-
     def taken(self, one: int, table: Timetable) -> list[tuple[float, float, int]]:
         """From when to when a tractor is in which cell by a timetable."""
         spans, own, holds = [], self.cells[one], self.holds[one]
@@ -100,6 +91,52 @@ class Cells:
             spans.append((arrived, until, cell))
             at_s = arrived = until
         return spans
+
+
+class Plain:
+    """What may be done on a grid, told from cells and gates alone: a tractor moves while all others stand."""
+
+    def __init__(self, drawn: Cells, gates: dict[tuple[int, int], list[LegGate]]) -> None:
+        self.cells, self.holds, self.gates = drawn.cells, drawn.holds, gates
+        self.final_holds = tuple(len(holds) - 1 for holds in drawn.holds)
+
+    def stands(self, one: int, number: int) -> int:
+        return self.cells[one][self.holds[one][number]]
+
+    def can_move(self, state: State, one: int) -> bool:
+        at = state[one]
+        path = set(self.cells[one][self.holds[one][at] : self.holds[one][at + 1] + 1])
+        stood = {self.stands(other, number) for other, number in enumerate(state) if other != one}
+        waits = all(state[gate.tractor] > gate.leg for gate in self.gates.get((one, at), ()))
+        return waits and not path & stood
+
+    def after(self, state: State, one: int) -> State:
+        return (*state[:one], state[one] + 1, *state[one + 1 :])
+
+    def in_turn(self, state: State) -> bool:
+        """Whether each goes home in one go in some order, by trying all orders."""
+        return any(self._works(state, order) for order in permutations(range(len(state))))
+
+    def _works(self, state: State, order: tuple[int, ...]) -> bool:
+        for one in order:
+            while state[one] < self.final_holds[one]:
+                if not self.can_move(state, one):
+                    return False
+                state = self.after(state, one)
+        return True
+
+    def gets_home(self, state: State) -> bool:
+        """Whether all get home in any way, by looking at all states."""
+        seen, stack = {state}, [state]
+        while stack:
+            at = stack.pop()
+            if at == self.final_holds:
+                return True
+            for one, home in enumerate(self.final_holds):
+                if at[one] < home and self.can_move(at, one) and (then := self.after(at, one)) not in seen:
+                    seen.add(then)
+                    stack.append(then)
+        return False
 
 
 @st.composite

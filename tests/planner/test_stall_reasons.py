@@ -22,7 +22,7 @@ def drive(plan: Plan) -> SimulationRun:
     return simulate(plan, TRACTOR, Implement(), max_time_s=900.0)
 
 
-def schedule_nothing(plan: Plan, slack: float) -> None:
+def schedule_nothing(plan: Plan) -> None:
     """Nobody gives way."""
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.model.alarms import FleetAlarm
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
@@ -284,6 +285,9 @@ def test_a_database_that_is_gone_holds_up_nothing_and_is_told_once(monkeypatch: 
     fleet = FleetSession("f1", "small", fleet_plan(), FleetRules(), begin_s=time.time())
     tractor = FleetClient(TRACTOR, "tractor 1", 0)
 
+    def list_unrecorded() -> list[FleetAlarm]:
+        return [each for each in fleet.manager.alarms.list_alarms() if each.code == "unrecorded"]
+
     async def start_fleet() -> None:
         hub = FleetSessions(store)  # type: ignore[arg-type]
         hub.add(fleet)
@@ -292,10 +296,13 @@ def test_a_database_that_is_gone_holds_up_nothing_and_is_told_once(monkeypatch: 
         for sequence in range(80):
             fleet.recorder.add(0, [sequence])
             await asyncio.sleep(0.01)
+        async with asyncio.timeout(60.0):
+            while not list_unrecorded():
+                await asyncio.sleep(0.01)
         fleet.manager.operators.stop_all("anna", time.monotonic())
         fleet.send_pending_outputs()
         assert "stop" in [kind for _, kind in tractor.outbox._waiting]
-        (alarm,) = (each for each in fleet.manager.alarms.list_alarms() if each.code == "unrecorded")
+        (alarm,) = list_unrecorded()
         assert re.match(
             r"The database has been unreachable since 2\S+Z; nothing is recorded\. Only the last 50", alarm.sentence
         )
@@ -312,7 +319,7 @@ def test_a_database_that_is_gone_holds_up_nothing_and_is_told_once(monkeypatch: 
     asyncio.run(start_fleet())
     assert store.rows == 50 and fleet.recorder.saved[0] == 79
     assert "stop_all" in store.events and "recorded again" in store.events
-    assert [each.over for each in fleet.manager.alarms.list_alarms() if each.code == "unrecorded"] == [True]
+    assert [each.over for each in list_unrecorded()] == [True]
 
 
 def ended_the_first_time(mark: str) -> int:

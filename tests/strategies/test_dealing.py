@@ -221,7 +221,8 @@ def make_moves(lines: Sequence[WorkLine]) -> Any:
 def test_places_to_wait() -> None:
     moves = make_moves(draw_lines(30))
     assert list_parts_m(moves, 0, 90.0) == [0.0, 41.0, 82.0, 90.0], "about every 40 m along a headland side"
-    assert list_parts_m(moves, 2, 100.0) == [0.0, 92.0, 100.0]
+    assert list_parts_m(moves, 2, 100.0) == [0.0, 52.0, 92.0, 100.0], "and on a track before its end is in the way"
+    assert list_parts_m(moves, 2, 80.0) == [0.0, 72.0, 80.0]
     assert list_parts_m(moves, 2, 10.0) == [0.0, 5.0, 10.0]
 
 

@@ -38,6 +38,16 @@ class LegGate:
         """A gate on a leg of a length, just before its end at the farthest; to the micrometre, as processors differ."""
         return cls(tractor, leg, round(max(0.0, min(after_m, length_m - GATE_MARGIN_M)), 6))
 
+    @classmethod
+    def end(cls, tractor: int, leg: int, length_m: float) -> LegGate:
+        """A gate past the end of the last leg of a tractor, of a length, which opens when that tractor is done."""
+        return cls(tractor, leg, round(length_m + 0.5 * MAX_JOINT_GAP_M, 6))
+
+    def compute_opening_m(self, leg_start_m: float, path_m: float) -> float:
+        """The progress (m) at which it opens, on a leg that begins so far along a path; infinite past its end."""
+        opening_m = leg_start_m + self.after_m
+        return opening_m if opening_m <= path_m else math.inf
+
 
 @dataclass(frozen=True)
 class FollowOrder:

@@ -124,10 +124,10 @@ class FleetDriver:
         self._time_share.check()
         return self._rehearsal.simulate(plan, compute_timeout_s(plan))
 
-    def _schedule(self, plan: Plan, slack: float) -> Plan | None:
+    def _schedule(self, plan: Plan) -> Plan | None:
         """The plan with gates at which tractors wait for one another."""
         self._time_share.check()
-        return schedule_plan(plan, self._check, self._alone, self._cache, slack, self._at_once)
+        return schedule_plan(plan, self._check, self._alone, self._cache, self._at_once)
 
 
 def compute_planned_s(mission: Mission) -> float:
