@@ -48,6 +48,12 @@ REQUIRED_ORDERS = {
     "harvest": mark_text("headland first (as harvesting asks)"),
 }
 """The order of the headland by the operation that allows no other."""
+UNCOUNTED_STOPS = {
+    "sow": mark_text("filling not counted"),
+    "spray": mark_text("filling not counted"),
+    "harvest": mark_text("unloading not counted"),
+}
+"""What is left out of the time of operations with a load, where the implement tells none."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +164,8 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
         )
     if plan.refills is not None:
         parts.append(count_service_stops(ranking, plan.refills))
+    elif uncounted := UNCOUNTED_STOPS.get(str(ranking.scenario.get("operation"))):
+        parts.append(translate(uncounted))
     if plan.charges:
         parts.append(translate_count("{count} stop to charge", "{count} stops to charge", plan.charges))
     return f"{', '.join(parts)}." if parts else ""
