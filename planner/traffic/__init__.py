@@ -1,1 +1,1 @@
-"""Traffic of a fleet: trajectories, conflict zones, a timetable without deadlocks, repair of remaining conflicts."""
+"""Traffic of a fleet: trajectories, conflict zones, ways home for all, a timetable and its gates."""

@@ -65,7 +65,7 @@ class DeadlockAvoidance:
         self.net = self._build_net()
 
     def drop_deadlocked_gates(self) -> bool:
-        """Drop gates of the plan, none if possible, until all get home from the start, one at a time.
+        """Drop gates of the plan, none if possible, until all get home from the start if one moves at a time.
 
         Returns False if that does not help.
         """
@@ -94,21 +94,29 @@ class DeadlockAvoidance:
         return bool(is_pair_safe(self.net, one, self.start[one], other, self.start[other]))
 
     def _choose_pair_wait(self, one: int, other: int) -> list[tuple[TractorSegment, PlannedWait]]:
-        """The gate to drop between two that never get home: one without which they do, else the first."""
+        """The gate to drop between two that never get home: without which they do, or do from most states."""
         waits = [
             (segment, wait)
             for segment, segment_waits in sorted(self.waits.items())
             for wait in segment_waits
             if {segment[0], wait.tractor} == {one, other} and wait.gate is not None
         ]
+        best, most_safe = waits[:1], -1
         for segment, wait in waits:
             number = self.waits[segment].index(wait)
             del self.waits[segment][number]
             self._renew_waits(one, other)
             self.waits[segment].insert(number, wait)
-            if self._can_finish(one, other):
-                return [(segment, wait)]
-        return waits[:1]
+            safe = self._count_safe_states(one, other)
+            if safe > most_safe:
+                best, most_safe = [(segment, wait)], safe
+        return best
+
+    def _count_safe_states(self, one: int, other: int) -> int:
+        """From how many states of two they get home if they are alone; more than there are if also from the start."""
+        first, holds = self.net.safe_start[one, other], np.diff(self.zones.base)
+        size = int(holds[one] * holds[other])
+        return int(self.net.safe[first : first + size].sum()) + size * self._can_finish(one, other)
 
     def _find_blocking_waits(self, state: Sequence[int]) -> list[tuple[TractorSegment, PlannedWait]]:
         """Closed gates of tractors that block another which they wait for."""

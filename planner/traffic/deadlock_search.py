@@ -17,8 +17,7 @@ import numpy.typing as npt
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
-MOST_EFFORT = 1_000_000  # pairs of tractors looked at for a way home
-LEAST_STATES = 400  # that are searched for one, however large the fleet
+MOST_LOOKS = 2_000_000  # at one tractor for another, beside those that a straight way home of all takes
 Array = npt.NDArray[Any]
 
 
@@ -27,11 +26,11 @@ class ScheduleNet(NamedTuple):
 
     `owner` (p,) is the tractor of a place. The tables `apart`, `stands` and `blockers` of that module come as `_start`,
     `_at` and `_s` each. `waits` are gates of the plan in the same form: the segment that must have been begun, and for
-    how long (s). `last_pass` (p, n) is
-    the last segment, by number, on which a tractor passes a place where another stands, `last_wait` (p, n) that of
-    another tractor which must have been begun before all segments from here on are driven; -1 for none. `near` (n, n)
-    tells which tractors interact. `safe` holds a table for every two that do or wait for each other, from
-    `safe_start` (n, n) on (-1 for none): whether these two get home from a hold point of the one and one of the other.
+    how long (s). `last_wait` (p, n) is the last segment, by number, of another tractor which must have been begun
+    before all segments from here on are driven, `last_pass` (p, n) the last on which a tractor passes a place where
+    another stands; -1 for none. `near` (n, n) tells which tractors interact. `safe` holds a table for every two that do
+    or wait for each other, from `safe_start` (n, n) on (-1 for none): whether these two get home from a hold point of
+    the one and one of the other.
     """
 
     base: Array
@@ -269,54 +268,60 @@ def _add_state(keys, seen, state):  # type: ignore[no-untyped-def]
 
 @compile_function
 def _find_clear_hold_point(net, state, tractor):  # type: ignore[no-untyped-def]
-    """The farthest hold point that a tractor reaches while all others stand, and that nobody else passes any more; else
-    where it is."""
-    clear, last = state[tractor], net.base[tractor + 1] - net.base[tractor] - 1
-    for number in range(state[tractor], last):
-        is_free = True
+    """The next hold point of a tractor that nobody else passes any more, where it can go on to one while all others
+    stand, else -1; and how many looks at another tractor that took."""
+    looks = np.int64(0)
+    for number in range(state[tractor], net.base[tractor + 1] - net.base[tractor] - 1):
+        is_clear = True
         for other_tractor in range(len(state)):
             if net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0:
+                looks += 1
                 if not _may_go_on(net, tractor, number, other_tractor, state[other_tractor]):
-                    return clear
-                is_free = (
-                    is_free and net.last_pass[net.base[tractor] + number + 1, other_tractor] < state[other_tractor]
-                )
-        clear = number + 1 if is_free else clear
-    return clear
+                    return -1, looks
+                passes = net.last_pass[net.base[tractor] + number + 1, other_tractor] >= state[other_tractor]
+                is_clear = is_clear and not passes
+        if is_clear:
+            return number + 1, looks
+    return -1, looks
 
 
 @compile_function
 def _find_next_move(net, state, tried):  # type: ignore[no-untyped-def]
-    """The next tractor to go on, of those below `tried`, to which hold point, and which tractors are left to try.
+    """The next tractor to go on, of those below `tried`, to which hold point, which tractors are left to try, and how
+    many looks at another that took.
 
     One that can go on to where nobody passes any more is the only one to try, because it blocks nobody.
     """
+    looks = np.int64(0)
     if tried == len(state):
         for tractor in range(len(state)):
-            hold = _find_clear_hold_point(net, state, tractor)
-            if hold > state[tractor]:
-                return tractor, hold, 0
+            hold, looked = _find_clear_hold_point(net, state, tractor)
+            looks += looked
+            if hold >= 0:
+                return tractor, hold, 0, looks
     for tractor in range(tried - 1, -1, -1):
+        looks += len(state)
         if _is_next_move(net, state, tractor):
-            return tractor, state[tractor] + 1, tractor
-    return -1, 0, 0
+            return tractor, state[tractor] + 1, tractor, looks
+    return -1, 0, 0, looks
 
 
 @compile_function
 def can_finish_by_turns(net, start, reached):  # type: ignore[no-untyped-def]
     """Whether an order of segments in which all get home is found; `reached` becomes the farthest state found.
 
-    Where it is not, there is none if the search looked at all states that can be reached (MOST_EFFORT).
+    Where it is not, there is none if the search looked at all states that can be reached (MOST_LOOKS).
     """
     count, remaining = len(start), np.int64(0)
     for tractor in range(count):
         remaining += net.base[tractor + 1] - net.base[tractor] - 1 - start[tractor]
     moves, tried = np.empty((remaining + 1, 2), dtype=np.int64), np.full(remaining + 1, count)
     keys, seen, depth, driven, farthest = np.zeros(1024, dtype=np.uint64), 1, 0, np.int64(0), np.int64(0)
-    state, most_states = start.copy(), max(LEAST_STATES, MOST_EFFORT // (count * count))
+    state, looks_left = start.copy(), MOST_LOOKS + remaining * count * count
     copy_row(start, reached)
-    while driven < remaining and seen < most_states:
-        tractor, hold, tried[depth] = _find_next_move(net, state, tried[depth])
+    while driven < remaining and looks_left > 0:
+        tractor, hold, tried[depth], looks = _find_next_move(net, state, tried[depth])
+        looks_left -= looks
         if tractor < 0:
             if depth == 0:
                 return False

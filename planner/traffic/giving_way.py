@@ -1,8 +1,8 @@
 """Make tractors give way: simulate a plan, and where two come too close schedule the whole of it.
 
-Every plan marks the legs before which a tractor may wait: the last part of every pass, inside its own swath, and the
-start. The schedule says who goes first everywhere (planner.traffic.precedence). It needs to know a way home for all at
-any time; where there is none, the plan is not feasible.
+Every plan marks the legs before which a tractor may wait: the start, and some inside its own swaths and headland sides
+(strategies.programmes.waiting_places). The schedule says who goes first everywhere (planner.traffic.precedence). It
+needs to know a way home for all at any time; where none is found, the plan is not feasible.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MIN_MOVING_MPS = 0.05  # less is said to be standing
 Simulate = Callable[[Plan], SimulationRun]
 """Simulates a plan until it is done, two tractors come too close, or nothing moves any more."""
 Scheduler = Callable[[Plan], Plan | None]
-"""Adds gates so that no tractors meet; None if there are none."""
+"""Adds gates so that no tractors meet; None if none are found."""
 
 
 def resolve_conflicts(plan: Plan, simulate: Simulate, schedule: Scheduler) -> tuple[SimulationRun, str | None]:
@@ -31,7 +31,7 @@ def resolve_conflicts(plan: Plan, simulate: Simulate, schedule: Scheduler) -> tu
     scheduled_plan = None if run.outcome == DONE else schedule(plan)
     if scheduled_plan is not None:
         run = simulate(scheduled_plan)
-    return run, None if run.outcome == DONE else _explain_failure(run, first.conflict)
+    return run, None if run.outcome == DONE else _explain_failure(run, first.conflict or run.conflict)
 
 
 def _explain_failure(run: SimulationRun, conflict: Conflict | None) -> str:
@@ -39,7 +39,7 @@ def _explain_failure(run: SimulationRun, conflict: Conflict | None) -> str:
     if conflict is not None:
         return (
             f"tractors {conflict.first + 1} and {conflict.second + 1} meet after {conflict.time_s:.0f} s, "
-            "and no way of waiting avoids it"
+            "and no way of waiting was found that avoids it"
         )
     if run.outcome == STALL:
         # One tractor that cannot follow its path, and where, or all that are not done wait.

@@ -2,7 +2,7 @@
 
 Paths are given, and every tractor may stand at its hold points. Tractors are moved from hold point to hold point in the
 order of time. One enters a segment if no part of it is used by others meanwhile, nobody stands in its way, and all
-could still get home one after another if everybody then stopped; if that holds at the start, no two can wait for each
+could still get home, one moving at a time, if everybody then stopped; if that holds at the start, no two wait for each
 other for ever. What makes a tractor wait, or nearly does, becomes a gate; other gates of the plan are respected.
 timetable_search computes the times. Who goes first decides about much that follows, so several timetables are tried, in
 which tractors go a little earlier or later in the order, and the quickest is taken.
@@ -35,10 +35,10 @@ from vehicle.sim.path_conflicts import ClearanceCheck
 Floats = npt.NDArray[np.float64]
 
 EAGERNESS = (0.0, 0.5, 1.0)
-"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by when it has waited long."""
+"""How the next tractor is picked: by when it can go on (0) or, the more eager (1), by how long it has waited."""
 SMALL_FLEET_TRACTORS = 4  # for whom every eagerness is tried, however long their plan
 MOST_TIMETABLES = 12  # tried, of which the quickest is taken
-MOST_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
+MOST_TABLE_EFFORT = 60_000  # of all of them, in segments times tractors: large fleets get few
 MOST_LEAD_S = 60.0  # that a draw adds to the lead of a tractor, or takes from it
 
 
@@ -81,7 +81,7 @@ class PrecedenceSearch:
         alone_s = net.begins_s[self.zones.base[1:] - 1] - net.begins_s[self.zones.base[:-1]]
         least_s = alone_s.max() + START_LOSS_S + TIME_TOLERANCE_S
         least = len(EAGERNESS) if count <= SMALL_FLEET_TRACTORS else 1
-        tries = min(MOST_TIMETABLES, max(MOST_EFFORT // (count * len(net.owner)), least))
+        tries = min(MOST_TIMETABLES, max(MOST_TABLE_EFFORT // (count * len(net.owner)), least))
         draw, best, eager, leads_s = random.Random(1), None, EAGERNESS[0], np.zeros(count)
         for number in range(tries):
             most_s, tried = (0.0, EAGERNESS[number]) if number < len(EAGERNESS) else (MOST_LEAD_S, eager)

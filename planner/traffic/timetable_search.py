@@ -34,7 +34,7 @@ NEVER_S = math.inf
 
 @compile_function
 def _measure_stand_s(net, begun_s, place, first):  # type: ignore[no-untyped-def]
-    """How long a tractor stands before a segment that it has begun, with its start loss (s); for ever at first."""
+    """How long a tractor stood before a segment that it has begun, start loss included (s); infinite for its first."""
     if place == first:
         return NEVER_S
     return begun_s[place] - begun_s[place - 1] - (net.begins_s[place] - net.begins_s[place - 1])
@@ -56,10 +56,9 @@ def _add_exclusions(net, state, begun_s, margins, own_segment, shift, soonest, s
                 break
             row -= 1
             behind_s = net.apart_s[row, 1] + margins[0]
+            # A gate cannot tell how long somebody stands, but that it has gone on.
             if _measure_stand_s(net, begun_s, place, first) > START_LOSS_S + MIN_STANDING_S:
-                behind_s = max(
-                    behind_s, MOVED_OFF_S
-                )  # a gate cannot tell how long somebody stands, but that it goes on
+                behind_s = max(behind_s, MOVED_OFF_S)
             spans[count, 0] = begun_s[place] + net.apart_s[row, 0] - margins[1] - shift
             spans[count, 1] = begun_s[place] + behind_s - shift
             count += 1
@@ -344,7 +343,7 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, star
             most = int(entries[tractor, 0]) - 1
             if _stays_deadlock_free(net, state, tractor, most + 1, state_after, reached, unsafe):
                 break
-            tried[tractor] = refused[tractor] = most == 0
+            refused[tractor], tried[tractor] = True, most == 0
             _find_earliest_entry(
                 net, state, begun_s, free_s, margins_s, refused_for, tractor, most, spans, entries[tractor]
             )

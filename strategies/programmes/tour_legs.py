@@ -114,7 +114,7 @@ def build_move(table: MoveTable, following: int, move: Move) -> tuple[Leg, ...]:
 
 
 def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> tuple[Leg, ...]:
-    """The legs that work a node: places to wait along a headland side, and before the last part of any line."""
+    """The legs that work a node, cut at the places to wait (waiting_places.list_parts_m)."""
     if table.lines[node // 2].is_place:
         return ()
     known, key = table.moves.legs, (node, leave_m, join_m)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_by_one, is_pair_safe, round_to_tenths
 from tests.examples import count_examples
-from tests.planner.grid import Cells, Plain, State, all_hold_points, plan_on, traffic
+from tests.planner.grid import Cells, Plain, State, all_hold_points, plan_on, straight, traffic, trajectory
 from vehicle.missions.plan import LegGate
 
 
@@ -66,6 +66,32 @@ def test_two_alone_get_home_exactly_where_looking_at_every_state_says_so(
         plain = Plain(both, {([one, other].index(who), number): some for (who, number), some in own.items()})
         for state in product(*(range(len(holds)) for holds in both.holds)):
             assert is_pair_safe(net, one, state[0], other, state[1]) == plain.gets_home(state)
+
+
+def test_a_large_fleet_that_goes_round_in_a_ring_gets_home() -> None:
+    """None gets home before all have gone on in turns, for as many rounds as there are segments."""
+    tractors, gap = 24, 2
+    ring = tractors * gap
+    cells = [[(gap * one + step) % ring for step in range(ring + 1)] + [ring + one] for one in range(tractors)]
+    courses = [[(30.0 * cell, 0.0, 0.0) for cell in own] for own in cells]
+    trajectories = [trajectory(course, range(len(course)), 10.0) for course in courses]
+    net = DeadlockAvoidance(plan_on(trajectories), all_hold_points(trajectories)).net
+    start = np.zeros(tractors, dtype=np.int64)
+    assert not can_finish_one_by_one(net, start)
+    assert can_finish_by_turns(net, start, np.empty_like(start))
+
+
+def test_of_two_in_two_deadlocks_only_the_gates_in_them_are_dropped() -> None:
+    """They drive apart; the first gate of all holds nobody up."""
+    trajectories = [straight(0, 40.0 * one, 0.0, 60, range(0, 61, 10)) for one in range(2)]
+    gates = {
+        (0, 1): [LegGate(1, 0, 5.0)],
+        (0, 2): [LegGate(1, 2, 5.0)], (1, 2): [LegGate(0, 2, 5.0)],
+        (0, 4): [LegGate(1, 4, 5.0)], (1, 4): [LegGate(0, 4, 5.0)],
+    }  # fmt: skip
+    home = DeadlockAvoidance(plan_on(trajectories, gates), all_hold_points(trajectories))
+    assert home.drop_deadlocked_gates()
+    assert sorted(leg for _, leg, _ in home.dropped_gates) == [2, 4]
 
 
 @given(st.floats(-1e6, 1e6))

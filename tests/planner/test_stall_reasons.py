@@ -52,6 +52,18 @@ def test_two_that_wait_for_each_other_are_said_to() -> None:
     )
 
 
+def test_two_that_meet_only_once_scheduled_are_named() -> None:
+    first = Mission((build_leg((0.0, 0.0), (30.0, 0.0), LegGate(1, 0, 3.0)),))
+    second = Mission((build_leg((30.0, 0.0), (0.0, 0.0), LegGate(0, 0, 3.0)),))
+    free = Plan(tuple(Mission((replace(mission.legs[0], gates=()),)) for mission in (first, second)))
+
+    def drive_apart(plan: Plan) -> SimulationRun:
+        return simulate(plan, TRACTOR, Implement(), max_time_s=900.0, stop_clearance_m=0.5)
+
+    reason = resolve_conflicts(Plan((first, second)), drive_apart, lambda _: free)[1]
+    assert reason is not None and reason.startswith("tractors 1 and 2 meet after ")
+
+
 def test_a_plan_that_ends_in_a_collision_has_its_reason_and_no_times() -> None:
     """Two tractors drive towards each other on one line."""
     ways = (build_leg((0.0, 0.0), (0.0, 40.0)), build_leg((0.0, 40.0), (0.0, 0.0)))

@@ -7,7 +7,7 @@ for (LegTask), so that nothing has to be guessed from the legs around it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -41,12 +41,12 @@ class LegGate:
     @classmethod
     def end(cls, tractor: int, leg: int, length_m: float) -> LegGate:
         """A gate past the end of the last leg of a tractor, of a length, which opens when that tractor is done."""
-        return cls(tractor, leg, round(length_m + 0.5 * MAX_JOINT_GAP_M, 6))
+        return cls(tractor, leg, round(length_m + 0.25 * MAX_JOINT_GAP_M, 6))
 
-    def compute_opening_m(self, leg_start_m: float, path_m: float) -> float:
-        """The progress (m) at which it opens, on a leg that begins so far along a path; infinite past its end."""
-        opening_m = leg_start_m + self.after_m
-        return opening_m if opening_m <= path_m else math.inf
+    def compute_opening_m(self, leg_start_m: float, legs: Sequence[Leg]) -> float:
+        """The progress (m) at which it opens, by where its leg begins; infinite past the end of the last of `legs`."""
+        is_past = self.leg == len(legs) - 1 and self.after_m > legs[self.leg].length_m
+        return math.inf if is_past else leg_start_m + self.after_m
 
 
 @dataclass(frozen=True)

@@ -331,14 +331,14 @@ def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]
 
 def _resolve_leg_references(plan: Plan, states: Records, legs: Records) -> Records:
     """Resolve gates and follow orders to absolute legs and progress; returns the gate rows."""
-    first_legs, last_legs, ends = states["first_leg"].tolist(), states["last_leg"].tolist(), legs["end"].tolist()
+    first_legs, ends = states["first_leg"].tolist(), legs["end"].tolist()
     gates: list[tuple[int, float]] = []
     counts = []
     for index, leg in enumerate(leg for mission in plan.missions for leg in mission.legs):
         counts.append(len(leg.gates))
         for gate in leg.gates:
             leg_start_m = ends[first_legs[gate.tractor] + gate.leg - 1] if gate.leg else 0.0
-            gates.append((gate.tractor, gate.compute_opening_m(leg_start_m, ends[last_legs[gate.tractor]])))
+            gates.append((gate.tractor, gate.compute_opening_m(leg_start_m, plan.missions[gate.tractor].legs)))
         if leg.follow:
             row = legs[index]
             row["leader"], row["gap"] = leg.follow.tractor, leg.follow.gap_m

@@ -321,8 +321,8 @@ class SimulatedPlan:
 
     def compute_opening_m(self, gate: LegGate) -> float:
         """Progress (m) of the tractor that a gate waits for, when it opens."""
-        ends_m = self.leg_ends_m[gate.tractor]
-        return gate.compute_opening_m(float(ends_m[gate.leg - 1]) if gate.leg else 0.0, float(ends_m[-1]))
+        start_m = float(self.leg_ends_m[gate.tractor][gate.leg - 1]) if gate.leg else 0.0
+        return gate.compute_opening_m(start_m, self.plan.missions[gate.tractor].legs)
 
 
 @dataclass(frozen=True, eq=False)
