@@ -111,10 +111,15 @@ def test_it_is_said_in_every_language() -> None:
     [
         ({"operation": "till"}, "last", "98.4 % worked, headland last."),
         ({"operation": "till", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
-        ({"operation": "sow"}, "last", "98.4 % worked, headland last (as sowing asks)."),
+        ({"operation": "sow"}, "last", "98.4 % worked, headland last (as sowing asks), filling not counted."),
         ({"operation": "mow", "headland_order": None}, "first", "98.4 % worked, headland first (as mowing asks)."),
-        ({"operation": "sow", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
-        ({"operation": "sow"}, None, "98.4 % worked."),
+        (
+            {"operation": "sow", "headland_order": "first"},
+            "first",
+            "98.4 % worked, headland first, filling not counted.",
+        ),
+        ({"operation": "harvest"}, None, "98.4 % worked, unloading not counted."),
+        ({"operation": "mow"}, None, "98.4 % worked."),
     ],
 )
 def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], order: str | None, said: str) -> None:

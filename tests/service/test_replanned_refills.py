@@ -55,7 +55,7 @@ Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
     late = 0.6 if plan.scenario.refill == "tender" else 0.45
-    manager, runs = at(plan, 0.15 if request.param == "early" else late), []
+    manager, runs = at(plan, 0.2 if request.param == "early" else late), []
     manager.operators.mark_failed("anna", 1, 1.0)
     watched = lambda run, supply: runs.append(run) or find_service_conflict(run, supply)  # noqa: E731
     with pytest.MonkeyPatch.context() as patch:
