@@ -17,7 +17,7 @@ import numpy.typing as npt
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
-MOST_LOOKS = 2_000_000  # at one tractor for another, beside those that a straight way home of all takes
+MOST_LOOKS = 300_000  # at one tractor for another, beside those that a straight way home of all takes
 Array = npt.NDArray[Any]
 
 
