@@ -107,13 +107,12 @@ def find_last_waits(base, owner, start, at):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def is_off_remaining_paths(net, tractor, state):  # type: ignore[no-untyped-def]
-    """Whether a tractor stands where nobody else passes any more."""
-    place = net.base[tractor] + state[tractor]
-    is_free = True
+def is_off_remaining_paths(net, state, tractor, number):  # type: ignore[no-untyped-def]
+    """Whether nobody else passes a hold point of a tractor any more."""
     for other_tractor in range(len(state)):
-        is_free = is_free and net.last_pass[place, other_tractor] < state[other_tractor]
-    return is_free
+        if net.last_pass[net.base[tractor] + number, other_tractor] >= state[other_tractor]:
+            return False
+    return True
 
 
 @compile_function
@@ -272,15 +271,12 @@ def _find_clear_hold_point(net, state, tractor):  # type: ignore[no-untyped-def]
     stand, else -1; and how many looks at another tractor that took."""
     looks = np.int64(0)
     for number in range(state[tractor], net.base[tractor + 1] - net.base[tractor] - 1):
-        is_clear = True
         for other_tractor in range(len(state)):
             if net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0:
                 looks += 1
                 if not _may_go_on(net, tractor, number, other_tractor, state[other_tractor]):
                     return -1, looks
-                passes = net.last_pass[net.base[tractor] + number + 1, other_tractor] >= state[other_tractor]
-                is_clear = is_clear and not passes
-        if is_clear:
+        if is_off_remaining_paths(net, state, tractor, number + 1):
             return number + 1, looks
     return -1, looks
 

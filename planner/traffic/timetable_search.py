@@ -181,7 +181,7 @@ def _stays_deadlock_free(net, state, tractor, length, state_after, reached, unsa
         return False
     copy_row(state, state_after)
     state_after[tractor] += length
-    is_safe = is_off_remaining_paths(net, tractor, state_after) or (
+    is_safe = is_off_remaining_paths(net, state, tractor, state[tractor] + length) or (
         are_pairs_safe(net, state_after, tractor)
         and (can_finish_one_by_one(net, state_after) or can_finish_by_turns(net, state_after, reached))
     )

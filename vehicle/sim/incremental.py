@@ -1,9 +1,9 @@
 """Simulates plans of one fleet one after another, each from where it first differs from an earlier plan.
 
-Repairs change gates, legs and turns of a plan and simulate it again. Up to the first changed leg nothing differs, so
-the run continues from a snapshot of the earlier one, with the same result bit for bit; a changed gate counts only if it
-was still closed when its tractor came in sight of it. The earlier run is the last one, the last that was completed (a
-later repair may start from that), or a fleet of tractors that were driven alone.
+A plan is simulated again with other gates, or composed anew with other legs. Up to the first changed leg nothing
+differs, so the run continues from a snapshot of the earlier one, with the same result bit for bit; a changed gate
+counts only if it was still closed when its tractor came in sight of it. The earlier run is the last one, the last that
+was completed, or a fleet of tractors that were driven alone.
 
 Tractors depend on each other by gates, by orders to follow and where they touch. As long as none of this matters, a
 tractor drives the same in a fleet as alone, bit for bit, so that either run gives the other.
