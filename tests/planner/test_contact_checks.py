@@ -18,9 +18,9 @@ from planner.evaluation.ground.contact_places import (
     FenceIntrusionCheck,
     ObstacleIntrusionCheck,
     find_contact_places,
-    find_poses_within_reach,
 )
 from planner.evaluation.ground.coverage import _find_wide_pieces
+from planner.evaluation.ground.touching import TouchTable
 from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -86,39 +86,43 @@ def ponds() -> PlanningContext:
     )
 
 
-@given(st.lists(st.tuples(st.floats(-5, 145), st.floats(-5, 105), st.floats(-3.2, 3.2)), min_size=1, max_size=40))
+poses_of_ponds = st.lists(
+    st.tuples(st.floats(-5, 145), st.floats(-5, 105), st.floats(-3.2, 3.2)), min_size=1, max_size=40
+)
+
+
+@given(poses_of_ponds)
 @QUICK
-def test_nothing_is_touched_at_poses_that_are_out_of_reach(ponds: PlanningContext, drawn: list[Any]) -> None:
+def test_nothing_is_touched_at_poses_that_are_not_found(ponds: PlanningContext, drawn: list[Any]) -> None:
     poses = np.array(drawn)
     for check in (FenceIntrusionCheck(ponds), ObstacleIntrusionCheck(ponds)):
-        near = check.find_poses_to_check(poses)
+        near = check.find_touching(poses)
         assert check.measure_intrusion_m(poses) == check.measure_intrusion_m(poses[near])
         assert check.measure_intrusion_m(poses[~near]) == 0.0
 
 
+@given(poses_of_ponds, boxes)
 @QUICK
-@given(boxes, st.integers(0, 2**32 - 1), st.floats(0.0, 5.0))
-def test_poses_near_boxes_are_those_in_the_boxes_grown(drawn: list[Any], seed: int, reach_m: float) -> None:
-    bounds = np.array([*shapely.bounds([turned(*one) for one in drawn]), *shapely.bounds([shapely.Polygon()])])
-    poses = np.random.default_rng(seed).uniform((-20.0, -20.0, -3.0), (80.0, 80.0, 3.0), (200, 3))
-    grown = [shapely.box(w - reach_m, s - reach_m, e + reach_m, n + reach_m) for w, s, e, n in bounds[:-1]]
-    expected = [any(one.contains(shapely.Point(pose[:2])) for one in grown) for pose in poses]
-    assert find_poses_within_reach(poses, bounds, reach_m).tolist() == expected
-    assert find_poses_within_reach(poses[::2], bounds, reach_m).tolist() == expected[::2]
-
-
-def test_poses_are_looked_at_in_parts_with_the_same_answer(
-    ponds: PlanningContext, monkeypatch: pytest.MonkeyPatch
+def test_a_shape_is_touched_where_a_box_of_the_machine_meets_it(
+    ponds: PlanningContext, drawn: list[Any], areas: list[Any]
 ) -> None:
-    rng = np.random.default_rng(7)
-    poses = rng.uniform((0.0, 0.0, -3.0), (140.0, 100.0, 3.0), (500, 3))
-    check = ObstacleIntrusionCheck(ponds)
-    whole = check.find_poses_to_check(poses)
-    assert 20 < whole.sum() < 400
-    monkeypatch.setattr("planner.evaluation.ground.contact_places.BATCH_SIZE", 30)
-    assert (check.find_poses_to_check(poses) == whole).all()
-    monkeypatch.setattr("planner.evaluation.ground.contact_places.MAX_PARTS", 1)
-    assert (check.find_poses_to_check(poses) == whole).all()
+    outlines = [turned(*one) for one in areas]
+    line = shapely.LineString([(100, 10), (130, 40), (130, 90)])
+    for shape in (shapely.union_all(outlines), line, shapely.union_all([*outlines, line]), shapely.Polygon()):
+        table, poses = TouchTable(ponds, shape), np.array(drawn)
+        for some in (poses, poses[::2]):
+            machines = table.place_boxes(some).reshape(len(some), -1)
+            apart_m = shapely.distance(shape, machines).min(axis=1) if not shape.is_empty else np.full(len(some), 9.0)
+            meets = shapely.intersects(shape, machines).any(axis=1)
+            doubtful = (apart_m < 1e-9) & (shapely.area(shapely.intersection(shape, machines)).max(axis=1) < 1e-9)
+            assert (table.find(some) == meets)[~doubtful].all()
+
+
+def test_a_machine_that_lies_in_a_shape_or_round_it_touches_it(ponds: PlanningContext) -> None:
+    pose, aside = np.array([[60.0, 30.0, 0.7]]), np.array([[140.0, 30.0, 0.7]])
+    for shape in (shapely.Point(60, 30).buffer(50.0), shapely.Point(60, 30).buffer(0.1)):
+        assert TouchTable(ponds, shape).find(pose).tolist() == [True]
+        assert TouchTable(ponds, shape).find(aside).tolist() == [False]
 
 
 BOX = shapely.box(0.0, 0.0, 120.0, 60.0)

@@ -245,9 +245,10 @@ def measure_reversing_m(run: SimulationRun, tractor: int, segment: RecordSegment
     """The metres of a segment that are driven in reverse."""
     last = min(segment.end_row, len(run.time_s) - 1)
     path = run.get_poses(tractor)[segment.first_row : last + 1, :2]
-    gears = np.array([leg.gear for leg in run.plan.missions[tractor].legs])
-    gear = gears[run.get_leg_numbers(tractor)[segment.first_row : last]]
-    return float(np.hypot(*np.diff(path, axis=0).T)[gear < 0].sum())
+    numbers = run.get_leg_numbers(tractor)[segment.first_row : last]
+    first, beyond = (int(numbers[0]), int(numbers[-1]) + 1) if len(numbers) else (0, 0)
+    gears = np.array([leg.gear for leg in run.plan.missions[tractor].legs[first:beyond]], np.int64)
+    return float(np.hypot(*np.diff(path, axis=0).T)[gears[numbers - first] < 0].sum())
 
 
 def find_longest_reversing(run: SimulationRun) -> tuple[float, int]:

@@ -52,7 +52,7 @@ def drive_best(
             if not best or weighed_s < best_s:
                 best, best_s = [driven], weighed_s
         if waits and sketch.sketch_others is not None:
-            waiting += sketch.sketch_others(composed.programme.left_m2)
+            waiting += sketch.sketch_others()
     if losers and math.isinf(best_s):
         return min(losers)
     if not best:

@@ -91,14 +91,14 @@ class SketchedPlan:
         tours: the nodes of every tractor in order; empty for a formation.
         served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
-        sketch_others: sketches the same with lines dealt otherwise, such as by who stands near where work goes on, and
-            hardly more ground left than so much (m2); None for such a sketch.
+        sketch_others: sketches the same with lines dealt otherwise, such as by who stands near where work goes on; None
+            for such a sketch.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
-    sketch_others: Callable[[float], list[SketchedPlan]] | None = None
+    sketch_others: Callable[[], list[SketchedPlan]] | None = None
     tours: Sequence[Sequence[int]] = ()
     served_s: Sequence[float] = ()
 
@@ -152,7 +152,7 @@ def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, 
     return replace(
         sketch,
         compose=partial(_compose_sketch, context, sketch.compose, notes),
-        sketch_others=others and (lambda left_m2: [_add_notes(context, one, notes) for one in others(left_m2)]),
+        sketch_others=others and (lambda: [_add_notes(context, one, notes) for one in others()]),
     )
 
 
@@ -283,9 +283,7 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
     wishes, goes_on = _settle_wishes(context, tractors), context.going_on is not None
 
-    def sketch(
-        order: str, other: LineDeal | None = None, most_left_m2: float = math.inf, is_plain: bool = False
-    ) -> SketchedPlan:
+    def sketch(order: str, other: LineDeal | None = None, is_plain: bool = False) -> SketchedPlan:
         dealt, table = deal if other is None else other, MoveTable(moves)
         stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
         stop_moves = None if supply is None else build_stop_moves(table, supply)
@@ -314,8 +312,6 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
                 charged_s=charged_s,
                 barred=barred,
             )
-            if programme.left_m2 > most_left_m2 + MENTIONED_M2:
-                raise StrategyError(NO_BETTER)
             stops = supply and any(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
 
             def build() -> Plan:
@@ -331,11 +327,11 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
             return ComposedPlan(order, programme, build, programme.compute_tractor_s(), compose_anew)
 
-        def sketch_others(left_m2: float) -> list[SketchedPlan]:
+        def sketch_others() -> list[SketchedPlan]:
             following, found = list_other_deals(sketch_tours, moves, deal, order, goes_on=goes_on), list[SketchedPlan]()
             for place, one in enumerate([*([] if own is deal.allowed else [deal]), *following]):
                 with suppress(StrategyError):
-                    found.append(sketch(order, one, left_m2, place == 0 and own is not deal.allowed))
+                    found.append(sketch(order, one, place == 0 and own is not deal.allowed))
             return found
 
         stops_s = [

@@ -11,26 +11,20 @@ import shapely
 
 from fields.geometry.overlays import subtract, unite
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import InteriorCellTable, measure_excursion_m, measure_outside_m
-from planner.evaluation.machine_outlines import build_body
+from planner.evaluation.ground.coverage import measure_excursion_m, measure_outside_m
+from planner.evaluation.ground.touching import Boxes, Flags, Points, TouchTable
 from planner.evaluation.site import MAX_OUTSIDE_M
 from reports.common.plan_records import FENCE, OBSTACLE, OUTLINE, PlanFault
-from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 
 CHECK_ROW_STEP = 2  # rows of the 10 Hz record between checks: under half a metre of driving
 TOLERANCE_M = 1e-6
 MIN_OVERLAP_M = 0.01  # thinner overlaps do not count
-MAX_PARTS = 50  # parts of a shape that are compared with poses one by one
-BATCH_SIZE = 100_000  # poses checked together: their points take ten times the memory
-Points = npt.NDArray[np.float64]
-Boxes = npt.NDArray[np.object_]
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are one
 POINT_STEP_M = 0.25  # between the points of a machine's outline whose distance from the field is measured
 OVERHANG_TOLERANCE_M = 0.05  # beyond what is allowed does not count: planned paths are followed no closer
-Flags = npt.NDArray[np.bool_]
 Rows = npt.NDArray[np.int64]
 
 
@@ -38,18 +32,15 @@ class _IntrusionCheck:
     """How far a tractor or its implement is over a shape, which boxes must touch."""
 
     def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
-        self._context, self._shape = context, shape
-        shapely.prepare(shape)
+        self._table, self._shape = TouchTable(context, shape), shape
 
-    def find_poses_to_check(self, poses: Points) -> npt.NDArray[np.bool_]:
-        """Which of the poses (t,) may have a box at the shape; elsewhere the depth is 0."""
-        return _find_poses_in_shape_reach(poses, self._context, self._shape)
+    def find_touching(self, poses: Points) -> Flags:
+        """At which of poses (t, 3) of the centre of mass a box touches the shape; elsewhere the depth is 0."""
+        return self._table.find(poses)
 
     def measure_intrusion_m(self, poses: Points) -> float:
         """How far (m) a box reaches over the shape, or a corner of it into a box, at poses (t, 3) of the centre."""
-        if self._shape.is_empty:
-            return 0.0
-        boxes = place_boxes_at(poses[self.find_poses_to_check(poses)], self._context)
+        boxes = self._table.place_boxes(poses[self._table.find(poses)])
         boxes = boxes[shapely.intersects(self._shape, boxes)]
         return self._measure_boxes_m(boxes) if len(boxes) else 0.0
 
@@ -86,46 +77,6 @@ class ObstacleIntrusionCheck(_IntrusionCheck):
         inside = corners[shapely.contains_properly(self._area, corners)]
         over = float(np.max(shapely.distance(self._area.boundary, inside), initial=MIN_OVERLAP_M))
         return max(over, _measure_post_depth_m(boxes, self._area))
-
-
-def place_boxes_at(poses: Points, context: PlanningContext) -> Boxes:
-    """The boxes of tractor and implement at poses (t, 3) of the centre of mass, one after another for each pose."""
-    body, axle_m = build_body(context.tractor, context.implement), context.tractor.rear_axle_m
-    ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    return body.place_boxes(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
-
-
-def compute_reach_m(context: PlanningContext) -> float:
-    """The farthest point (m) of tractor and implement from the centre of mass."""
-    return build_body(context.tractor, context.implement).guided_reach_m + context.tractor.rear_axle_m
-
-
-@compile_function
-def find_poses_within_reach(poses, boxes, reach):  # type: ignore[no-untyped-def]
-    """Which poses (t, 2 or more) are within `reach` of any of the boxes (n, 4) of west, south, east and north."""
-    out = np.zeros(len(poses), np.bool_)
-    west, south, east, north = boxes[:, 0] - reach, boxes[:, 1] - reach, boxes[:, 2] + reach, boxes[:, 3] + reach
-    for k in range(len(poses)):
-        x, y = poses[k, 0], poses[k, 1]
-        for number in range(len(boxes)):
-            if x > west[number] and x < east[number] and y > south[number] and y < north[number]:
-                out[k] = True
-                break
-    return out
-
-
-def _find_poses_in_shape_reach(
-    poses: Points, context: PlanningContext, shape: shapely.Geometry
-) -> npt.NDArray[np.bool_]:
-    """Which of the poses (t,) may have a box of tractor or implement touching a shape."""
-    reach_m, parts = compute_reach_m(context), shapely.get_parts(shape)
-    is_near: npt.NDArray[np.bool_] = find_poses_within_reach(
-        poses, shapely.bounds(parts if len(parts) <= MAX_PARTS else [shape]), reach_m
-    )
-    rows = np.flatnonzero(is_near)
-    for batch in np.array_split(rows, 1 + len(rows) // BATCH_SIZE):
-        is_near[batch] = shapely.dwithin(shape, shapely.points(poses[batch, :2]), reach_m)
-    return is_near
 
 
 def _measure_overhang_m(boxes: Boxes, area: shapely.Polygon, fence: shapely.Geometry) -> float:
@@ -214,7 +165,7 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
         poses, check = run.get_poses(tractor), checks[state.implement]
         if check.measure_intrusion_m(poses[rows]) <= MAX_FENCE_CROSSING_M:
             continue
-        near_rows = rows[check.find_poses_to_check(poses[rows])]
+        near_rows = rows[check.find_touching(poses[rows])]
         depths_m = np.array([check.measure_intrusion_m(poses[[row]]) for row in near_rows])
         for group in _split_rows(near_rows[depths_m > MAX_FENCE_CROSSING_M]):
             deepest = int(group[np.argmax(depths_m[np.searchsorted(near_rows, group)])])
@@ -224,22 +175,14 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
 
 
 def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
-    field = context.layout.field
-    names = field.obstacle_names
-    cores = [shape.buffer(-MIN_OVERLAP_M) for shape in field.solid_obstacles]
-    for tractor, rows, state in _iter_states(run, context) if cores else ():
-        poses, reach_m = run.get_poses(tractor), compute_reach_m(state)
-        rows = rows[find_poses_within_reach(poses[rows], shapely.bounds(cores), reach_m)]
-        points = shapely.points(poses[rows, :2])  # made once: they take longer than the distances
-        for number, core in enumerate(cores):
-            shapely.prepare(core)
-            near_rows = rows[shapely.dwithin(core, points, reach_m)]
-            if not len(near_rows):
-                continue
-            boxes = place_boxes_at(poses[near_rows], state).reshape(len(near_rows), -1)
-            touching_rows = near_rows[shapely.intersects(core, boxes).any(axis=1)]
-            check = ObstacleIntrusionCheck(state, field.solid_obstacles[number])
-            for group in _split_rows(touching_rows):
+    obstacles, names = context.layout.field.solid_obstacles, context.layout.field.obstacle_names
+    checks = {each.implement: ObstacleIntrusionCheck(each) for each in (context, context.folded) if obstacles}
+    for tractor, rows, state in _iter_states(run, context) if obstacles else ():
+        poses = run.get_poses(tractor)
+        rows = rows[checks[state.implement].find_touching(poses[rows])]
+        for number, obstacle in enumerate(obstacles if len(rows) else ()):
+            check = ObstacleIntrusionCheck(state, obstacle)
+            for group in _split_rows(rows[check.find_touching(poses[rows])]):
                 depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
                 deepest = int(np.argmax(depths_m))
                 row = int(group[deepest])
@@ -284,18 +227,15 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
 
     On the way in and out the gate of the entrance counts as ground of the field.
     """
-    field = context.layout.field
-    outline = shapely.Polygon(field.whole_boundary.exterior)
-    region = field.compute_overhang_region(context.request.overhang_m)
-    table = InteriorCellTable(outline, compute_reach_m(context))
-    grounds = [_build_grounds(outline, region, gate) for gate in (shapely.Polygon(), context.gate_area)]
+    grounds = list(_iter_grounds(context))
     farthest_m = beyond_m = 0.0
     for tractor in range(run.plan.tractors):
         poses, passes_gate, is_folded = _list_places(run, tractor)
         is_beyond = np.zeros(len(poses))
-        near = table.find_uncertain(poses)
-        for state, (ground, allowed), here in _iter_parts(context, grounds, near, passes_gate, is_folded):
-            shapes = place_boxes_at(poses[here], state)
+        for at_gate, folded, table, ground, allowed in grounds:
+            here = np.flatnonzero((passes_gate == at_gate) & (is_folded == folded))
+            here = here[table.find(poses[here]) | ~shapely.contains_xy(ground, poses[here, :2])]
+            shapes = table.place_boxes(poses[here])
             owner = np.repeat(here, len(shapes) // max(len(here), 1))
             is_out = ~shapely.covers(ground, shapes)
             owner, shapes = owner[is_out], shapes[is_out]
@@ -306,29 +246,20 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
     return Overhang(farthest_m, beyond_m)
 
 
-def _build_grounds(
-    outline: shapely.Polygon, region: shapely.Geometry, gate: shapely.Geometry
-) -> tuple[shapely.Geometry, shapely.Geometry]:
-    """The ground of the field, and where parts of machines may be, both with the gate."""
-    ground = unite([outline, gate])
-    allowed = unite([region.buffer(OVERHANG_TOLERANCE_M), ground])
-    shapely.prepare([ground, allowed])
-    return ground, allowed
-
-
-def _iter_parts(
+def _iter_grounds(
     context: PlanningContext,
-    grounds: Sequence[tuple[shapely.Geometry, shapely.Geometry]],
-    near: Rows,
-    passes_gate: Flags,
-    is_folded: Flags,
-) -> Iterator[tuple[PlanningContext, tuple[shapely.Geometry, shapely.Geometry], Rows]]:
-    """The machine and the grounds, on the field and at the gate, with the places where each holds."""
-    for state, has_state in ((context, ~is_folded), (context.folded, is_folded)):
-        for ground, has_ground in zip(grounds, (~passes_gate, passes_gate), strict=True):
-            here = near[has_state[near] & has_ground[near]]
-            if len(here):
-                yield state, ground, here
+) -> Iterator[tuple[bool, bool, TouchTable, shapely.Geometry, shapely.Geometry]]:
+    """At the gate or not, folded or not: where its edge is touched, the ground of the field with the gate, and where
+    parts of machines may be."""
+    field = context.layout.field
+    outline = shapely.Polygon(field.whole_boundary.exterior)
+    region = field.compute_overhang_region(context.request.overhang_m).buffer(OVERHANG_TOLERANCE_M)
+    for at_gate, gate in ((False, shapely.Polygon()), (True, context.gate_area)):
+        ground = unite([outline, gate])
+        allowed = unite([region, ground])
+        shapely.prepare([ground, allowed])
+        for folded, state in ((False, context), (True, context.folded)):
+            yield at_gate, folded, TouchTable(state, ground.boundary), ground, allowed
 
 
 def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags]:
