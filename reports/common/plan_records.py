@@ -155,6 +155,7 @@ class DriverLeg:
         reversing_m: metres of it in reverse.
         over_finished: names of the tracks, and "headland", of finished ground that it leads over; `over_finished_m`:
             metres on it.
+        over_standing, over_standing_m: the same of a crop that still stands, where one does.
         x_m, y_m: the place half way along it.
         fuel_l, energy_kwh: used on it; None where not known.
         slope_along_pct, slope_across_pct: the steepest on it, positive uphill and where the ground
@@ -180,6 +181,8 @@ class DriverLeg:
     reversing_m: float = 0.0
     over_finished: tuple[str, ...] = ()
     over_finished_m: float = 0.0
+    over_standing: tuple[str, ...] = ()
+    over_standing_m: float = 0.0
     fuel_l: float | None = None
     energy_kwh: float | None = None
     slope_along_pct: float | None = None

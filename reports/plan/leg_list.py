@@ -25,11 +25,16 @@ def describe_leg(leg: DriverLeg) -> str:
     is_named = leg.shape == "switch-back" and leg.kind in ("turn", "corner")
     if leg.reversing_m >= (_LONG_REVERSING_M if is_named else _LEAST_REVERSING_M):
         parts.append(f"reversing {format_number(leg.reversing_m, 0)} m")
-    tracks = [name for name in leg.over_finished if name != "headland"]
-    places = [_name_few("track", tracks)] if tracks else []
-    places += ["headland"] if len(tracks) < len(leg.over_finished) else []
-    parts += [f"over finished {' and '.join(places)}"] if places else []
+    parts += [f"over finished {_name_ground(leg.over_finished)}"] if leg.over_finished else []
+    parts += [f"over uncut {_name_ground(leg.over_standing)}"] if leg.over_standing else []
     return ", ".join([*parts, *([f"with a break of {format_duration(leg.pause_s)}"] if leg.pause_s else [])])
+
+
+def _name_ground(names: Sequence[str]) -> str:
+    """``tracks 3 and 4``, ``headland`` or both."""
+    tracks = [name for name in names if name != "headland"]
+    places = [_name_few("track", tracks)] if tracks else []
+    return " and ".join([*places, *(["headland"] if len(tracks) < len(names) else [])])
 
 
 def _name_few(noun: str, names: Sequence[object]) -> str:
@@ -158,6 +163,7 @@ def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
         "part": step.part or None, "bearing_deg": step.bearing_deg,
         "over_swaths": step.over_swaths, "shape": step.shape or None, "for_tractors": step.for_tractors,
         "reversing_m": step.reversing_m, "over_finished": step.over_finished, "over_finished_m": step.over_finished_m,
+        "over_standing": step.over_standing, "over_standing_m": step.over_standing_m,
         "fuel_l": step.fuel_l, "energy_kwh": step.energy_kwh,
         "slope_along_pct": step.slope_along_pct, "slope_across_pct": step.slope_across_pct,
     }  # fmt: skip

@@ -115,6 +115,19 @@ def test_a_way_says_how_far_it_is_reversed_and_over_what() -> None:
     assert steps[1].reversing_m == pytest.approx(40.0, abs=3.0)
     assert find_longest_reversing(run) == (steps[1].reversing_m, 1), "the remark has the metres of this list"
     assert steps[1].over_finished == ("5",) and steps[1].over_finished_m == pytest.approx(40.0, abs=4.0)
+    assert not steps[1].over_standing
+
+
+def test_a_way_says_over_which_crop_it_leads_that_still_stands() -> None:
+    # Back over the 30 m that were worked, and 30 m of the track that comes next.
+    back = Leg(np.array([(60.0, 0.0), (0.0, 0.0)]), 1.0, gear=-1, task=LegTask("way", 8))
+    plan = Plan((Mission((straight(30, 60, 0, 4), back, straight(0, 30, 0, 8))),))
+    run = simulate(plan, load_tractor("eg105"), Implement(width_m=3.0))
+    (steps,) = list_steps(run, 3.0, crop_stands=True)
+    assert [step.kind for step in steps] == ["track", "way", "track"]
+    assert (steps[1].over_finished, steps[1].over_standing) == (("5",), ("9",))
+    assert steps[1].over_standing_m == pytest.approx(30.0, abs=3.0) == steps[1].over_finished_m
+    assert not list_steps(run, 3.0)[0][1].over_standing, "where nothing stands"
 
 
 @pytest.mark.parametrize("kind", ["u", "omega", "switch-back"])

@@ -17,7 +17,8 @@ from tests.printing import print_text
 
 KEYS = ["number", "words", "kind", "from_s", "clock_s", "seconds", "pause_s", "length_m", "swath", "headland_pass",
         "part", "bearing_deg", "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished",
-        "over_finished_m", "fuel_l", "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
+        "over_finished_m", "over_standing", "over_standing_m",
+        "fuel_l", "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
 
 
 def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> DriverLeg:
@@ -60,6 +61,7 @@ def test_words(one: DriverLeg, words: str) -> None:
         ({"over_finished": ("3",)}, "way to track 14, over finished track 3"),
         ({"over_finished": ("3", "4a", "headland")}, "way to track 14, over finished tracks 3 and 4a and headland"),
         ({"over_finished": ("3", "4", "5", "6")}, "way to track 14, over finished 4 tracks"),
+        ({"over_standing": ("7", "headland")}, "way to track 14, over uncut track 7 and headland"),
         (
             {"over_finished": ("headland",), "reversing_m": 7.0},
             "way to track 14, reversing 7 m, over finished headland",

@@ -60,9 +60,14 @@ Steps = tuple[tuple[DriverLeg, ...], ...]
 """Those of every tractor, in order."""
 
 
-def list_steps(run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES) -> Steps:
-    """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use."""
-    worked_ground = _list_worked_ground(run, width_m)
+def list_steps(
+    run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES, *, crop_stands: bool = False
+) -> Steps:
+    """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use.
+
+    Where a `crop_stands` until it is worked, they tell where they lead over it.
+    """
+    worked_ground = _list_worked_ground(run, width_m, crop_stands)
     return tuple(
         tuple(_iter_steps(run, tractor, width_m, worked_ground, measures)) for tractor in range(run.plan.tractors)
     )
@@ -83,14 +88,18 @@ def delay_steps(steps: Steps, workday: Workday | None) -> Steps:
 
 @dataclass(frozen=True, eq=False)
 class _WorkedGround:
-    """Strips (n,) of work, the name of each, and the row of the record in which it was finished."""
+    """Strips (n,) of work, the name of each, and the row of the record in which it was finished.
+
+    Where `crop_stands`, it does so until then.
+    """
 
     strips: npt.NDArray[np.object_]
     names: list[str]
     finished_row: Rows
+    crop_stands: bool
 
 
-def _list_worked_ground(run: SimulationRun, width_m: float) -> _WorkedGround:
+def _list_worked_ground(run: SimulationRun, width_m: float, crop_stands: bool) -> _WorkedGround:
     """The ground of every leg of work."""
     lines, labels, rows = list[shapely.LineString](), list[str](), list[int]()
     for tractor, mission in enumerate(run.plan.missions):
@@ -101,22 +110,22 @@ def _list_worked_ground(run: SimulationRun, width_m: float) -> _WorkedGround:
                 labels.append(HEADLAND if leg.task.kind == HEADLAND_PASS else name_line(leg.task))
                 rows.append(int(np.searchsorted(leg_numbers, number, side="right")))
     strips = shapely.buffer(np.array(lines, dtype=np.object_), 0.5 * width_m, cap_style="flat")
-    return _WorkedGround(strips, labels, np.array(rows, dtype=np.int64))
+    return _WorkedGround(strips, labels, np.array(rows, dtype=np.int64), crop_stands)
 
 
-def _measure_finished_crossing(
-    path: npt.NDArray[np.float64], row: int, worked_ground: _WorkedGround
+def _measure_crossing(
+    path: npt.NDArray[np.float64], worked_ground: _WorkedGround, is_asked: npt.NDArray[np.bool_]
 ) -> tuple[tuple[str, ...], float]:
-    """Names of the finished ground that a path (t, 2) begun in a row leads over, and the metres on it.
+    """Names of those strips (n,) that are asked for and that a path (t, 2) leads over, and the metres on them.
 
-    Ground that is worked again later is not finished.
+    What lies on another strip as well does not count: ground that is worked again is not finished, and on ground that
+    was worked once nothing stands.
     """
-    is_finished = worked_ground.finished_row <= row
     line = shapely.LineString(path)
     near = shapely.intersects(worked_ground.strips, line)
-    line = subtract(line, unite(worked_ground.strips[near & ~is_finished]))
+    line = subtract(line, unite(worked_ground.strips[near & ~is_asked]))
     metres: dict[str, float] = {}
-    for strip in np.flatnonzero(near & is_finished).tolist():
+    for strip in np.flatnonzero(near & is_asked).tolist():
         name = worked_ground.names[strip]
         metres[name] = metres.get(name, 0.0) + float(intersect(line, worked_ground.strips[strip]).length)
     by_metres = sorted(metres, key=lambda name: (metres[name], len(name), name))
@@ -173,16 +182,18 @@ def _build_wait_step(run: SimulationRun, tractor: int, segment: RecordSegment) -
 def _describe_drive(
     run: SimulationRun, tractor: int, segment: RecordSegment, kind: str, worked_ground: _WorkedGround
 ) -> dict[str, Any]:
-    """How much of a driven segment is in reverse, and over which finished ground it leads; nothing for work."""
+    """How much of a driven segment is in reverse, and over which finished or standing ground; nothing for work."""
     if kind in (SWATH, HEADLAND_PASS):
         return {}
     last = min(segment.end_row, len(run.time_s) - 1)
     path = run.get_poses(tractor)[segment.first_row : last + 1, :2]
-    reversing_m = measure_reversing_m(run, tractor, segment)
-    crossed, crossed_m = (
-        ((), 0.0) if len(path) < 2 else _measure_finished_crossing(path, segment.first_row, worked_ground)
-    )
-    return {"reversing_m": reversing_m, "over_finished": crossed, "over_finished_m": crossed_m}
+    values: dict[str, Any] = {"reversing_m": measure_reversing_m(run, tractor, segment)}
+    is_finished = worked_ground.finished_row <= segment.first_row
+    if len(path) > 1:
+        values["over_finished"], values["over_finished_m"] = _measure_crossing(path, worked_ground, is_finished)
+    if len(path) > 1 and worked_ground.crop_stands:
+        values["over_standing"], values["over_standing_m"] = _measure_crossing(path, worked_ground, ~is_finished)
+    return values
 
 
 def _name_stand(step: DriverLeg, run: SimulationRun, tractor: int, segment: RecordSegment) -> DriverLeg:
