@@ -284,6 +284,7 @@ def test_the_page_on_architecture_is_two_pages_and_names_what_there_is() -> None
     assert named == {path.parent.name for path in (ROOT / "planner").glob("*/__init__.py")}
 
 
+@pytest.mark.slow
 def test_overlays_without_a_grid_are_made_in_one_place_that_knows_when_they_fail(modules: dict[str, Path]) -> None:
     overlays = "difference", "intersection", "union", "union_all"
     for name, file in modules.items():

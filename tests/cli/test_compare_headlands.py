@@ -28,6 +28,7 @@ def mask_figures(line: str) -> str:
     return re.sub(r"\s+", " ", re.sub(r"\+?\d[\d.:]*", "#", line)).strip()
 
 
+@pytest.mark.slow
 def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS)
     lines = outcome.out.splitlines()
@@ -101,6 +102,7 @@ def test_a_lost_file_is_refused_alone_and_named_among_others(
     assert "lost.geojson: every way: There is no field file" in " ".join(outcome.out.split())
 
 
+@pytest.mark.slow
 def test_widths_are_compared(headland: Callable[..., Any], farm: Path) -> None:
     options = (*QUICK, "--corners", "round", "--headland-order", "last")
     lines = headland("compare-headlands", f"{farm}#south", *options, "--width", "2.5,3").out.splitlines()

@@ -107,6 +107,7 @@ def planned(headland: Headland, text: str, *options: str) -> dict[str, Any]:
     return dict(json.loads(told.out))
 
 
+@pytest.mark.slow
 def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
     """360 s of road and 60 s of unfolding, a break from 08:10, work, 30 + 450 + 60 s to the other field, work, home."""
     told = planned(headland, DAY)
@@ -130,6 +131,7 @@ def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
     assert near["finish_probability"] == far["finish_probability"] == 1.0
 
 
+@pytest.mark.slow
 def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: Path) -> None:
     """Near is done at 08:45:29 at the latest, far is begun at 08:54:29 then; the other way round far is done first."""
     window = DAY.replace('name = "far"', 'name = "far"\nwindows = ["08:00-08:55"]')

@@ -33,6 +33,7 @@ def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> Non
     assert found["plan"]["field"] == "iwamizawa" and found["tractor"]["effects"]["steering_gain"]["named"] is True
 
 
+@pytest.mark.slow
 def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any], tmp_path: Path) -> None:
     page = tmp_path / "sample.html"
     plan = tmp_path / "next.json"
@@ -63,6 +64,7 @@ def test_the_sample_log_is_replayed_and_gives_way_to_a_file_of_that_name(
     assert headland("replay", "sample").status != 0
 
 
+@pytest.mark.slow
 def test_the_sample_log_is_that_of_the_truth_model() -> None:
     shipped = pd.read_csv(resolve_log_path("sample"))
     made = pd.read_csv(io.StringIO(format_sample_log()))

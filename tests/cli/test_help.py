@@ -11,6 +11,7 @@ import pytest
 DRAWING = ("matplotlib", "pandas", "ortools", "jinja2")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("module", "heavy"),
     [

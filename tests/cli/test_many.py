@@ -24,6 +24,7 @@ def farm(tmp_path: Path) -> Path:
     return write_farm(tmp_path / "farm.geojson", north=(0, 70, 40), tiny=(200, 3, 3), south=(400, 60, 50))
 
 
+@pytest.mark.slow
 def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: Path) -> None:
     outcome = headland("plan", f"{farm}#*", *WHOLE, "--width", "3,4", "--csv")
     rows = list(csv.DictReader(io.StringIO(outcome.out)))

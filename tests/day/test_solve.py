@@ -119,6 +119,7 @@ def test_too_many_routes_leave_a_gap_that_holds(monkeypatch: pytest.MonkeyPatch)
     assert rough.gap_pct < 2.0, "prices on fields are near"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", share_seeds(8))
 def test_prices_on_fields_never_tell_more_than_the_best_day(seed: int) -> None:
     problem = at_random(300 + seed, fields=3 + seed % 3, fleets=1 + seed % 2)

@@ -93,6 +93,7 @@ def test_loss_counts_what_is_left_of_a_field() -> None:
     assert lose(0.5) == pytest.approx(150.0) and lose(0.0) == 0.0
 
 
+@pytest.mark.slow
 def test_faults_of_done_work_are_faults_of_the_day_file(tmp_path: Path) -> None:
     def order(done: str) -> WorkOrder:
         text = TEXT.replace(FIELD, f'{FIELD}\ndone = ["{done}"]')

@@ -1,5 +1,7 @@
 """What a tractor file gets of an extension."""
 
+import pytest
+
 from tests.diagnosis.hiding import eg105, hidden
 from tests.truth.drives import default_programme
 from tests.truth.model import make_logs
@@ -9,6 +11,7 @@ from vehicle.identification.logs.reader import build_log
 from vehicle.model.tractor import EffectSetting
 
 
+@pytest.mark.slow
 def test_effects_of_the_file_count_before_and_are_fitted_anew() -> None:
     hiding = draw_hidden_effect(4, eg105(), "steering_offset")
     known = EffectSetting(value=hiding.values)

@@ -26,6 +26,7 @@ def seed() -> int:
     return draw_seed()
 
 
+@pytest.mark.slow
 def test_nothing_hidden_nothing_named(seed: int) -> None:
     found = diagnosed({}, seed, brief_programme())
     assert not found.named, f"seed {seed}: {found.named}"

@@ -107,6 +107,7 @@ def test_agopengps(tmp_path: Path, file: str) -> None:
         ends_well(lambda: agopengps.FIELD_FORMAT.read(str(folder), "'x'"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("form", "text", "name"), [(kml, KML, "a.kml"), (gpx, GPX, "a.gpx")])
 def test_forms_that_gdal_reads(tmp_path: Path, form: object, text: str, name: str) -> None:
     def read(damage: str) -> object:

@@ -159,6 +159,7 @@ def test_a_battery_that_the_way_to_the_charger_uses_up_is_refused(capacity_kwh: 
     assert refusal.value.parameter == "tractor"
 
 
+@pytest.mark.slow
 def test_a_battery_that_hardly_lasts_to_the_charger_is_charged_all_the_time() -> None:
     found = drive(SMALL.model_copy(update={"capacity_kwh": 1.0}), "30,-45")
     assert found.result.charges is not None and found.result.charges > 10

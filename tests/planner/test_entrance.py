@@ -109,6 +109,7 @@ def line(*points: tuple[float, float], task: str = "drive", speed: float = 1.0) 
 class TestOffTheField:
     """A tractor that enters is in nobody's way before it does, one that leaves is not after it has."""
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("slow", [False, True])
     @pytest.mark.parametrize(("kind", "outcome"), [((ENTER, LEAVE), DONE), (("drive", "drive"), "conflict")])
     def test_two_begin_and_end_at_one_place(self, kind: tuple[str, str], outcome: str, slow: bool) -> None:
@@ -197,6 +198,7 @@ class TestPlan:
 
 
 class TestWithout:
+    @pytest.mark.slow
     def test_an_entrance_nothing_changes(self) -> None:
         """A plan without one has no way in or out, and time is that of its work."""
         one = driven("split-field", 3, None)

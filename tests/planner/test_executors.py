@@ -68,6 +68,7 @@ class TestCompleted:
 
 
 class TestLocalPool:
+    @pytest.mark.slow
     def test_results_and_errors_come_back(self, pool: LocalPool) -> None:
         assert [future.result(240) for future in [pool.submit(divmod, n, 7) for n in range(20)]] == [
             divmod(n, 7) for n in range(20)
@@ -96,6 +97,7 @@ class TestLocalPool:
         with pytest.raises(BrokenExecutor, match="could not be started"), LocalPool(1):
             pass
 
+    @pytest.mark.slow
     def test_the_caller_helps(self, pool: LocalPool) -> None:
         hands = {process for _, process in iter_completed(pool, busy, [(0.05,)] * 40)}
         assert os.getpid() in hands and len(hands) > 1

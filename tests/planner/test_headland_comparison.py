@@ -163,6 +163,7 @@ def test_sums_add_up(comparison: HeadlandComparison) -> None:
     assert comparison.best.charged_cost == min(one.charged_cost for one in comparison.totals)
 
 
+@pytest.mark.slow
 def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> None:
     """Rectangles of 60 m and 30 m by 40 m with a way of 4 m between, for machines of 6 m."""
     bell = shapely.union_all([shapely.box(0, 0, 60, 40), shapely.box(60, 18, 80, 22), shapely.box(80, 0, 110, 40)])

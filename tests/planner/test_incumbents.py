@@ -70,6 +70,7 @@ def test_the_quickest_feasible_plan_is_the_rival() -> None:
     assert find_incumbent(some[2:]) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("clearance_m", [0.5, 0.25])
 def test_who_works_beside_one_another_is_not_driven_where_others_keep_the_clearance(clearance_m: float) -> None:
     """Of their gap of 0.30 m errors of guidance leave 0.10 m: that is what is compared, and what is told."""
@@ -86,6 +87,7 @@ def test_who_works_beside_one_another_is_not_driven_where_others_keep_the_cleara
         assert told in one.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["interleaved", "row-by-row"])
 def test_a_candidate_that_cannot_win_is_told_with_its_bound(
     round_site: PlanningContext, driven_once: Callable[[str], Outcome], strategy: str

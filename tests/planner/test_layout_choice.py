@@ -73,6 +73,7 @@ def headings(site: PlanningContext) -> list[tuple[Any, float]]:
 
 
 class TestAskedFor:
+    @pytest.mark.slow
     def test_a_bearing_is_that_of_the_only_cell(self) -> None:
         site = site_on(L, bearing_deg=30.0)
         assert len(site.layout.cells) == 1 and site.layout.bearing_deg == pytest.approx(30.0)

@@ -99,6 +99,7 @@ def test_rules_for_the_search_by_hand() -> None:
     assert LineWishes().rank(lines, [0, 0, 0, 1, 0]) == [0, 0, 0, 1, 0] and not LineWishes()
 
 
+@pytest.mark.slow
 def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     order = WorkOrder(PlanRequest(**BASE, **WISHES), field=FIELD)
     context = prepare_context(order)
@@ -135,6 +136,7 @@ def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     assert estimate.works_enough and estimate.worked_pct == pytest.approx(best.worked_pct, abs=0.6)
 
 
+@pytest.mark.slow
 def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:
     with pytest.raises(HeadlandError, match=r"99 names no work of this layout, which has tracks 1 to \d+ and headland"):
         plan_order(WorkOrder(PlanRequest(**BASE, leave_out="99"), field=FIELD))
@@ -142,6 +144,7 @@ def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:
         plan_order(WorkOrder(PlanRequest(**BASE, give=("3=5",)), field=FIELD))
 
 
+@pytest.mark.slow
 def test_plans_with_too_few_tractors_for_a_wish_are_refused_beside_those_with_enough() -> None:
     request = PlanRequest(**BASE | {"tractors": (1, 2)}, give=("2=5",))
     ranking = plan_order(WorkOrder(request, field=FIELD)).ranking
@@ -149,6 +152,7 @@ def test_plans_with_too_few_tractors_for_a_wish_are_refused_beside_those_with_en
     assert {plan.tractors for plan in ranking.plans if "only 1 tractor" in (plan.reason or "")} == {1}
 
 
+@pytest.mark.slow
 def test_formations_do_not_deal_out_single_lines() -> None:
     request = PlanRequest(**BASE, leave_out="3", strategies=("row-by-row",))
     ranking = plan_order(WorkOrder(request, field=FIELD)).ranking

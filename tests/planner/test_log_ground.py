@@ -107,6 +107,7 @@ def test_heights_of_a_file_take_the_place_of_sensors(frames: list[pd.DataFrame],
     assert logs[0].set_remarks == ("The heights of dem.asc are used instead of roll_deg.",)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise_m", [0.0, 0.03])
 def test_logs_with_heights_of_their_own_need_no_file(frames: list[pd.DataFrame], noise_m: float) -> None:
     logs = add_known_ground(read(add_heights(frames, noise_m)))
@@ -118,6 +119,7 @@ def test_logs_with_heights_of_their_own_need_no_file(frames: list[pd.DataFrame],
     assert read_number(along, "the tractor drives ") == pytest.approx(10.0 * HILLS.climb, rel=0.1)
 
 
+@pytest.mark.slow
 def test_roll_is_used_before_heights_of_the_logs(frames: list[pd.DataFrame]) -> None:
     logs = add_known_ground(read([frame.assign(roll_deg=0.0) for frame in add_heights(frames, 0.0)]))
     across, along = list_told(logs)

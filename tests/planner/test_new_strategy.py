@@ -51,6 +51,7 @@ def test_an_unregistered_name_stays_unknown() -> None:
         PlanRequest(field="iwamizawa", strategies=("alone",))
 
 
+@pytest.mark.slow
 def test_it_works_the_headland_too_and_is_served(toy: Strategy) -> None:
     whole = site_on(shapely.box(0, 0, 60, 90), (0.0, 0.0), no_headland=False)
     result = simulate_candidate(whole, Candidate(toy.name, 1)).result

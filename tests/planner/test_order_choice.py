@@ -33,10 +33,9 @@ class FakeDriver:
 
 def sketch(order: str, sketched_s: float, driven_s: float, apart: list[SketchedPlan] | None = None) -> SketchedPlan:
     composed: Any = SimpleNamespace(
-        order=order, alone_s=sketched_s, driven_s=driven_s, least_s=[sketched_s], left_factor=1.0,
-        programme=SimpleNamespace(left_m2=0.0), compose_anew=None,
+        order=order, alone_s=sketched_s, driven_s=driven_s, least_s=[sketched_s], left_factor=1.0, compose_anew=None,
     )  # fmt: skip
-    return SketchedPlan(order, [sketched_s], lambda: composed, None if apart is None else lambda _: apart)
+    return SketchedPlan(order, [sketched_s], lambda: composed, None if apart is None else lambda: apart)
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,7 @@ def find_span_s(run: SimulationRun, tractor: int, leg: int) -> tuple[float, floa
     return float(run.time_s[on_it[0]]), float(run.time_s[on_it[-1]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "operation", "order", "tractors"),
     [

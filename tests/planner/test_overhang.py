@@ -76,6 +76,7 @@ def test_nothing_reaches_farther_than_asked(lay: Any, corners: str) -> None:
     assert (loose.outside_m or 0.0) > 1.0 and loose.outside_along_m == 0.0
 
 
+@pytest.mark.slow
 def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
     """Where nothing reaches as far as allowed, square corners are those of any larger overhang."""
     far, farther = (list_legs(lay(corners="square", overhang_m=metres)) for metres in (8.0, 80.0))
@@ -83,6 +84,7 @@ def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
     assert all(np.array_equal(a.points, b.points) for a, b in zip(far, farther, strict=True))
 
 
+@pytest.mark.slow
 def test_open_edges_lift_the_limit_of_planned_paths(lay: Any) -> None:
     """Paths are those of an overhang that nothing reaches; those of half a metre are others."""
     options: tuple[dict[str, Any], ...] = ({"overhang_m": 80.0}, {"open_edges": True}, {})
@@ -132,6 +134,7 @@ def test_nothing_outside_is_nothing(lay: Any) -> None:
     assert (measured.farthest_m, measured.beyond_m) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_mirrored_fields_are_driven_alike(lay: Any) -> None:
     mirrored = shapely.Polygon([(-x, y) for x, y in CHAMFERED.exterior.coords])
     here_m, there_m = (sum_length_m(lay(outline, bearing_deg=90.0)) for outline in (CHAMFERED, mirrored))

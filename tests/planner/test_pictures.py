@@ -55,6 +55,7 @@ def test_a_plan_names_the_largest_piece_of_ground_that_can_be_reached(cut: Plann
     assert result.finished_s == pytest.approx(result.time_s * (cut.layout.field.area_m2 - left.area) / worked_m2)
 
 
+@pytest.mark.slow
 def test_the_map_names_lines_as_the_list_of_legs_does() -> None:
     """A tree cuts a track: its pieces have one name each, on the map, in the list and in what is asked of lines."""
     tree = Obstacle("tree", shapely.Point(50.0, 41.0), 3.0)

@@ -77,6 +77,7 @@ def test_across_a_slope_the_steepest_place_is_told_with_its_side() -> None:
     assert abs(plan.steepest_along.amount) > 8.0, "turns lead up and down"
 
 
+@pytest.mark.slow
 def test_up_and_down_takes_more_fuel_than_level_ground() -> None:
     level, tilted = drive(0.0, 0.0).result, drive(0.0, 0.12).result
     assert tilted.fuel_l is not None and level.fuel_l is not None
@@ -84,6 +85,7 @@ def test_up_and_down_takes_more_fuel_than_level_ground() -> None:
     assert tilted.steepest_along is not None and abs(tilted.steepest_along.amount) == pytest.approx(12.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_steps_have_their_slopes_and_add_up_to_the_fuel_of_the_plan() -> None:
     context, driven = tilt(0.0, 0.12), drive(0.0, 0.12)
     assert driven.run is not None
@@ -96,6 +98,7 @@ def test_steps_have_their_slopes_and_add_up_to_the_fuel_of_the_plan() -> None:
         assert abs(step.slope_across_pct or 0.0) < 6.0, "it comes out of a turn"
 
 
+@pytest.mark.slow
 def test_too_steep_to_work_uphill_is_worked_downhill() -> None:
     """No move on which the tractor gets stuck is proven, so every track is worked down the plane, none is left."""
     driven = simulate_candidate(tilt(0.0, 0.45, soil="soft"), ONE)
@@ -105,6 +108,7 @@ def test_too_steep_to_work_uphill_is_worked_downhill() -> None:
     assert all(leg.points[-1][1] < leg.points[0][1] for leg in works)
 
 
+@pytest.mark.slow
 def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
     """A plan made for level ground, driven up the plane."""
     level, steep = simulate_candidate(tilt(0.0, 0.0, soil="soft"), ONE), tilt(0.0, 0.45, soil="soft")

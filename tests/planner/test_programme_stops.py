@@ -114,6 +114,7 @@ def test_no_load_is_used_up_and_every_line_is_worked_once(kind: str, tractors: i
     assert len(plan.notes["refills"]) == sum(map(len, done.stops))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [HEADLAND, "place", "battery"])
 def test_lines_moves_and_stops_add_up_to_the_time_of_the_drive(kind: str) -> None:
     done = stop(kind)
@@ -159,6 +160,7 @@ def test_a_battery_lasts_with_the_ways_to_the_charger() -> None:
     assert run.plan.notes["service"] == "charge"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refill", [HEADLAND, "0,45"])
 def test_a_track_longer_than_a_load_is_left_half_way(refill: str) -> None:
     """A load of 70 lasts for 117 m of the tracks of 156 m."""

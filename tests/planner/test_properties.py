@@ -59,6 +59,7 @@ def worked_lengths(site: PlanningContext, run: SimulationRun) -> dict[int, float
     return lengths
 
 
+@pytest.mark.slow
 @FEW
 @given(site=sites(), name=st.sampled_from(sorted(STRATEGIES)), tractors=st.integers(1, 4))
 def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, name: str, tractors: int) -> None:
@@ -111,6 +112,7 @@ def test_more_tractors_than_tracks_are_refused_with_a_reason(small_site: Plannin
         assert "30 tractors" in (result.reason or "") and "12" in (result.reason or "")
 
 
+@pytest.mark.slow
 def test_sides_of_the_headland_are_work_for_tractors_without_a_track() -> None:
     """One track and the sides of two passes round it."""
     request = PlanRequest(width_m=6.0, headland_passes=2, tractors=(1, 2))

@@ -136,6 +136,7 @@ def test_the_first_of_two_tractors_works_the_ground(site: Any) -> None:
         assert set(swept.tractor.tolist()) == {worker} and coverage.overlap_m2 == 0.0
 
 
+@pytest.mark.slow
 def test_a_bend_is_worked_once_and_whole(site: Any) -> None:
     """Round about a place 2 m beside the middle of the bar: its inner end, 1 m beyond, does the same disc twice."""
     circle = arc(30.0, 40.0, 2.0, 0.0, 2 * math.pi)

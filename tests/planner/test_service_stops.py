@@ -235,6 +235,7 @@ def test_what_cannot_be_is_refused_in_a_sentence(refill: str | None, supply: Sup
     assert words in str(refusal.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("refill", "capacity"), [(None, 70.0), ("60,0", 46.0)])
 def test_a_tank_smaller_than_a_track_takes_is_filled_within_the_track(refill: str | None, capacity: float) -> None:
     tank = replace(TANK, capacity=capacity)

@@ -83,6 +83,7 @@ def test_a_pole_at_the_end_of_a_track_cuts_its_line() -> None:
     assert nearest_m(driven.run, site, AT_END.shape) > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("obstacle", [POLE, STONE])
 def test_mirrored_it_takes_as_long(obstacle: Obstacle) -> None:
     def time_s(flip: bool) -> float | None:
@@ -98,6 +99,7 @@ def test_mirrored_it_takes_as_long(obstacle: Obstacle) -> None:
     assert time_s(True) == pytest.approx(time_s(False), rel=0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x_m", [12.0, 20.0, 32.0])
 def test_a_side_cut_at_the_arc_of_a_round_corner_is_led_to(x_m: float) -> None:
     """A tree just behind a corner leaves no room for its arc: a raised path leads on to what remains of the side."""

@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.fleet_drive import SoloRuns
@@ -105,6 +106,7 @@ class TestGivingWay:
         assert format_plan(plans[0]) == format_plan(plans[1])
 
 
+@pytest.mark.slow
 def test_a_fleet_on_a_real_parcel_keeps_apart() -> None:
     from planner.evaluation.preparation import prepare_context
     from planner.evaluation.work_order import WorkOrder

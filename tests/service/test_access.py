@@ -80,6 +80,7 @@ def test_a_scope_gives_its_own_rights_and_no_others(app: FastAPI, client: TestCl
         assert client.request(method, f"/api/v1{path}", headers=headers[scope]).status_code == expected, (scope, path)
 
 
+@pytest.mark.slow
 def test_a_robot_reads_its_own_fleet_and_nothing_else(app: FastAPI, client: TestClient) -> None:
     for fleet in ("f1", "f2"):
         app.state.hub.labels[fleet] = FleetLabel(fleet, fleet, app.state.store.save_fleet(fleet, fleet, "{}", {}))

@@ -53,6 +53,7 @@ def test_who_creeps_slower_than_a_speed_that_counts_is_noticed_by_how_far_it_is(
     assert Hold.DOUBTED in manager.states[0].holds
 
 
+@pytest.mark.slow
 def test_who_stands_with_a_poor_receiver_does_not_drive_on() -> None:
     manager, rng, error = start_manager(), np.random.default_rng(0), np.zeros(2)
     manager.operators.stop_all("anna", 0.0)

@@ -262,6 +262,7 @@ def test_a_backup_of_a_newer_headland_says_so(empty: Store, whole: Parts, tmp_pa
     assert rows(empty) == 0
 
 
+@pytest.mark.slow
 def test_whatever_byte_of_an_archive_is_flipped_all_comes_back_or_nothing(whole: Parts, tmp_path: Path) -> None:
     refused, content = 0, bytearray(written(tmp_path / "copy.zip", whole).read_bytes())
     for place in range(100, len(content) - 200, max(1, len(content) // 16)):

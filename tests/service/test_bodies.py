@@ -94,6 +94,7 @@ def test_a_fleet_is_made_from_a_file_and_stored_under_its_id(both: ServiceSettin
     store.close()
 
 
+@pytest.mark.slow
 def test_a_body_without_room_is_refused_and_an_order_is_not(app: FastAPI, client: TestClient) -> None:
     operator = bearer(app, "operator")
     with app.state.bodies.open_share("x") as one, app.state.bodies.open_share("y") as two:

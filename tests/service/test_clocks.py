@@ -126,6 +126,7 @@ def test_it_is_said_as_clocks_are_read() -> None:
     assert describe_offset(-86_400.0) == "1 day 0:00:00 ahead" and describe_offset(200_000.0) == "2 days 7:33:20 behind"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("echoes", [True, False])
 def test_a_tractor_whose_clock_is_an_hour_off_drives_on_and_that_is_told_once(
     echoes: bool, monkeypatch: pytest.MonkeyPatch

@@ -292,6 +292,7 @@ def test_an_operator_is_answered_at_once_while_hundreds_wait_for_their_turn() ->
     assert sorted(took_s)[2] < 0.25, took_s
 
 
+@pytest.mark.slow
 def test_an_unfinished_head_after_a_whole_request_has_its_time_too() -> None:
     book = ConnectionRegistry(ConnectionLimits(header_s=0.5))
     with serve(book) as port, connect(port, REQUEST + b"GET / HTTP/1.1\r\nho") as one:

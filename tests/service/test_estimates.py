@@ -139,6 +139,7 @@ def test_lines_are_those_of_the_plan_that_is_driven(speed_kmh: float) -> None:
         assert [one.points[0], one.points[-1]] in [[tuple(path[0]), tuple(path[-1])] for path in line.paths]
 
 
+@pytest.mark.slow
 def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own(grounds: KeptGrounds) -> None:
     first = estimate(grounds)
     wider = estimate(grounds, width=6.2)
@@ -149,6 +150,7 @@ def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own(grounds: Kept
     assert not own.is_layout_borrowed and own.bearing_deg == pytest.approx(30.0)
 
 
+@pytest.mark.slow
 def test_an_answer_at_once_is_scaled_from_the_nearest_width(
     grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -165,6 +167,7 @@ def test_an_answer_at_once_is_scaled_from_the_nearest_width(
         assert plan.time_s == pytest.approx(exact.time_s, rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_answer_at_once_leaves_out_what_is_left_out(grounds: KeptGrounds) -> None:
     own = KeptGrounds()
     estimate(own, at_once=True)
@@ -199,6 +202,7 @@ def test_an_answer_at_once_for_another_number_deals_out_the_same_work(grounds: K
     assert (two.time_s or 0.0) / 2.0 == pytest.approx(four.time_s)
 
 
+@pytest.mark.slow
 def test_tours_of_other_numbers_are_sought_between_orders() -> None:
     own = KeptGrounds()
     assert not own.prepare()
@@ -211,6 +215,7 @@ def test_tours_of_other_numbers_are_sought_between_orders() -> None:
     assert not prepared.is_scaled and prepared.plans == estimate(KeptGrounds(), tractors="3").plans
 
 
+@pytest.mark.slow
 def test_what_a_ground_keeps_is_bounded_and_answers_stay_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(estimates, "MOST_SKETCHES", 4)
     monkeypatch.setattr(estimates, "MOST_SPEEDS", 2)
@@ -317,6 +322,7 @@ def test_work_for_who_has_gone_has_ended_before_that_is_said_and_what_fails_is_n
     assert asyncio.run(wait_while_connected(asyncio.sleep(60.0), asyncio.sleep(0.0, "answer"))) == "answer"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_forwarded", [False, True])
 def test_an_estimate_of_who_has_gone_ends(tmp_path: Path, is_forwarded: bool) -> None:
     app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)

@@ -218,6 +218,7 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestClient,
         yield client, bearer(app, BOTH), app
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("path", "name", "content"),
     [
@@ -239,6 +240,7 @@ def test_every_kind_is_read_in_a_process_of_its_own(
     assert client.get(f"/api/v1/{path}/{Path(name).stem}/summary", headers=token).status_code == 200
 
 
+@pytest.mark.slow
 def test_requests_are_checked_in_a_process_of_its_own(real: tuple[TestClient, dict[str, str], FastAPI]) -> None:
     client, token, _ = real
     assert client.post("/api/v1/plans", json={"field": "netherlands", "width": 3}, headers=token).status_code == 202

@@ -45,6 +45,8 @@ from tests.service.test_replanning import WIDTH_M, at, plan_three
 from tests.service.watching import NARROW, WIDE, WatchedPage, find_overflow, needs_browser
 from vehicle.missions.plan import LEAVE
 
+pytestmark = pytest.mark.slow
+
 TIMES = 6.0
 LONGEST_S = 900.0
 
@@ -73,7 +75,6 @@ def unite_strips(plan: FleetPlan, legs_of: Callable[[int], slice]) -> shapely.Ge
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("without", [[], [1]])
 def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: FleetPlan, without: list[int]) -> None:
     remaining, proposal, manager = stop_and_go_on(plan, 0.4, without)
@@ -114,7 +115,6 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
 
 
-@pytest.mark.slow
 def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
     """What follows the legs that a tractor keeps are other legs, so that its old gates say nothing of them."""
     remaining, proposal, _ = stop_and_go_on(plan, 0.5, [])
@@ -125,7 +125,6 @@ def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
             assert not [gate for gate in leg.gates if gate in known[number] and gate.leg >= ends[gate.tractor]]
 
 
-@pytest.mark.slow
 def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, found in (("list_options", ()), ("list_cut_moves", ()), ("search", None)):
         monkeypatch.setattr(SiteMoves, name, lambda *_, found=found: found)
@@ -133,7 +132,6 @@ def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest
         stop_and_go_on(plan, 0.5, [])
 
 
-@pytest.mark.slow
 def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_but_not_from_work(plan: FleetPlan) -> None:
     manager = at(plan, 0.4)
     manager.operators.stop_all("anna", 1.0)
@@ -144,7 +142,6 @@ def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_but_not_from_
     assert not any(leg.task.kind == LEAVE for number in (0, 2) for leg in proposal.plan.timed_missions[number].legs)
 
 
-@pytest.mark.slow
 def test_nobody_comes_in_past_one_that_stands_in_the_entrance(plan: FleetPlan) -> None:
     manager = at(plan, 0.4)
     manager.operators.stop_all("anna", 1.0)
@@ -155,7 +152,6 @@ def test_nobody_comes_in_past_one_that_stands_in_the_entrance(plan: FleetPlan) -
         continue_remaining_work(extract_remaining_work(manager, [1], 100.0))
 
 
-@pytest.mark.slow
 def test_what_is_released_past_one_that_stands_is_said_and_who_is_caught_can_be_left_out(plan: FleetPlan) -> None:
     manager = at(plan, 0.3)
     manager.operators.stop_all("anna", 1.0)
@@ -173,7 +169,6 @@ def test_what_is_released_past_one_that_stands_is_said_and_who_is_caught_can_be_
     assert continue_remaining_work(extract_remaining_work(manager, [0, 1], 100.0)).reassigned_m > 100.0
 
 
-@pytest.mark.slow
 def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(plan: FleetPlan) -> None:
     manager = at(plan, 0.4)
     manager.operators.stop_all("anna", 1.0)
@@ -189,7 +184,6 @@ def test_the_place_of_one_in_doubt_is_said_and_planned_round_if_it_is_left_out(p
     assert taken.contains(place.buffer(5.0)) and taken.area < place.buffer(15.0).area
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("speed_mps", [0.0, 1.0])
 def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_gone(
     plan: FleetPlan, speed_mps: float
@@ -217,7 +211,6 @@ def test_one_that_was_heard_last_as_it_moved_is_planned_round_where_it_may_have_
     assert shapely.Point(remaining.get_pose(1)[:2]).buffer(to_end_m + 12.0).contains(taken)
 
 
-@pytest.mark.slow
 def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
     manager = at(plan, 0.4)
     last = [leg for leg in plan.saved.plan.missions[0].legs if leg.implement][-1]
@@ -265,7 +258,6 @@ class LiveFleet:
         assert until(), self.manager.state
 
 
-@pytest.mark.slow
 def test_robots_take_up_the_new_mission_where_they_stand_and_drive_it_to_its_end(plan: FleetPlan) -> None:
     drivers = {
         number: RobotDriver(

@@ -362,6 +362,7 @@ def test_the_limit_is_that_of_the_stated_noise() -> None:
     assert compute_limit_m(0.0, 10.0) - compute_limit_m(0.0, 0.0) == pytest.approx(1.5)
 
 
+@pytest.mark.slow
 def test_honest_tractors_with_bad_receivers_are_not_doubted() -> None:
     """Two hours of each of five; `python -m tests.benchmarks.clean_motion` drives a hundred hours of fifty."""
     steps = 2 * 36_000

@@ -150,6 +150,7 @@ def test_who_lacks_the_right_is_turned_away(service: Service, role: str, holder:
             client.receive_json()
 
 
+@pytest.mark.slow
 def test_a_link_whose_token_expires_is_turned_out(service: Service) -> None:
     token = service.hub.store.create_token_text("guest", "operator", expires="1d")
     with service.link("control") as guest:
@@ -201,6 +202,7 @@ def test_states_are_acknowledged_once_kept_and_not_kept_twice(service: Service) 
     assert [row[0] for row in rows] == list(range(8))
 
 
+@pytest.mark.slow
 def test_the_recording_is_a_log_that_diagnosis_reads(service: Service, tmp_path: Path) -> None:
     with service.link("tractor") as tractor:
         hello(tractor, "tractor", 3, service.tokens["robot 3"])

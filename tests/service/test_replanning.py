@@ -28,6 +28,8 @@ from strategies.rules.supply import Supply
 from tests.service.fleets import restart_manager
 from vehicle.missions.plan_file import format_plan, parse_plan
 
+pytestmark = pytest.mark.slow
+
 WIDTH_M = 3.0
 FIELD = {
     "type": "FeatureCollection",
@@ -123,7 +125,6 @@ def worked(plan: FleetPlan, number: int, first: int) -> shapely.Geometry:
     )
 
 
-@pytest.mark.slow
 def test_what_one_has_left_is_worked_by_the_others(half: tuple[FleetManager, ReplanProposal]) -> None:
     manager, proposal = half
     left = worked(manager.plan, 1, manager.states[1].leg + 1)
@@ -198,7 +199,6 @@ def test_what_cannot_be_planned_anew_is_refused_in_a_sentence(plan: FleetPlan) -
         extract_remaining_work(manager, [0, 1, 2], 0.0)
 
 
-@pytest.mark.slow
 def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(plan: FleetPlan) -> None:
     """All but the network: steering, speed control and noise of every tractor, releases and orders."""
     manager, now = FleetManager(plan, FleetRules()), 0.0
@@ -224,7 +224,6 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
     assert manager.compute_total_worked_m() == pytest.approx(plan.worked_m)
 
 
-@pytest.mark.slow
 def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(
     plan_without_entrance: FleetPlan, forced_wait: ForcedWait
 ) -> None:
@@ -261,7 +260,6 @@ def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(
     assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(waiting) == []
 
 
-@pytest.mark.slow
 def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_gone_on(
     plan_without_entrance: FleetPlan, forced_wait: ForcedWait
 ) -> None:

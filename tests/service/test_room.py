@@ -158,6 +158,7 @@ def test_a_server_that_says_its_disk_is_full_is_believed(store: Store) -> None:
         session.execute(sa.text("DO $$ BEGIN RAISE EXCEPTION 'another' USING ERRCODE = '53000'; END $$"))
 
 
+@pytest.mark.slow
 def test_a_job_waits_for_room_and_no_try_is_counted(disk: Disk) -> None:
     store = Store(of(disk, reserve_mb=2))
     job = store.add_job("tiny", "here", {"number": 7})
@@ -179,6 +180,7 @@ def test_a_job_waits_for_room_and_no_try_is_counted(disk: Disk) -> None:
     store.close()
 
 
+@pytest.mark.slow
 def test_a_job_whose_own_files_find_no_room_is_done_again(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = Store(of(disk))
     job = store.add_job("tiny", "here", {"number": 7}, {"field/x": store.blobs.put_bytes(b"X" * 200_000)})

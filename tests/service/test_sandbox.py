@@ -189,6 +189,7 @@ def test_memory_has_an_end(attempt: Attempt) -> None:
     assert attempt("len(bytearray(1 << 26))") == {"value": str(1 << 26)}
 
 
+@pytest.mark.slow
 @POSIX
 def test_computing_has_an_end(attempt: Attempt) -> None:
     assert attempt("[None for _ in iter(int, 1)] if False else sum(iter(int, 1))", seconds=0.5) in (
@@ -196,6 +197,7 @@ def test_computing_has_an_end(attempt: Attempt) -> None:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 @POSIX
 def test_computing_counts_from_the_moment_of_being_closed_in(attempt: Attempt) -> None:
     assert attempt("sum(range(10**7))", seconds=0.5, before=1.2) == {"value": "49999995000000"}
@@ -254,6 +256,7 @@ def test_a_refusal_keeps_its_sentence_and_parameter(reader: ForkingReader | Spaw
     )
 
 
+@pytest.mark.slow
 @only_forking
 def test_another_file_is_not_read(reader: ForkingReader | SpawningReader, here: Path, canary: Path) -> None:
     canary.with_suffix(".geojson").write_bytes(SMALL)
@@ -278,6 +281,7 @@ def test_too_much_memory_is_one_sentence(reader: ForkingReader | SpawningReader,
         read(reader, here, "large.geojson", memory=8 * MEGABYTE)
 
 
+@pytest.mark.slow
 @only_forking
 def test_too_long_is_one_sentence(reader: ForkingReader | SpawningReader, here: Path, monkeypatch: Any) -> None:
     monkeypatch.setattr(reader_processes, "READ_GRACE_S", 0.5)
@@ -309,6 +313,7 @@ def test_a_fault_is_one_sentence_and_logged_once(
     assert "Traceback" in record.getMessage() and "TypeError" in record.getMessage()
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("reader", [ForkingReader], indirect=True)
 def test_the_one_who_starts_readings_knows_no_secrets(reader: ForkingReader, here: Path) -> None:

@@ -56,6 +56,7 @@ def wait_until_unknown(book: TokenCache, text: str) -> None:
         time.sleep(0.01)
 
 
+@pytest.mark.slow
 def test_tokens_of_another_process_are_found_and_revoked_ones_are_not(book: TokenCache, store: Store) -> None:
     text = store.create_token_text("office", "read")
     assert book.find_token(text) is None, "nothing was read since"
@@ -87,6 +88,7 @@ def test_an_expired_token_is_worth_nothing_at_once_even_without_the_database(los
         asyncio.run(book.identify_token(text))
 
 
+@pytest.mark.slow
 def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> None:
     text, later_s = lost.store.create_token_text("office", "operator"), [0.0]
     book = TokenCache(lost, lambda: time.monotonic() + later_s[0])  # type: ignore[arg-type]

@@ -102,6 +102,7 @@ EACH = [
 """Every version on one database, in the matrix on the other too."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("both", "revision"), EACH, indirect=["both"])
 def test_every_row_means_the_same_after_an_upgrade(both: ServiceSettings, revision: str) -> None:
     both.data.mkdir()

@@ -77,6 +77,7 @@ def test_what_drivers_avoid_is_charged(rows: list[list[float]], charge_s: float)
     assert compute_awkward_s(np.array(rows)) == pytest.approx(charge_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("rows", "charge_s"),
     [

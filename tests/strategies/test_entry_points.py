@@ -182,6 +182,7 @@ def test_two_packages_with_one_name_are_refused_where_it_is_named(install: Insta
         PlanRequest(strategies=("twice",))
 
 
+@pytest.mark.slow
 def test_the_command_line_names_it_among_the_known(blocks: Path) -> None:
     code = "from planner.cli.main import main; main()"
     environment = os.environ | {"PYTHONPATH": f"{blocks}:{ROOT}:{FACE}", "COLUMNS": "200"}

@@ -121,6 +121,7 @@ def improve_once(tables, tours):  # type: ignore[no-untyped-def]
     return improve_tours(tours, tables)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("k", [1, 2, 5])
 def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
     for seed in range(10):

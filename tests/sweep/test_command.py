@@ -32,6 +32,7 @@ def field(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: Path) -> None:
     page, saved = tmp_path / "page.html", tmp_path / "plan.json"
     service = ("--service", "http://127.0.0.1:8765/")
@@ -75,6 +76,7 @@ def test_bad_input(headland: Run, field: Path, words: str, sentence: str) -> Non
     assert sentence in done.err and len(done.err.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_a_value_that_cannot_be_laid_out_leaves_the_others(headland: Run, field: Path) -> None:
     done = headland("sweep", field, *FEW, "--swaths", "contour,straight", "--json")
     assert done.status == 0, done.err
@@ -82,6 +84,7 @@ def test_a_value_that_cannot_be_laid_out_leaves_the_others(headland: Run, field:
     assert {one["swaths"]: one["feasible"] for one in plans} == {"contour": False, "straight": True}
 
 
+@pytest.mark.slow
 def test_what_the_tractor_cannot_pull_is_not_taken(headland: Run, field: Path, tmp_path: Path) -> None:
     """As `headland plan` says it, whose check is that of the standard; 6 m at 8 km/h can be pulled, at 12 not."""
     few = ("--local", "--tractors", "1", "--width", "6")
@@ -105,6 +108,7 @@ def test_what_the_tractor_cannot_pull_is_not_taken(headland: Run, field: Path, t
     assert ",pull,false,true" in row
 
 
+@pytest.mark.slow
 def test_what_a_tractor_cannot_pull_at_all_is_refused_without_driving_the_field(headland: Run, field: Path) -> None:
     weak = ("--draft", "plough", "--soil", "soft")
     done = headland("plan", field, "--local", "--width", "3", *weak, "--speed-kmh", "8", "--tractors", "1")
@@ -112,6 +116,7 @@ def test_what_a_tractor_cannot_pull_at_all_is_refused_without_driving_the_field(
     assert "on level ground the tractor works at 2 % of the speed asked for" in " ".join(done.out.split())
 
 
+@pytest.mark.slow
 def test_an_explained_plan_tells_every_remark_and_asks_what_to_check(headland: Run, field: Path) -> None:
     words = ("plan", field, "--local", "--width", "6", "--speed-kmh", "10", "--tractors", "1")
     shown = [" ".join(headland(*words, *more).out.split()) for more in ((), ("--explain",))]
@@ -124,6 +129,7 @@ def test_python_says_what_a_sweep_takes() -> None:
         sweep("denmark", width=[3.0])  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_a_row_that_is_not_there_and_several_fields_to_save(headland: Run, field: Path, tmp_path: Path) -> None:
     done = headland("sweep", field, *FEW, "--pick", "99")
     assert done.status == 2 and "--pick is 99; the table has rows 1 to" in done.err
@@ -133,6 +139,7 @@ def test_a_row_that_is_not_there_and_several_fields_to_save(headland: Run, field
     assert done.status == 2 and "are for one field" in done.err
 
 
+@pytest.mark.slow
 def test_all_fields_of_a_file(headland: Run, field: Path, tmp_path: Path) -> None:
     geopandas = pytest.importorskip("geopandas")
     import shapely
@@ -146,6 +153,7 @@ def test_all_fields_of_a_file(headland: Run, field: Path, tmp_path: Path) -> Non
     assert done.status == 2 and "There is no field file" in done.err
 
 
+@pytest.mark.slow
 def test_ctrl_c_shows_what_is_done_and_the_same_command_goes_on(
     headland: Run, field: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -166,6 +174,7 @@ def test_ctrl_c_shows_what_is_done_and_the_same_command_goes_on(
     assert done.status == 0 and len(calls) == 5, "what was done is not done again"
 
 
+@pytest.mark.slow
 def test_every_number_of_tractors_is_progress(field: Path) -> None:
     axes, told = read_axes({"width": "6,9", "tractors": "1-2", "price_per_hour": "30,40"}), list[tuple[int, int]]()
     swept = sweeps.Sweep(

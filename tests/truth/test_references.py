@@ -28,6 +28,7 @@ SLOW = "fifth"
 """The reference that takes long to compile, and by which CI diagnoses nothing."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.matrix if one == SLOW else ()) for one in MAKERS])
 def test_logs_are_decided_by_their_seed(name: str) -> None:
     seed = draw_seed()

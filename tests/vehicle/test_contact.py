@@ -124,6 +124,7 @@ def test_head_on_is_reported_when_the_noses_meet(build: Any, eg105: Tractor, imp
     assert run.min_clearance_m < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slow", [False, True])
 def test_a_long_touch_hides_no_later_one(build: Any, eg105: Tractor, implement: Implement, slow: bool) -> None:
     """Two tractors push each other for half a minute; two others meet meanwhile."""

@@ -69,6 +69,7 @@ def build_soft_rig(front: float) -> ReplayRig:
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("front", [0.5, 1.0, 2.0])
 def test_a_moment_on_tyres_makes_the_rear_axle_crab_by_its_share(front: float) -> None:
     rig = build_soft_rig(front)

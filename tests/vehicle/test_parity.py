@@ -159,6 +159,7 @@ POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION and not 
 REMEMBERED_RAD = {"heading_filter": 2e-3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("commands", [CIRCLE, WAVE], ids=["circle", "wave"])
 @pytest.mark.parametrize("name", TRACTORS)
 def test_loop_and_replay_drive_the_same(name: str, commands: Array) -> None:
@@ -171,6 +172,7 @@ def test_loop_and_replay_drive_the_same(name: str, commands: Array) -> None:
     assert np.abs(states[1:, STEERING_COLUMN] - driven.column("steering")[:-1]).max() < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRACTORS)
 def test_every_effect_changes_the_compared_drives(name: str) -> None:
     """Without this, two drives could agree because an effect acts in neither: what is driven or shown differs."""

@@ -57,12 +57,14 @@ def find_limit(line: np.ndarray, along_m: float, limits: DrivingLimits = LIMITS)
     return float(np.interp(along_m, steps, compute_speed_limits(line, limits)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius_m", [12.0, -30.0])
 def test_a_long_circle_is_driven_at_the_lateral_acceleration(radius_m: float) -> None:
     line = make_line((60.0, 1.0 / radius_m))
     assert find_limit(line, 30.0) == pytest.approx(math.sqrt(abs(radius_m)), rel=0.01)
 
 
+@pytest.mark.slow
 def test_near_full_lock_the_wheels_must_be_able_to_return() -> None:
     returning = LIMITS.steering_mps / (1.4 * math.atan(LIMITS.length_m / 4.0))
     assert find_limit(make_line((60.0, 0.25)), 30.0) == pytest.approx(returning, rel=0.01)

@@ -114,18 +114,18 @@ def _list_worked_ground(run: SimulationRun, width_m: float, crop_stands: bool) -
 
 
 def _measure_crossing(
-    path: npt.NDArray[np.float64], worked_ground: _WorkedGround, is_asked: npt.NDArray[np.bool_]
+    path: npt.NDArray[np.float64], worked_ground: _WorkedGround, is_counted: npt.NDArray[np.bool_]
 ) -> tuple[tuple[str, ...], float]:
-    """Names of those strips (n,) that are asked for and that a path (t, 2) leads over, and the metres on them.
+    """Names of those strips (n,) that count and that a path (t, 2) leads over, and the metres on them.
 
     What lies on another strip as well does not count: ground that is worked again is not finished, and on ground that
     was worked once nothing stands.
     """
     line = shapely.LineString(path)
     near = shapely.intersects(worked_ground.strips, line)
-    line = subtract(line, unite(worked_ground.strips[near & ~is_asked]))
+    line = subtract(line, unite(worked_ground.strips[near & ~is_counted]))
     metres: dict[str, float] = {}
-    for strip in np.flatnonzero(near & is_asked).tolist():
+    for strip in np.flatnonzero(near & is_counted).tolist():
         name = worked_ground.names[strip]
         metres[name] = metres.get(name, 0.0) + float(intersect(line, worked_ground.strips[strip]).length)
     by_metres = sorted(metres, key=lambda name: (metres[name], len(name), name))
