@@ -4,7 +4,7 @@ Several threads only wait for each other on a busy machine, and the first exampl
 Whether `CI` is set or not, properties draw the same examples (tests.examples). Tests started in the background of a
 shell would ignore interrupts, and so would their processes, some of which are interrupted on purpose.
 
-A worker that has nothing left takes half of what the busiest still has; one worker more than processors works while
+A worker that has nothing left takes half of what the busiest still has; two workers more than processors work while
 tests of the service wait. All processes use the sources of this folder, even if the package is installed as well, so
 that they share one compiled simulator; before the whole suite starts on several workers it is compiled once.
 """
@@ -44,7 +44,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_threa
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers() -> int:
     """Workers of `-n auto`."""
-    return (os.cpu_count() or 1) + 1
+    return (os.cpu_count() or 1) + 2
 
 
 @pytest.hookimpl(tryfirst=True)
