@@ -32,7 +32,7 @@ from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import mark_chosen_plan
-from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
+from planner.risk.costs import are_prices_given, build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
 from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
@@ -216,7 +216,7 @@ def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
     terms = context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
     return {
         "currency": terms.prices.currency,
-        "prices_assumed": context.cost_terms is None and request.price_per_hour is None,
+        "prices_assumed": not are_prices_given(request, context.cost_terms),
         "money_sentences": (f"The cost covers {describe_prices(terms)}.",),
     }
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from fields.units import HOUR_S, PCT
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
+from planner.request.plan_request import PlanRequest
 from planner.risk.monte_carlo import SampledOutcomes
 from reports.common.language import mark_text
 from vehicle.missions.run import SimulationRun
@@ -154,6 +155,20 @@ class CostTerms:
     handling_s: float = 0.0
     learned_notes: tuple[str, ...] = ()
     motor_efficiency: float | None = None
+
+    @property
+    def are_given(self) -> bool:
+        """Whether anybody gave a price; else all are defaults of farm files."""
+        machines = (self.tractor, self.implement)
+        has_price = any(machine is not None and machine.price is not None for machine in machines)
+        return has_price or bool(self.prices.model_fields_set - {"currency"})
+
+
+def are_prices_given(request: PlanRequest, terms: CostTerms | None) -> bool:
+    """Whether anybody gave a price that decides between plans: with the request, or with the terms of a farm."""
+    if terms is not None:
+        return terms.are_given
+    return request.price_per_hour is not None or request.price_per_tractor > 0.0
 
 
 def get_price_per_hour(requested: float | None) -> float:

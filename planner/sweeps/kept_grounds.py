@@ -13,6 +13,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.parameter_names import UNLAID
 from planner.request.plan_request import STRAIGHT, PlanRequest
+from planner.risk.costs import are_prices_given
 from planner.sweeps.estimates import SUMMED, EstimatedLine, GroundEstimates, Points, keep_last
 from reports.common.plan_results import PlanResult, choose_plan
 
@@ -91,7 +92,7 @@ class KeptGrounds:
         request = order.request
         plans = tuple(estimate(_set_tractors(order, count)) for count in sorted(request.tractors))
         feasible = [plan for plan in plans if plan.feasible]
-        is_priced = order.cost_terms is not None or request.price_per_hour is not None
+        is_priced = are_prices_given(request, order.cost_terms)
         best = choose_plan(feasible, request.time_limit_s, is_priced) if feasible else None
         lines = () if best is None or is_scaled else ground.estimates.list_lines(order, best)
         outlines = ground.estimates.list_outlines() if lines else ()

@@ -25,7 +25,7 @@ from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import PlanRequest
-from planner.risk.costs import build_hire_terms
+from planner.risk.costs import are_prices_given, build_hire_terms
 from planner.sweeps.axes import Axis, list_points
 from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
@@ -258,7 +258,7 @@ class Sweep:
             currency=terms.prices.currency,
             start=None if request.start_s is None or is_start_swept else format_clock(request.start_s),
             allowed_s=limits_s[0] if len(set(limits_s)) == 1 else None,
-            is_priced=first.cost_terms is not None or request.price_per_hour is not None,
+            is_priced=are_prices_given(request, first.cost_terms),
             by_field=by_field if len(read) > 1 else {},
             command=(*self.command, *self.fields),
             link=self.link,

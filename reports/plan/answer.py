@@ -54,6 +54,9 @@ UNCOUNTED_STOPS = {
     "harvest": mark_text("unloading not counted"),
 }
 """What is left out of the time of operations with a load, where the implement tells none."""
+DOSED_OPERATIONS = ("sow", "spray")  # what is worked twice gets twice as much
+LEAST_STATED_OVERLAP_PCT = 5.0
+PLOUGH = "plough"  # in the table of drafts
 
 
 @dataclass(frozen=True)
@@ -152,6 +155,7 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
                 money=format_money(money, ranking.currency),
             )
         parts.append(_describe_share(plan) + rest)
+    parts += _describe_overlap(ranking, plan)
     if plan.left_out_m2 is not None:
         parts.append(describe_left_out(plan.left_out_m2))
     if plan.headland_order is not None:
@@ -173,6 +177,17 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
 
 def _describe_share(plan: PlanResult) -> str:
     return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
+
+
+def _describe_overlap(ranking: PlanRanking, plan: PlanResult) -> list[str]:
+    """``18 % twice (--sections)``, where that costs seed or product: sections save most of it."""
+    overlap_pct, scenario = plan.overlap_pct or 0.0, ranking.scenario
+    if overlap_pct < LEAST_STATED_OVERLAP_PCT or scenario.get("operation") not in DOSED_OPERATIONS:
+        return []
+    share = format_number(overlap_pct, 0)
+    if scenario.get("sections", 1) > 1:
+        return [translate("{share} % twice", share=share)]
+    return [translate("{share} % twice (--sections saves most)", share=share)]
 
 
 def _describe_headland(ranking: PlanRanking, order: str) -> str:
@@ -279,6 +294,8 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
     """What is wrong with the plan to take, the worst first."""
     cut_off_m2 = sum(part.ground.m2 for part in ranking.parts) or ranking.cut_off_m2
     faults = []
+    if ranking.pull is not None and ranking.pull.implement == PLOUGH:
+        faults.append(translate("Furrows are not planned: a plough takes neighbouring tracks, one after the other."))
     if ranking.parts:
         faults.append(
             translate("{area} of the field are cut off and planned on their own.", area=format_area(cut_off_m2))

@@ -329,7 +329,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
         ("Unworked", insert_non_breaking_spaces(format_unworked(best) or NO_VALUE)),
         ("Overlap", FIGURES["overlap_pct"].format_with_unit(best)),
         ("Driven over when finished", NO_VALUE if (m2 := get_charged_traffic_m2(best)) is None else f"{m2:.0f} m2"),
-        ("Wheel traffic", FIGURES["wheel_traffic_m2"].format_with_unit(best)),
+        ("Wheel traffic off the headland", FIGURES["wheel_traffic_m2"].format_with_unit(best)),
         ("Farthest outside", FIGURES["outside_m"].format_with_unit(best)),
         ("Closest approach", FIGURES["min_clearance_m"].format_with_unit(best)),
         ("Order of tracks", NO_VALUE if gap_pct is None else format_order_optimality(gap_pct)),

@@ -12,8 +12,11 @@ from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.settings import FarmPrices
 from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
+from planner.risk.costs import CostTerms, are_prices_given
 from reports.common.plan_results import PlanResult
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -85,6 +88,13 @@ def test_prices_are_assumed_only_where_nobody_gave_them() -> None:
     )  # type: ignore[arg-type]
     assert assumed.prices_assumed and not given.prices_assumed
     assert assumed.scenario["price_per_hour"] == given.scenario["price_per_hour"] == 40.0
+    priced = FarmPrices(late_per_ha=9.0), FarmTractor(name="one", price=1.0), FarmImplement(name="drill", width_m=3.0)
+    plain = FarmPrices(currency="SEK"), FarmTractor(name="one"), FarmImplement(name="drill", width_m=3.0, price=2.0)
+    hired = PlanRequest(price_per_tractor=60.0)
+    assert are_prices_given(hired, None) and not are_prices_given(PlanRequest(), None)
+    assert not are_prices_given(hired, CostTerms(plain[0], plain[1], priced[2])), "what a farm file leaves open"
+    for prices, tractor, implement in ((priced[0], *plain[1:]), (plain[0], priced[1], priced[2]), plain):
+        assert are_prices_given(PlanRequest(), CostTerms(prices, tractor, implement))
 
 
 def test_tracks_without_room_are_no_headland_that_is_kept() -> None:

@@ -54,7 +54,7 @@ def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(
     drive: PlanDrive, open_drive: PlanDrive
 ) -> None:
     figure = draw_plan_map(open_drive)
-    assert "590 m2 missed" in [text.get_text() for text in figure.axes[0].texts]
+    assert "590 m2 of 690 m2 missed" in [text.get_text() for text in figure.axes[0].texts]
     assert "not worked" in {text.get_text() for text in figure.legends[0].get_texts()}
     plain = draw_plan_map(drive)
     assert "not worked" not in {text.get_text() for text in plain.legends[0].get_texts()}

@@ -89,3 +89,13 @@ def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: PlanDrive) 
     moved = place_unworked_label(replace(far, entrance=(51.0, 40.5)), box)
     assert moved is not None and moved.text == label.text == "120 m2 missed"
     assert moved.place[0] == 50.0 and abs(moved.place[1] - 40.5) >= 2.0
+
+
+def test_the_largest_piece_tells_how_much_is_missed_in_all(drive: PlanDrive) -> None:
+    outer = np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)])
+    inner = np.array([(5.0, 5.0), (5.0, 15.0), (15.0, 15.0), (15.0, 5.0), (5.0, 5.0)])
+    rings = outer, inner, outer + 50.0  # 300 m2 round a hole, and 400 m2
+    missed = replace(drive, largest_missed=UnworkedPiece(400.0, 60.0, 60.0), unworked=rings)
+    for one, text in ((missed, "400 m2 of 700 m2 missed"), (replace(missed, unworked=rings[2:]), "400 m2 missed")):
+        label = place_unworked_label(one, MapExtent(0.0, 0.0, 100.0, 100.0))
+        assert label is not None and label.text == text

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from reports.common.language import Reader, use_reader
-from reports.common.plan_records import Shortfall
+from reports.common.plan_records import PullFigures, Shortfall
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
@@ -125,6 +125,27 @@ def test_it_is_said_in_every_language() -> None:
 def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], order: str | None, said: str) -> None:
     plan = replace(build_plan(1, 60.0, 50.0), headland_order=order)
     assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said
+
+
+@pytest.mark.parametrize(
+    ("scenario", "overlap_pct", "said"),
+    [
+        ({"operation": "till"}, 18.2, "98.4 % worked."),
+        ({"operation": "sow"}, 4.9, "98.4 % worked, filling not counted."),
+        ({"operation": "spray"}, 18.2, "98.4 % worked, 18 % twice (--sections saves most), filling not counted."),
+        ({"operation": "spray", "sections": 2}, 5.4, "98.4 % worked, 5 % twice, filling not counted."),
+    ],
+)
+def test_what_gets_twice_as_much_is_told(scenario: dict[str, object], overlap_pct: float, said: str) -> None:
+    plan = replace(build_plan(1, 60.0, 50.0), overlap_pct=overlap_pct)
+    assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said
+
+
+@pytest.mark.parametrize(("implement", "count"), [("plough", 1), ("cultivator", 0)])
+def test_a_plough_is_told_that_its_furrows_are_not_planned(implement: str, count: int) -> None:
+    pull = PullFigures(implement, 3.0, 5.0, None, 10.0, 20.0, 77.0, 50.0, None, None, 40.0, False)
+    faults = write_answer(PlanRanking("f", 1.0, 1, (build_plan(1, 60.0, 50.0),), pull=pull)).faults
+    assert len([one for one in faults if "Furrows are not planned" in one]) == count
 
 
 def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_take() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -13,10 +14,10 @@ from planner.evaluation.candidates.energy_figures import list_energy_figures, li
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
-from planner.evaluation.ground.coverage import count_reversals, measure_coverage, replace_infinite
+from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage, replace_infinite
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import describe_largest_piece
-from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic
+from planner.evaluation.ground.wheel_traffic import FinishedGroundTraffic, measure_finished_ground_traffic
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import (
     DrivenTimes,
@@ -84,17 +85,8 @@ def measure_candidate(
         time_s=run.duration_s,
         tractor_time_s=tractor_time,
         cost=hourly + hiring,
-        worked_pct=coverage.worked_pct,
-        overlap_pct=coverage.overlap_pct,
-        missed_m2=coverage.missed_m2,
-        spared_m2=coverage.spared_m2,
-        left_out_m2=coverage.left_out_m2 or None,
-        largest_missed=coverage.largest_piece,
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
-        wheel_traffic_m2=None if traffic is None else traffic.off_headland_m2,
-        over_finished_m=None if traffic is None else traffic.length_m,
-        over_finished_m2=None if traffic is None else traffic.area_m2,
         over_finished_charged=is_charged,
         outside_m=None if overhang is None else overhang.farthest_m,
         outside_along_m=None if overhang is None else overhang.beyond_m,
@@ -110,6 +102,7 @@ def measure_candidate(
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),
+        **_list_ground_figures(coverage, traffic),
         **list_energy_figures(context, times, energy),
         **list_slope_figures(context, run),
         **list_service_figures(context, run),
@@ -117,6 +110,22 @@ def measure_candidate(
         faults=candidate_run.faults,
     )
     return add_clock_times(figures, context, run.work_finish_s, coverage.extrapolate_to_field(run.work_finish_s))
+
+
+def _list_ground_figures(coverage: Coverage, traffic: FinishedGroundTraffic | None) -> dict[str, Any]:
+    """What was worked and driven over, by the names of a result."""
+    figures = {
+        "worked_pct": coverage.worked_pct,
+        "overlap_pct": coverage.overlap_pct,
+        "missed_m2": coverage.missed_m2,
+        "spared_m2": coverage.spared_m2,
+        "left_out_m2": coverage.left_out_m2 or None,
+        "largest_missed": coverage.largest_piece,
+    }
+    if traffic is not None:
+        figures["wheel_traffic_m2"] = traffic.off_headland_m2
+        figures["over_finished_m"], figures["over_finished_m2"] = traffic.length_m, traffic.area_m2
+    return figures
 
 
 def measure_headland_phase_s(run: SimulationRun) -> float | None:

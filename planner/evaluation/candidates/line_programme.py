@@ -35,8 +35,10 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import charge_rounds, find_first_tasks, list_stages, stagger_starts
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
+from strategies.service_stops.stop_moves import StopMoves
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
+from vehicle.sim.path_conflicts import ClearanceCheck
 
 Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
@@ -275,72 +277,125 @@ def _deal_lines(context: PlanningContext, strategy: Strategy, tractors: int) -> 
 
     One tractor of a formation may have all; so may all where work goes on: who is near takes what is left.
     """
-    moves, supply = _require_lines(context), context.supply
-    stands_in_way = build_clearance_check(context, strategy.beside)
+    moves, check = _require_lines(context), build_clearance_check(context, strategy.beside)
     if strategy.deal is None or context.going_on is not None:
         deal = LineDeal(np.ones((tractors, len(moves.lines)), bool))
     else:
         deal = strategy.deal(moves.lines, moves.site.rules, tractors)
-    wishes, goes_on = _settle_wishes(context, tractors), context.going_on is not None
+    wishes = _settle_wishes(context, tractors)
+    return lambda order: DealtLines(context, moves, check, wishes, order, deal, is_first=True).sketch()
 
-    def sketch(order: str, other: LineDeal | None = None, is_plain: bool = False) -> SketchedPlan:
-        dealt, table = deal if other is None else other, MoveTable(moves)
-        stages = dealt.rank(wishes.rank(table.lines, list_stages(moves.site, table.lines, order)))
-        stop_moves = None if supply is None else build_stop_moves(table, supply)
-        served_s = None if supply is None else estimate_served_s(table, supply, stop_moves)
-        rounds_s = charge_rounds(moves.site, table.lines, order, is_alone=tractors == 1)
 
-        def sketch_tours(allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
-            may = wishes.limit(moves.lines, allowed)
-            return sketch_programme(table, tractors, stages, may, served_s, stands_in_way, rounds_s, barred)
+@dataclass(frozen=True, eq=False)
+class DealtLines:
+    """The work lines of a site dealt to tractors, with the headland in an order: sketched, then composed.
 
-        if tractors == 1 or is_plain or (goes_on and other is None):
-            sketched, own, barred = sketch_tours(dealt.allowed), dealt.allowed, list[int]()
+    `is_first` is whether the deal is that of the strategy, and not one that takes its place where tractors wait.
+    """
+
+    context: PlanningContext
+    moves: SiteMoves
+    check: ClearanceCheck
+    wishes: LineWishes
+    order: str
+    deal: LineDeal
+    is_first: bool
+
+    @cached_property
+    def table(self) -> MoveTable:
+        """What moves between the lines cost."""
+        return MoveTable(self.moves)
+
+    @cached_property
+    def stages(self) -> Sequence[int]:
+        """Which lines come first (n,)."""
+        stages = list_stages(self.moves.site, self.moves.lines, self.order)
+        return self.deal.rank(self.wishes.rank(self.moves.lines, stages))
+
+    @cached_property
+    def stop_moves(self) -> StopMoves | None:
+        """Moves to the place where tractors are served; None where they are not, or without a place."""
+        return None if self.context.supply is None else build_stop_moves(self.table, self.context.supply)
+
+    @cached_property
+    def served_s(self) -> Floats | None:
+        """How long a tractor takes to be served for each line (n,); None where it is not."""
+        supply = self.context.supply
+        return None if supply is None else estimate_served_s(self.table, supply, self.stop_moves)
+
+    @cached_property
+    def rounds_s(self) -> Floats:
+        """What moves are charged that leave a pass of the headland unfinished (n + 1, n + 1)."""
+        return charge_rounds(self.moves.site, self.moves.lines, self.order, is_alone=len(self.deal.allowed) == 1)
+
+    def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
+        """Tours by estimated moves, of lines that each tractor may work (tractors, n) without nodes that are barred."""
+        may, tractors = self.wishes.limit(self.moves.lines, allowed), len(allowed)
+        return sketch_programme(
+            self.table, tractors, self.stages, may, self.served_s, self.check, self.rounds_s, barred
+        )
+
+    def sketch(self, is_plain: bool = False) -> SketchedPlan:
+        """The plan as sketched; unless `is_plain`, in a way that people would rather see (sketch_tidily)."""
+        dealt = self.deal.allowed
+        if len(dealt) == 1 or is_plain or (self.is_first and self.context.going_on is not None):
+            sketched, own, barred = self.sketch_tours(dealt), dealt, list[int]()
         else:
-            sketched, own, barred = sketch_tidily(sketch_tours, moves, dealt, is_first=other is None)
-        allowed = wishes.limit(moves.lines, own)
+            sketched, own, barred = sketch_tidily(self.sketch_tours, self.moves, self.deal, is_first=self.is_first)
+        served_s = np.zeros(len(self.moves.lines)) if self.served_s is None else self.served_s
+        return SketchedPlan(
+            self.order,
+            sketched.tractor_s,
+            lambda: self._compose(own, barred, sketched.tours, self.rounds_s),
+            (lambda: self._sketch_others(is_tidy=own is not dealt)) if self.is_first else None,
+            tours=sketched.tours,
+            served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours],
+        )
 
-        def compose(charged_s: Floats = rounds_s, tours: Sequence[Sequence[int]] = sketched.tours) -> ComposedPlan:
-            programme = make_programme(
-                table,
-                tractors,
-                stages,
-                allowed,
-                stands_in_way=stands_in_way,
-                served_s=served_s,
-                start=tours,
-                charged_s=charged_s,
-                barred=barred,
-            )
-            stops = supply and any(programme.tours) and stop_programme(programme, supply, stop_moves, stages)
+    def _sketch_others(self, *, is_tidy: bool) -> list[SketchedPlan]:
+        """Sketches by other deals, that of the strategy alone first where the first sketch `is_tidy`."""
+        goes_on, found = self.context.going_on is not None, list[SketchedPlan]()
+        following = list_other_deals(self.sketch_tours, self.moves, self.deal, self.order, goes_on=goes_on)
+        for place, deal in enumerate([*([self.deal] if is_tidy else []), *following]):
+            with suppress(StrategyError):
+                found.append(replace(self, deal=deal, is_first=False).sketch(is_tidy and place == 0))
+        return found
 
-            def build() -> Plan:
-                plan = clear_ways(stops.build_plan() if stops else build_plan(programme), table, stands_in_way)
-                return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
+    def _compose(
+        self, allowed: Flags, barred: Sequence[int], start: Sequence[Sequence[int]], charged_s: Floats
+    ) -> ComposedPlan:
+        """The plan composed of moves that were driven well, in a search that begins with the tours `start`.
 
-            def compose_anew(plan: Plan, driven: CandidateRun) -> ComposedPlan:
-                waited_s = charge_waiting(programme, stops.list_nodes() if stops else programme.tours, plan, driven.run)
-                anew = compose(charged_s + waited_s, programme.tours) if waited_s.any() else None
-                if anew is None or anew.programme.tours == programme.tours:
-                    raise StrategyError(NO_BETTER)
-                return anew
+        Moves cost `charged_s` (n + 1, n + 1) more than they take.
+        """
+        programme = make_programme(
+            self.table,
+            len(allowed),
+            self.stages,
+            self.wishes.limit(self.moves.lines, allowed),
+            stands_in_way=self.check,
+            served_s=self.served_s,
+            start=start,
+            charged_s=charged_s,
+            barred=barred,
+        )
+        supply, stagger_m = self.context.supply, self.deal.stagger_m
+        stops = supply and any(programme.tours) and stop_programme(programme, supply, self.stop_moves, self.stages)
 
-            return ComposedPlan(order, programme, build, programme.compute_tractor_s(), compose_anew)
+        def build() -> Plan:
+            plan = clear_ways(stops.build_plan() if stops else build_plan(programme), self.table, self.check)
+            return stagger_starts(plan, stagger_m) if stagger_m else plan
 
-        def sketch_others() -> list[SketchedPlan]:
-            following, found = list_other_deals(sketch_tours, moves, deal, order, goes_on=goes_on), list[SketchedPlan]()
-            for place, one in enumerate([*([] if own is deal.allowed else [deal]), *following]):
-                with suppress(StrategyError):
-                    found.append(sketch(order, one, place == 0 and own is not deal.allowed))
-            return found
+        def compose_anew(plan: Plan, driven: CandidateRun) -> ComposedPlan:
+            waited_s = charge_waiting(programme, stops.list_nodes() if stops else programme.tours, plan, driven.run)
+            if not waited_s.any():
+                raise StrategyError(NO_BETTER)
+            anew = self._compose(allowed, barred, programme.tours, charged_s + waited_s)
+            if anew.programme.tours == programme.tours:
+                raise StrategyError(NO_BETTER)
+            return anew
 
-        stops_s = [
-            0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours
-        ]
-        others = sketch_others if other is None else None
-        return SketchedPlan(order, sketched.tractor_s, compose, others, tours=sketched.tours, served_s=stops_s)
-
-    return sketch
+        return ComposedPlan(self.order, programme, build, programme.compute_tractor_s(), compose_anew)
 
 
 def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
