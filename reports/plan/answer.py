@@ -199,7 +199,7 @@ def _describe_headland(ranking: PlanRanking, order: str) -> str:
 
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.p50_s is None:
-        return translate("As simulated, without late starts, stops and breakdowns.")
+        return ""
     if plan.finish_probability is None:
         samples = f"{ranking.samples or 0:,}"
         return translate("Median and 95 % of {samples} samples with late starts, stops, breakdowns.", samples=samples)

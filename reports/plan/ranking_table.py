@@ -133,7 +133,7 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     figures = (
         translate("times are medians, costs are means")
         if has_samples
-        else translate("times and costs are as simulated")
+        else translate("times and costs are as simulated, without late starts, stops and breakdowns")
     )
     front = [translate("* the fastest with so many tractors or fewer")] if _is_front_part(plans) else []
     return f"{'; '.join([mark, *front, figures])}."
