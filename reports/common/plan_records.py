@@ -249,6 +249,7 @@ class PlanDrive(ShownResult):
             value per tractor.
         done: rings around ground that was worked before, in the same order.
         unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
+        largest_missed, missed_m2: the largest piece that is missed, and all that is.
         headland_passes: those that are worked, and `headland_sides`, their lines by name; headland_order: whether
             "first" or "last".
         cells: of a field that has several.
@@ -277,6 +278,7 @@ class PlanDrive(ShownResult):
     unworked: tuple[Points, ...] = ()
     done: tuple[Points, ...] = ()
     largest_missed: UnworkedPiece | None = None
+    missed_m2: float = 0.0
     swath_names: tuple[str, ...] = ()
     headland_passes: tuple[HeadlandPassLine, ...] = ()
     headland_sides: tuple[HeadlandPassLine, ...] = ()

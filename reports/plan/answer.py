@@ -180,14 +180,14 @@ def _describe_share(plan: PlanResult) -> str:
 
 
 def _describe_overlap(ranking: PlanRanking, plan: PlanResult) -> list[str]:
-    """``18 % twice (--sections)``, where that costs seed or product: sections save most of it."""
+    """``18 % twice (less with --sections)``, where that costs seed or product."""
     overlap_pct, scenario = plan.overlap_pct or 0.0, ranking.scenario
     if overlap_pct < LEAST_STATED_OVERLAP_PCT or scenario.get("operation") not in DOSED_OPERATIONS:
         return []
     share = format_number(overlap_pct, 0)
     if scenario.get("sections", 1) > 1:
         return [translate("{share} % twice", share=share)]
-    return [translate("{share} % twice (--sections saves most)", share=share)]
+    return [translate("{share} % twice (less with --sections)", share=share)]
 
 
 def _describe_headland(ranking: PlanRanking, order: str) -> str:
@@ -294,8 +294,6 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
     """What is wrong with the plan to take, the worst first."""
     cut_off_m2 = sum(part.ground.m2 for part in ranking.parts) or ranking.cut_off_m2
     faults = []
-    if ranking.pull is not None and ranking.pull.implement == PLOUGH:
-        faults.append(translate("Furrows are not planned: a plough takes neighbouring tracks, one after the other."))
     if ranking.parts:
         faults.append(
             translate("{area} of the field are cut off and planned on their own.", area=format_area(cut_off_m2))
@@ -307,5 +305,9 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
         area = format_area(best.due_missed_m2)
         faults.append(
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
+        )
+    if ranking.pull is not None and ranking.pull.implement == PLOUGH:
+        faults.append(
+            translate("Furrows are not planned: ploughing needs neighbouring tracks in order, unlike this plan.")
         )
     return faults + [f"{capitalize_first(translate_sentence(remark)).rstrip('.')}." for remark in best.remarks]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from string import ascii_lowercase
@@ -160,16 +159,10 @@ def place_unworked_label(drive: PlanDrive, box: MapExtent) -> MapLabel | None:
     half = min(_UNWORKED_LABEL_HALF_PCT * box.size / 100, 0.5 * box.width)
     x = min(max(piece.x_m, box.west + half), box.east - half)
     places = (np.array([x, piece.y_m + lines * _TEXT_SHIFT_PCT * box.size / 100]) for lines in (0, 1, -1))
-    area, whole = format_area(piece.m2), format_area(math.fsum(map(_measure_ring_m2, drive.unworked)))
-    text = f"{area} missed" if len(drive.unworked) < 2 or area == whole else f"{area} of {whole} missed"
+    area, whole = format_area(piece.m2), format_area(max(drive.missed_m2, piece.m2))
+    text = f"{area} missed" if area == whole else f"{area} of {whole} missed"
     labels = [MapLabel(text, place) for place in places]
     return next((one for one in labels if _is_clear_of_marks(drive, one, box.size)), labels[0])
-
-
-def _measure_ring_m2(ring: Points) -> float:
-    """The area of a ring (n, 2), negative where it is clockwise."""
-    x, y = (ring - ring[0]).T
-    return 0.5 * float(x[:-1] @ y[1:] - x[1:] @ y[:-1])
 
 
 def _is_clear_of_marks(drive: PlanDrive, label: MapLabel, size: float) -> bool:

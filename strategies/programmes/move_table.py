@@ -112,11 +112,13 @@ class MoveTable:
     def estimate_costs(self) -> Floats:
         """Costs (n + 1, n + 1) with what moves not yet driven are likely to take more, by those that were.
 
-        From and to places where moves failed others are likely to fail as well.
+        From and to places where moves failed others are likely to fail as well, the more so the fewer did not: where
+        none is driven well, a line is soon worth less than another try.
         """
-        shares = self._failures / (1.0 + self._failures)
-        more_s = self._compute_usual_s() + DETOUR_S * np.add.outer(shares[0], shares[1])
-        return np.where(self.get_proven_mask() | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
+        is_proven = self.get_proven_mask()
+        leaving, entering = self._failures**2 / (1.0 + np.array([is_proven.sum(axis=1), is_proven.sum(axis=0)]))
+        more_s = self._compute_usual_s() + DETOUR_S * np.add.outer(leaving, entering)
+        return np.where(is_proven | (self.cost_s >= NO_MOVE_S), self.cost_s, self.cost_s + more_s)
 
     def _compute_usual_s(self) -> float:
         """By how much moves that tours use are usually dearer than expected, at most."""

@@ -12,7 +12,7 @@ from shapely import affinity
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, _find_fault, run_candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_places import ObstacleIntrusionCheck, find_contact_places
+from planner.evaluation.ground.contact_places import ObstacleIntrusionCheck, find_contact_places, measure_overhang
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.preparation import prepare_context
@@ -168,6 +168,15 @@ def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -
         "touches a hole of the field" in (_find_fault(site, over, find_contact_places(over, site)) or "")
         and _find_fault(site, clear, find_contact_places(clear, site)) is None
     )
+
+
+def test_an_implement_is_outside_though_the_outline_runs_between_it_and_its_tractor() -> None:
+    site = prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("f", BOX)))
+    (rear_m, _, _), (tail_m, front_m, _) = build_body(site.tractor, site.implement).boxes
+    assert front_m < rear_m
+    axle_m = -0.5 * (front_m + rear_m)  # east of the edge, and the middle of the gap on it
+    run = standing(site, (site.tractor.rear_axle_m + axle_m, 30.0, 0.0))
+    assert measure_overhang(run, site).farthest_m == pytest.approx(-axle_m - tail_m)
 
 
 POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])

@@ -30,8 +30,6 @@ from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
 from vehicle.records import STANDING
 
-pytestmark = pytest.mark.slow
-
 WIDTH_M, ROOM_M, PASSAGE_M = 9.0, (90.0, 70.0), (15.0, 6.0)
 FOLD_S = 30.0
 
@@ -85,6 +83,7 @@ def test_what_is_wider_than_a_road_folds(implement: Implement, folded_m: float |
     assert implement.folded.width_m == implement.width_m
 
 
+@pytest.mark.slow
 def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, rigid: PlanningResult) -> None:
     """The other room is half of the field: 6,300 of 12,690 m2."""
     whole, half = folding.ranking.best, rigid.ranking.best
@@ -95,6 +94,7 @@ def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, 
     assert not any(leg.folded for leg in list_legs(rigid))
 
 
+@pytest.mark.slow
 def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> None:
     legs = list_legs(folding)
     turns = [(before, leg) for before, leg in pairwise(legs) if before.folded != leg.folded]
@@ -106,6 +106,7 @@ def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> No
     assert f"stands {FOLD_S * len(turns) / MINUTE_S:.1f} min in all" in folding.ranking.best.remark  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_a_machine_stands_as_long_as_legs_say(folding: PlanningResult) -> None:
     run = folding.run
     assert run is not None
@@ -115,6 +116,7 @@ def test_a_machine_stands_as_long_as_legs_say(folding: PlanningResult) -> None:
     assert still_s == pytest.approx(FOLD_S, abs=2.0)
 
 
+@pytest.mark.slow
 def test_nothing_is_touched_folded_or_not(folding: PlanningResult) -> None:
     run, context = folding.run, folding.context
     assert run is not None
@@ -125,6 +127,7 @@ def test_nothing_is_touched_folded_or_not(folding: PlanningResult) -> None:
     assert measure_overhang(unfolded, context).farthest_m > 0.5 * (0.9 * WIDTH_M - PASSAGE_M[1]) - 0.1
 
 
+@pytest.mark.slow
 def test_a_saved_plan_keeps_what_is_folded(folding: PlanningResult) -> None:
     assert folding.run is not None
     read = parse_plan(format_plan(folding.run.plan))
@@ -134,6 +137,7 @@ def test_a_saved_plan_keeps_what_is_folded(folding: PlanningResult) -> None:
         parse_plan(text)
 
 
+@pytest.mark.slow
 def test_a_leg_does_not_work_folded(folding: PlanningResult) -> None:
     leg = next(leg for leg in list_legs(folding) if leg.folded)
     assert "folded" in leg.copy_with(implement=True).fault
@@ -153,6 +157,7 @@ def test_a_folded_implement_is_no_wider_than_at_work() -> None:
     assert not FarmImplement(name="drill", width_m=2.5).simulated_implement.folds, "the usual width is no mistake"
 
 
+@pytest.mark.slow
 def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
     run = folding.run
     assert run is not None
@@ -166,6 +171,7 @@ def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
     assert shares_s == pytest.approx(run.duration_s, abs=1.0) and float(run.standing_s[0]) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at_s", [5.0, 60.0])
 def test_a_machine_that_stands_folded_goes_on_folded(folding: PlanningResult, tmp_path: Path, at_s: float) -> None:
     """Some seconds after it began to fold it is unfolded still; on its way it need not fold."""
@@ -183,6 +189,7 @@ def test_a_machine_that_stands_folded_goes_on_folded(folding: PlanningResult, tm
     assert next(leg for leg in legs[first:] if not leg.folded).fold_s == FOLD_S
 
 
+@pytest.mark.slow
 def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement, tmp_path: Path) -> None:
     """Stops for the tank, on a line too, are no folding."""
     order = WorkOrder(
@@ -213,6 +220,7 @@ def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement, tmp_
 CORNER_M = shapely.box(0.0, 0.0, 160.0, 90.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width_m", "folds"), [(6.0, False), (12.0, True)])
 @pytest.mark.parametrize("place_m", [3.0, 45.0])
 def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: bool, place_m: float) -> None:
@@ -233,6 +241,7 @@ def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: b
     assert float(measure_outside_m(run, 0, result.context)[within].max()) < 0.5
 
 
+@pytest.mark.slow
 def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_answer(tmp_path: Path) -> None:
     gated = Field("gated", CORNER_M, entrance=(0.0, 45.0))
     request = PlanRequest(width_m=12.0, tractors=(2,), strategies=("split-field",))

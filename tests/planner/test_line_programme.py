@@ -268,3 +268,12 @@ def test_what_stands_is_charged_on_the_way_into_a_crop() -> None:
     assert charges_s[0] == charges_s[1] == pytest.approx(charges_s[2], abs=2.0), "it begins inside the first"
     per_pass_s = moves.site.wheels_s_per_m * WIDTH_M
     assert charges_s[2] - charges_s[3] == pytest.approx(per_pass_s, abs=0.3 * per_pass_s)
+
+
+@pytest.mark.slow
+def test_sides_that_no_move_reaches_cost_no_track() -> None:
+    """The wheels of the tractor do not fit beside the edge, so that hardly a move to the outermost pass is driven."""
+    found = prepare_context(WorkOrder(PlanRequest(width_m=1.4, tractors=(1,))))
+    programme = sketch_plans(found, STRATEGIES["row-by-row"], 1)[0].compose().programme
+    left = [programme.table.lines[number].task for number in programme.left]
+    assert not [task for task in left if task.kind == SWATH] and len(left) < 10

@@ -152,7 +152,8 @@ def open_drive(drive: PlanDrive) -> PlanDrive:
     strip = np.array([[2.0, 2.0], [12.0, 2.0], [12.0, 62.0], [2.0, 62.0]])
     island = np.array([[5.0, 30.0], [5.0, 35.0], [7.0, 35.0], [7.0, 30.0]])
     other = np.array([[250.0, 40.0], [255.0, 40.0], [255.0, 60.0], [250.0, 60.0]])
-    return replace(drive, unworked=(strip, island, other), largest_missed=UnworkedPiece(590.0, 8.0, 20.0))
+    piece = UnworkedPiece(590.0, 8.0, 20.0)
+    return replace(drive, unworked=(strip, island, other), largest_missed=piece, missed_m2=690.0)
 
 
 @pytest.fixture

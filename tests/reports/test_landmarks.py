@@ -92,10 +92,7 @@ def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: PlanDrive) 
 
 
 def test_the_largest_piece_tells_how_much_is_missed_in_all(drive: PlanDrive) -> None:
-    outer = np.array([(0.0, 0.0), (20.0, 0.0), (20.0, 20.0), (0.0, 20.0), (0.0, 0.0)])
-    inner = np.array([(5.0, 5.0), (5.0, 15.0), (15.0, 15.0), (15.0, 5.0), (5.0, 5.0)])
-    rings = outer, inner, outer + 50.0  # 300 m2 round a hole, and 400 m2
-    missed = replace(drive, largest_missed=UnworkedPiece(400.0, 60.0, 60.0), unworked=rings)
-    for one, text in ((missed, "400 m2 of 700 m2 missed"), (replace(missed, unworked=rings[2:]), "400 m2 missed")):
+    missed = replace(drive, largest_missed=UnworkedPiece(400.0, 60.0, 60.0), missed_m2=700.0)
+    for one, text in ((missed, "400 m2 of 700 m2 missed"), (replace(missed, missed_m2=400.2), "400 m2 missed")):
         label = place_unworked_label(one, MapExtent(0.0, 0.0, 100.0, 100.0))
         assert label is not None and label.text == text

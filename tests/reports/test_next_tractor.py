@@ -132,7 +132,7 @@ def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], or
     [
         ({"operation": "till"}, 18.2, "98.4 % worked."),
         ({"operation": "sow"}, 4.9, "98.4 % worked, filling not counted."),
-        ({"operation": "spray"}, 18.2, "98.4 % worked, 18 % twice (--sections saves most), filling not counted."),
+        ({"operation": "spray"}, 18.2, "98.4 % worked, 18 % twice (less with --sections), filling not counted."),
         ({"operation": "spray", "sections": 2}, 5.4, "98.4 % worked, 5 % twice, filling not counted."),
     ],
 )

@@ -36,6 +36,7 @@ from strategies.programmes.stages import charge_rounds, find_first_tasks, list_s
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.service_stops.stop_moves import StopMoves
+from strategies.site.site import MISSED_FACTOR
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
 from vehicle.sim.path_conflicts import ClearanceCheck
@@ -78,10 +79,10 @@ class ComposedPlan:
 
     @property
     def left_factor(self) -> float:
-        """By how much the field takes longer than the lines that are worked."""
+        """What the plan counts for, as a share of its time: ground that is left weighs as much as in the search."""
         left_m2 = self.programme.left_m2
         worked_m2 = math.fsum(line.own_m2 for line in self.programme.table.lines) - left_m2
-        return 1.0 + left_m2 / max(worked_m2, 1.0)
+        return 1.0 + MISSED_FACTOR * left_m2 / max(worked_m2, 1.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,7 @@ MIN_OVERLAP_M = 0.01  # thinner overlaps do not count
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are one
 POINT_STEP_M = 0.25  # between the points of a machine's outline whose distance from the field is measured
+FAR_OUTSIDE_M = 1000.0  # beyond the field: no machine gets there
 OVERHANG_TOLERANCE_M = 0.05  # beyond what is allowed does not count: planned paths are followed no closer
 Rows = npt.NDArray[np.int64]
 
@@ -234,7 +235,7 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
         is_beyond = np.zeros(len(poses))
         for at_gate, folded, table, ground, allowed in grounds:
             here = np.flatnonzero((passes_gate == at_gate) & (is_folded == folded))
-            here = here[table.find(poses[here]) | ~shapely.contains_xy(ground, poses[here, :2])]
+            here = here[table.find(poses[here])]
             shapes = table.place_boxes(poses[here])
             owner = np.repeat(here, len(shapes) // max(len(here), 1))
             is_out = ~shapely.covers(ground, shapes)
@@ -249,8 +250,8 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
 def _iter_grounds(
     context: PlanningContext,
 ) -> Iterator[tuple[bool, bool, TouchTable, shapely.Geometry, shapely.Geometry]]:
-    """At the gate or not, folded or not: where its edge is touched, the ground of the field with the gate, and where
-    parts of machines may be."""
+    """At the gate or not, folded or not: what is touched beyond the ground of the field with the gate, that ground, and
+    where parts of machines may be."""
     field = context.layout.field
     outline = shapely.Polygon(field.whole_boundary.exterior)
     region = field.compute_overhang_region(context.request.overhang_m).buffer(OVERHANG_TOLERANCE_M)
@@ -258,8 +259,9 @@ def _iter_grounds(
         ground = unite([outline, gate])
         allowed = unite([region, ground])
         shapely.prepare([ground, allowed])
+        beyond = subtract(ground.envelope.buffer(FAR_OUTSIDE_M, join_style="mitre"), ground)
         for folded, state in ((False, context), (True, context.folded)):
-            yield at_gate, folded, TouchTable(state, ground.boundary), ground, allowed
+            yield at_gate, folded, TouchTable(state, beyond), ground, allowed
 
 
 def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags]:

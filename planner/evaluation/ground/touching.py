@@ -13,6 +13,7 @@ from vehicle.jit import compile_function
 Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
 Flags = npt.NDArray[np.bool_]
+EDGES_TOGETHER = 32  # are passed over where their bounds are out of reach
 
 
 @compile_function
@@ -65,7 +66,7 @@ def enters_box(x, y, dx, dy, length, width) -> bool:  # type: ignore[no-untyped-
 
 
 class TouchTable:
-    """Finds where a machine touches a shape: polygons, lines or both."""
+    """Finds where a machine touches a shape of polygons, lines or both; points are passed over."""
 
     def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
         """For tractor and implement of a context."""
@@ -75,8 +76,10 @@ class TouchTable:
         points, owner = shapely.get_coordinates(lines, return_index=True)
         joined = np.flatnonzero(owner[1:] == owner[:-1])
         self._edges = np.column_stack([points[joined], points[joined + 1]])
-        self._firsts = np.searchsorted(owner[joined], np.arange(len(lines) + 1))
-        self._bounds, self._shape = shapely.bounds(lines).reshape(-1, 4), shape
+        self._firsts, self._shape = np.append(np.arange(0, len(joined), EDGES_TOGETHER), len(joined)), shape
+        ends, firsts = np.stack([points[joined], points[joined + 1]]), self._firsts[:-1]
+        low, high = np.minimum.reduceat(ends.min(axis=0), firsts), np.maximum.reduceat(ends.max(axis=0), firsts)
+        self._bounds = np.column_stack([low, high])
         self._body, self._axle_m = build_body(context.tractor, context.implement), context.tractor.rear_axle_m
         self._reach_m = self._body.guided_reach_m + self._axle_m
         shapely.prepare(shape)

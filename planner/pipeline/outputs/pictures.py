@@ -129,6 +129,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
+        missed_m2=result.due_missed_m2,
         steps=delay_steps(steps, context.workday),
         worked_pct=result.worked_pct,
         stated_end_s=result.stated_end_s,
