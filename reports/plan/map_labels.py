@@ -24,7 +24,6 @@ WORKED_LEG_KINDS = ("track", "round")
 LEAST_ON_MAP_M2 = 10.0  # a smaller piece would be hidden by the words
 # In hundredths of the larger side of a map: distances between labels, and of a number from the end of its track.
 _LABEL_DISTANCE_PCT, _ARROW_DISTANCE_PCT, _SWATH_LABEL_OFFSET_PCT, _ARROW_HEAD_PCT = 2.3, 4.0, 1.2, 1.1
-_UNWORKED_LABEL_HALF_PCT = 5.0  # half the width of the label of unworked ground
 _NUMBER_DISTANCE_PCT = 2.4  # between the number of a leg and another, or its arrow
 # Between an arrow and the number of a track or pass, or the name of a cell.
 _LABEL_CLEARANCE_PCT, _CELL_CLEARANCE_PCT = 2.8, 6.5
@@ -156,11 +155,12 @@ def place_unworked_label(drive: PlanDrive, box: MapExtent) -> MapLabel | None:
     piece = drive.largest_missed
     if piece is None or piece.m2 < LEAST_ON_MAP_M2:
         return None
-    half = min(_UNWORKED_LABEL_HALF_PCT * box.size / 100, 0.5 * box.width)
-    x = min(max(piece.x_m, box.west + half), box.east - half)
-    places = (np.array([x, piece.y_m + lines * _TEXT_SHIFT_PCT * box.size / 100]) for lines in (0, 1, -1))
     area, whole = format_area(piece.m2), format_area(max(drive.missed_m2, piece.m2))
     text = f"{area} missed" if area == whole else f"{area} of {whole} missed"
+    _, (reach, _) = _compute_label_box(MapLabel(text, np.zeros(2)), box.size, _LARGE_TEXT_SCALE).tolist()
+    half = min(reach, 0.5 * box.width)
+    x = min(max(piece.x_m, box.west + half), box.east - half)
+    places = (np.array([x, piece.y_m + lines * _TEXT_SHIFT_PCT * box.size / 100]) for lines in (0, 1, -1))
     labels = [MapLabel(text, place) for place in places]
     return next((one for one in labels if _is_clear_of_marks(drive, one, box.size)), labels[0])
 
