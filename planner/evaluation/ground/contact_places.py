@@ -34,6 +34,7 @@ class _IntrusionCheck:
 
     def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
         self._table, self._shape = TouchTable(context, shape), shape
+        shapely.prepare(shape)
 
     def find_touching(self, poses: Points) -> Flags:
         """At which of poses (t, 3) of the centre of mass a box touches the shape; elsewhere the depth is 0."""

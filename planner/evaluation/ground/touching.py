@@ -71,18 +71,20 @@ class TouchTable:
     def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
         """For tractor and implement of a context."""
         parts = shapely.get_parts(shape)
-        rings = shapely.get_parts(shapely.get_rings(parts[shapely.get_dimensions(parts) == 2]))
+        areas = parts[shapely.get_dimensions(parts) == 2]
+        rings = shapely.get_parts(shapely.get_rings(areas))
         lines = np.concatenate([rings, parts[shapely.get_dimensions(parts) == 1]])
         points, owner = shapely.get_coordinates(lines, return_index=True)
         joined = np.flatnonzero(owner[1:] == owner[:-1])
         self._edges = np.column_stack([points[joined], points[joined + 1]])
-        self._firsts, self._shape = np.append(np.arange(0, len(joined), EDGES_TOGETHER), len(joined)), shape
+        self._firsts = np.append(np.arange(0, len(joined), EDGES_TOGETHER), len(joined))
         ends, firsts = np.stack([points[joined], points[joined + 1]]), self._firsts[:-1]
         low, high = np.minimum.reduceat(ends.min(axis=0), firsts), np.maximum.reduceat(ends.max(axis=0), firsts)
         self._bounds = np.column_stack([low, high])
         self._body, self._axle_m = build_body(context.tractor, context.implement), context.tractor.rear_axle_m
         self._reach_m = self._body.guided_reach_m + self._axle_m
-        shapely.prepare(shape)
+        self._areas = shapely.multipolygons(areas)
+        shapely.prepare(self._areas)
 
     def find(self, poses: Points) -> Flags:
         """At which of poses (t, 3) of the centre of mass a box touches the shape or lies in it."""
@@ -94,7 +96,7 @@ class TouchTable:
         ahead = np.column_stack([np.cos(poses[clear, 2]), np.sin(poses[clear, 2])])
         for rear_m, front_m, _ in self._body.boxes:
             middles = poses[clear, :2] + (0.5 * (rear_m + front_m) - self._axle_m) * ahead
-            found[clear] |= shapely.intersects_xy(self._shape, middles)
+            found[clear] |= shapely.intersects_xy(self._areas, middles)
         return found
 
     def place_boxes(self, poses: Points) -> Boxes:
