@@ -147,6 +147,15 @@ class FarmPrices(FileSection):
         "assumed: ten days late, half a percent per day, of a crop worth 1,600 per ha",
     )
 
+    @property
+    def are_given(self) -> bool:
+        """Whether any amount of money is given; the other values say how costs follow from these."""
+        amounts = {
+            "per_hour", "tractor_price", "implement_price", "fuel_per_l", "electricity_per_kwh", "supervision_per_hour",
+            "transport_per_tractor", "transport_per_km", "seed_per_ha", "late_per_ha",
+        }  # fmt: skip
+        return not amounts.isdisjoint(self.model_fields_set)
+
 
 def _validate_clock(text: str | None) -> str | None:
     if text is not None:

@@ -23,11 +23,6 @@ from vehicle.missions.run import SimulationRun
 PCT_TO_SHARE = 1.0 / PCT
 ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
 IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
-PRICES = frozenset({
-    "per_hour", "tractor_price", "implement_price", "fuel_per_l", "electricity_per_kwh", "supervision_per_hour",
-    "transport_per_tractor", "transport_per_km", "seed_per_ha", "late_per_ha",
-})  # fmt: skip
-"""Those of a farm that are amounts of money; the others say how costs follow from them."""
 Array = npt.NDArray[np.float64]
 
 
@@ -165,8 +160,7 @@ class CostTerms:
     def are_given(self) -> bool:
         """Whether anybody gave a price; else all are defaults of farm files."""
         machines = (self.tractor, self.implement)
-        has_price = any(machine is not None and machine.price is not None for machine in machines)
-        return has_price or not PRICES.isdisjoint(self.prices.model_fields_set)
+        return self.prices.are_given or any(one is not None and one.price is not None for one in machines)
 
 
 def are_prices_given(request: PlanRequest, terms: CostTerms | None) -> bool:

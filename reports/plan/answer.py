@@ -307,7 +307,5 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )
     if ranking.pull is not None and ranking.pull.implement == PLOUGH:
-        faults.append(
-            translate("Furrows are not planned: ploughing needs neighbouring tracks in order, unlike this plan.")
-        )
+        faults.append(translate("Furrows are not planned: ploughing needs neighbouring tracks in order."))
     return faults + [f"{capitalize_first(translate_sentence(remark)).rstrip('.')}." for remark in best.remarks]

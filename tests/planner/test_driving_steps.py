@@ -123,7 +123,7 @@ def test_a_way_says_over_which_crop_it_leads_that_still_stands() -> None:
     back = Leg(np.array([(60.0, 0.0), (0.0, 0.0)]), 1.0, gear=-1, task=LegTask("way", 8))
     plan = Plan((Mission((straight(30, 60, 0, 4), back, straight(0, 30, 0, 8))),))
     run = simulate(plan, load_tractor("eg105"), Implement(width_m=3.0))
-    (steps,) = list_steps(run, 3.0, crop_stands=True)
+    (steps,) = list_steps(run, 3.0, operation="harvest")
     assert [step.kind for step in steps] == ["track", "way", "track"]
     assert (steps[1].over_finished, steps[1].over_standing) == (("5",), ("9",))
     assert steps[1].over_standing_m == pytest.approx(30.0, abs=3.0) == steps[1].over_finished_m

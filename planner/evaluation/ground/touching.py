@@ -17,6 +17,38 @@ EDGES_TOGETHER = 32  # are passed over where their bounds are out of reach
 
 
 @compile_function
+def enters_box(x, y, dx, dy, length, width) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a straight edge from (x, y) by (dx, dy) touches a box from the origin (Liang and Barsky 1984)."""
+    begin, end = 0.0, 1.0
+    for start, step, size in ((x, dx, length), (y, dy, width)):
+        if step == 0.0:
+            if start < 0.0 or start > size:
+                return False
+            continue
+        near, far = -start / step, (size - start) / step
+        begin, end = max(begin, min(near, far)), min(end, max(near, far))
+        if begin > end:
+            return False
+    return True
+
+
+@compile_function
+def is_crossed(x, y, cosine, sine, axle, boxes, reach, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether an edge (m, 4) touches a box of a machine at a place, heading by cosine and sine (find_crossed_poses)."""
+    for k in range(len(edges)):
+        ax, ay, bx, by = edges[k, 0] - x, edges[k, 1] - y, edges[k, 2] - x, edges[k, 3] - y
+        if min(ax, bx) > reach or max(ax, bx) < -reach or min(ay, by) > reach or max(ay, by) < -reach:
+            continue
+        start, left = ax * cosine + ay * sine + axle, ay * cosine - ax * sine
+        ahead, aside = (bx - ax) * cosine + (by - ay) * sine, (by - ay) * cosine - (bx - ax) * sine
+        for number in range(len(boxes)):
+            rear, front, half = boxes[number]
+            if enters_box(start - rear, left + half, ahead, aside, front - rear, 2.0 * half):
+                return True
+    return False
+
+
+@compile_function
 def find_crossed_poses(poses, axle, boxes, reach, bounds, firsts, edges):  # type: ignore[no-untyped-def]
     """At which poses (t, 3) of a point `axle` ahead of its rear axle a machine has a box that an edge touches.
 
@@ -31,38 +63,10 @@ def find_crossed_poses(poses, axle, boxes, reach, bounds, firsts, edges):  # typ
             west, south, east, north = bounds[part]
             if not (west < x + reach and x - reach < east and south < y + reach and y - reach < north):
                 continue
-            for k in range(firsts[part], firsts[part + 1]):
-                ax, ay, bx, by = edges[k, 0] - x, edges[k, 1] - y, edges[k, 2] - x, edges[k, 3] - y
-                if min(ax, bx) > reach or max(ax, bx) < -reach or min(ay, by) > reach or max(ay, by) < -reach:
-                    continue
-                start, left = ax * cosine + ay * sine + axle, ay * cosine - ax * sine
-                ahead, aside = (bx - ax) * cosine + (by - ay) * sine, (by - ay) * cosine - (bx - ax) * sine
-                for number in range(len(boxes)):
-                    rear, front, half = boxes[number]
-                    if enters_box(start - rear, left + half, ahead, aside, front - rear, 2.0 * half):
-                        found[row] = True
-                        break
-                if found[row]:
-                    break
-            if found[row]:
+            if is_crossed(x, y, cosine, sine, axle, boxes, reach, edges[firsts[part] : firsts[part + 1]]):
+                found[row] = True
                 break
     return found
-
-
-@compile_function
-def enters_box(x, y, dx, dy, length, width) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a straight edge from (x, y) by (dx, dy) touches a box from the origin (Liang and Barsky 1984)."""
-    begin, end = 0.0, 1.0
-    for start, step, size in ((x, dx, length), (y, dy, width)):
-        if step == 0.0:
-            if start < 0.0 or start > size:
-                return False
-            continue
-        near, far = -start / step, (size - start) / step
-        begin, end = max(begin, min(near, far)), min(end, max(near, far))
-        if begin > end:
-            return False
-    return True
 
 
 class TouchTable:

@@ -17,6 +17,7 @@ import shapely
 from fields.geometry.overlays import intersect, subtract, unite
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
+from planner.request.plan_request import STANDING_CROP_OPERATIONS
 from reports.common.plan_records import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter, name_line
 from vehicle.arrays import measure_along
@@ -61,13 +62,13 @@ Steps = tuple[tuple[DriverLeg, ...], ...]
 
 
 def list_steps(
-    run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES, *, crop_stands: bool = False
+    run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES, *, operation: str | None = None
 ) -> Steps:
     """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use.
 
-    Where a `crop_stands` until it is worked, they tell where they lead over it.
+    Where a crop stands until it is worked, as the `operation` says, they tell where they lead over it.
     """
-    worked_ground = _list_worked_ground(run, width_m, crop_stands)
+    worked_ground = _list_worked_ground(run, width_m, operation in STANDING_CROP_OPERATIONS)
     return tuple(
         tuple(_iter_steps(run, tractor, width_m, worked_ground, measures)) for tractor in range(run.plan.tractors)
     )

@@ -32,7 +32,6 @@ from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, f
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
-from planner.request.plan_request import STANDING_CROP_OPERATIONS
 from reports.common.plan_records import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS, SERVICE_STATE
@@ -112,8 +111,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
     title = f"{result.strategy}, {result.tractors} tractor{'s' if result.tractors > 1 else ''}, turns: {result.turn}"
     worked = {leg.task for mission in run.plan.missions for leg in mission.legs if leg.task.is_work}
     measures = measure_steps(run, context.tractor, context.physics)
-    crop_stands = context.request.operation in STANDING_CROP_OPERATIONS
-    steps = list_steps(run, context.layout.width_m, measures, crop_stands=crop_stands)
+    steps = list_steps(run, context.layout.width_m, measures, operation=context.request.operation)
     shares = run.compute_time_shares() | ({} if context.supply is None else {SERVICE_STATE: run.standing_s})
     if run.folding_s.any():
         shares |= {"turning": shares["turning"] - run.folding_s, FOLDING_STATE: run.folding_s}

@@ -23,7 +23,7 @@ from planner.evaluation.work_order import load_gnss_errors, size_implement
 from planner.farm.workday import ROAD, Duty, Workday
 from planner.pipeline.outputs.driving_steps import Steps, delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
-from planner.request.plan_request import STANDING_CROP_OPERATIONS, PlanRequest
+from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from reports.common.plan_results import PlanRanking
 from strategies.rules.battery_supply import BatterySupply
@@ -95,8 +95,7 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
         )
     tractor = read_machines(saved, request)[0]
     measures = measure_steps(run, tractor, read_physics(saved, request, tractor))
-    crop_stands = request.operation in STANDING_CROP_OPERATIONS
-    steps = list_steps(run, request.width_m, measures, crop_stands=crop_stands)
+    steps = list_steps(run, request.width_m, measures, operation=request.operation)
     steps = delay_steps(steps, read_workday(saved, request))
     return SavedPlanRun(saved, request, run, steps)
 
