@@ -33,7 +33,8 @@ from strategies.lines.work_line import WorkLine
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import list_stages
+from strategies.programmes.stages import charge_furrows, list_furrow_tours, list_stages
+from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.driving_rules import DrivingRules
 from strategies.site.site import Site
 from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
@@ -216,9 +217,14 @@ def estimate_finish_s(context: PlanningContext) -> float:
     moves = get_site_moves(context)
     if not moves.lines:
         return math.inf
-    table, orders = MoveTable(moves), context.request.headland_orders or ("",)
-    cost_s = min(sketch_programme(table, 1, list_stages(moves.site, moves.lines, order)).cost_s for order in orders)
-    return cost_s / compute_covered_share(moves)
+    table, site, lines = MoveTable(moves), moves.site, moves.lines
+    allowed = np.ones((1, len(lines)), bool)
+    starts, charged_s = list_furrow_tours(site, lines, allowed), charge_furrows(site, lines, allowed)
+    problems = [
+        TourProblem(table, allowed, list_stages(site, lines, order), charged_s)
+        for order in context.request.headland_orders or ("",)
+    ]
+    return min(sketch_programme(problem, starts).cost_s for problem in problems) / compute_covered_share(moves)
 
 
 def compute_covered_share(moves: SiteMoves) -> float:

@@ -257,6 +257,7 @@ class PlanDrive(ShownResult):
         steps: the legs of each tractor, in order; `service`: what stops at the service point are for.
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
+        start: the time of day at which it starts (hh:mm); None if that is not known.
         stated_end_s: when its plan is done as every report states it; `has_delays`: with late starts, stops and
             breakdowns, which the drive has not. None for the end of the drive.
         fault_places: places (x, y) where plans cannot be driven.
@@ -296,3 +297,4 @@ class PlanDrive(ShownResult):
     relief: Relief | None = None
     headland_order: str | None = None
     service: str = "refill"
+    start: str | None = None

@@ -56,7 +56,6 @@ UNCOUNTED_STOPS = {
 """What is left out of the time of operations with a load, where the implement tells none."""
 DOSED_OPERATIONS = ("sow", "spray")  # what is worked twice gets twice as much
 LEAST_STATED_OVERLAP_PCT = 5.0
-PLOUGH = "plough"  # in the table of drafts
 
 
 @dataclass(frozen=True)
@@ -306,6 +305,4 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
         faults.append(
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )
-    if ranking.pull is not None and ranking.pull.implement == PLOUGH:
-        faults.append(translate("Furrows are not planned: ploughing needs neighbouring tracks in order."))
     return faults + [f"{capitalize_first(translate_sentence(remark)).rstrip('.')}." for remark in best.remarks]

@@ -129,9 +129,9 @@ def format_leg_metres(step: DriverLeg) -> str:
     return "" if step.kind in _STANDS else format_number(step.length_m, 0)
 
 
-def format_leg_rows(steps: Sequence[DriverLeg]) -> list[str]:
-    """The rows of a list as text of fixed pitch, headings first."""
-    rows = [LEG_HEADINGS, *(build_leg_cells(place, step) for place, step in enumerate(steps, start=1))]
+def format_leg_rows(steps: Sequence[DriverLeg], start: str | None = None) -> list[str]:
+    """The rows of a list as text of fixed pitch, headings first; with a `start` times are clock times."""
+    rows = [LEG_HEADINGS, *(build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1))]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         " ".join(cell.ljust(width) if place == 1 else cell.rjust(width)

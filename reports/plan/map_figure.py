@@ -398,7 +398,7 @@ def _format_leg_columns(drive: PlanDrive, most_rows: int) -> list[str]:
     """The leg lists as columns of text of at most `most_rows` rows; short lists share a column, long ones are split."""
     columns: list[list[str]] = []
     for number, steps in enumerate(drive.steps, start=1):
-        rows = format_leg_rows(steps)
+        rows = format_leg_rows(steps, drive.start)
         share = math.ceil(len(rows) / max(math.ceil(len(rows) / max(most_rows - 1, 1)), 1))
         for first in range(0, len(rows), max(share, 1)):
             title = format_leg_heading(number, steps) if not first else f"Tractor {number}, continued"

@@ -16,12 +16,11 @@ import numpy.typing as npt
 from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, stand_to_unfold
-from strategies.programmes.waiting_places import WAIT_STEP_M, find_clashes
+from strategies.programmes.tour_problem import TourProblem
+from strategies.programmes.waiting_places import WAIT_STEP_M
 from strategies.programmes.ways_home import Way, WayBook
-from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.path_conflicts import ClearanceCheck
 
@@ -29,7 +28,6 @@ Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 Pose = tuple[float, float, float]
 
-START_VALUE_S = 1e4  # of the line that a tractor begins with: more than any way home takes
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
 
@@ -100,38 +98,19 @@ def add_gates(table: MoveTable | SiteMoves, tour: Sequence[int]) -> list[int]:
     return [*([] if tour and tour[0] in table.starts else gate), *tour, *gate]
 
 
-def make_programme(
-    table: MoveTable,
-    tractors: int,
-    stages: Sequence[int] | None = None,
-    allowed: npt.NDArray[np.bool_] | None = None,
-    seed: int = 1,
-    stands_in_way: ClearanceCheck | None = None,
-    served_s: Floats | None = None,
-    start: Sequence[Sequence[int]] | None = None,
-    charged_s: Floats | float = 0.0,
-    barred: Sequence[int] = (),
-) -> Programme:
-    """The best programme whose moves were all driven well.
-
-    `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
-    With `stands_in_way` no two tractors of a field without an entrance begin or end where they never get on. `served_s`
-    (n,) says how long a tractor takes to be served for each line, so that all finish together. The search begins with
-    the tours `start`; moves cost `charged_s` (n + 1, n + 1) more than they take; nodes `barred` are in no tour.
-    """
-    stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
-    may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
-    extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
-    clashes, book = list_clashes(table, stands_in_way, tractors), WayBook(table.site.back_m)
+def make_programme(problem: TourProblem, start: Sequence[Sequence[int]] | None = None, seed: int = 1) -> Programme:
+    """The best programme whose moves were all driven well, in a search that begins with the tours `start`."""
+    table, check, book = problem.table, problem.check, WayBook(problem.table.site.back_m)
 
     def can_be_driven(tours: list[list[int]]) -> bool:
         if False in [prove_short_runs(table, tour) for tour in tours]:
             return False
-        return clashes is None or stands_in_way is None or not _bar_stuck(table, clashes, book, stands_in_way, tours)
+        clashes = problem.clashes
+        return clashes is None or check is None or not _bar_stuck(table, clashes, book, check, tours)
 
     best = search_driven_tours(
         table,
-        lambda costs: pose_problem(table.moves, costs + charged_s, stage, may, extra_s, clashes, barred),
+        problem.pose,
         lambda tours: list_pairs(table, tours),
         can_be_driven,
         seed,
@@ -143,40 +122,22 @@ def make_programme(
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def sketch_programme(
-    table: MoveTable,
-    tractors: int,
-    stages: Sequence[int],
-    allowed: npt.NDArray[np.bool_] | None = None,
-    served_s: Floats | None = None,
-    stands_in_way: ClearanceCheck | None = None,
-    charged_s: Floats | float = 0.0,
-    barred: Sequence[int] = (),
-) -> Sketch:
-    """The best tours by moves that were estimated, lines in stages; the rest as in `make_programme`."""
-    moves, count = table.moves, len(table.lines)
-    stage = np.array(stages, np.int64)
-    may = np.ones((tractors, count), bool) if allowed is None else allowed
-    extra_s = np.zeros(count) if served_s is None else served_s
-    clashes = list_clashes(table, stands_in_way, tractors)
-    orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(moves.orders)]
-    tours, cost_s = search_estimated_tours(
-        table,
-        lambda costs: pose_problem(moves, costs + charged_s, stage, may, extra_s, clashes, barred),
-        lambda tours: list_pairs(moves, tours),
-        orders + [[] for _ in range(tractors - len(orders))] if any(len(order) > 1 for order in orders) else None,
-    )
+def sketch_programme(problem: TourProblem, starts: Sequence[list[list[int]]] = ()) -> Sketch:
+    """The best tours by moves that were estimated.
+
+    A search begins with each of the `starts`, or with what tractors were to do before.
+    """
+    table, may = problem.table, problem.allowed
+
+    def search(start: list[list[int]] | None) -> tuple[list[list[int]], float]:
+        return search_estimated_tours(table, problem.pose, lambda tours: list_pairs(table, tours), start)
+
+    orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(table.moves.orders)]
+    if any(len(order) > 1 for order in orders):
+        starts = [orders + [[] for _ in range(problem.tractors - len(orders))]]
+    found = [search(start) for start in starts] or [search(None)]
+    tours, cost_s = min(found, key=lambda one: round(one[1], 3))
     return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)
-
-
-def list_clashes(table: MoveTable, check: ClearanceCheck | None, tractors: int) -> Flags | None:
-    """The nodes (2, nodes, nodes) of which no two tractors may begin (0) or end (1) with both, as far as a search
-    knows; None for a single one, and with an entrance to wait outside."""
-    if check is None or table.site.lane is not None or tractors == 1:
-        return None
-    if check not in table.clashes:
-        table.clashes[check] = find_clashes(table.moves, check).copy()
-    return table.clashes[check]
 
 
 def _bar_stuck(
@@ -227,57 +188,6 @@ def _find_lost_moves(table: MoveTable, run: Sequence[int]) -> tuple[tuple[int, i
         legs = stand_to_unfold(table.site, [leg for _, legs in parts for leg in legs])
         known[key] = tuple(owners[number] for number in table.moves.find_lost_legs(legs))
     return known[key]
-
-
-def pose_problem(
-    moves: SiteMoves,
-    costs: Floats,
-    stage: npt.NDArray[np.int64],
-    may: npt.NDArray[np.bool_],
-    extra_s: Floats,
-    clashes: Flags | None = None,
-    barred: Sequence[int] = (),
-) -> OrderProblem:
-    """The search for the tours of tractors that may work lines (tractors, n), with costs (n + 1, n + 1) of moves.
-
-    `stage` (n,) says which lines come first, `extra_s` (n,) what each takes beside driving on it, `clashes` as in
-    `list_clashes`, `barred` as in `make_programme`.
-    """
-    site, lines = moves.site, moves.lines
-    may, stage = _place_starts(moves, may, stage)
-    own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
-    is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
-    is_barred[list(barred)] = True
-    costs = costs.copy()
-    costs[list(barred)], costs[:, list(barred)] = np.inf, np.inf
-    ends_s = [
-        np.repeat(np.where(is_barred, np.inf, row)[None], len(may), axis=0)
-        for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)
-    ]
-    starts = list(moves.starts)
-    ends_s[0][:, starts], ends_s[0][: len(starts)] = np.inf, np.inf
-    ends_s[0][range(len(starts)), starts] = 0.0
-    return OrderProblem(
-        move_s=costs[:-1, :-1],
-        work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
-        value_s=LEFT_FACTOR * own_s + extra_s + START_VALUE_S * np.isin(np.arange(len(lines)), np.array(starts) // 2),
-        begin_s=ends_s[0],
-        end_s=ends_s[1],
-        allowed=may,
-        stage=stage,
-        clashes=clashes,
-    )
-
-
-def _place_starts(
-    moves: SiteMoves, may: npt.NDArray[np.bool_], stage: npt.NDArray[np.int64]
-) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
-    """What tractors may work and when, with every start for its own tractor and in the first stage."""
-    lines = [node // 2 for node in moves.starts]
-    may, stage = may.copy(), stage.copy()
-    may[:, lines], stage[lines] = False, stage.min(initial=0)
-    may[range(len(lines)), lines] = True
-    return may, stage
 
 
 def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:

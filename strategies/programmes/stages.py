@@ -1,4 +1,5 @@
-"""Headland first or last, round by round: the stage of every line, and what going back to a round is charged."""
+"""Headland first or last, round by round, furrow by furrow: the stage of every line, and what leaving that order is
+charged."""
 
 from __future__ import annotations
 
@@ -11,12 +12,10 @@ import shapely
 from strategies.lines.deal_apart import list_rings
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.site.site import Site
+from strategies.site.site import ROUND_S, Site
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegGate, LegTask, Mission, Plan
 
 Floats = npt.NDArray[np.float64]
-
-ROUND_S = 120.0  # charged for a move that leaves the order of passes: it saves the way over what is finished
 
 
 def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
@@ -65,30 +64,78 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
+def charge_order(site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_]) -> Floats:
+    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged which leave a pass of the headland unfinished, or
+    a furrow, where tractors may work the `allowed` (tractors, n)."""
+    return charge_rounds(site, lines, order, is_alone=len(allowed) == 1) + charge_furrows(site, lines, allowed)
+
+
 def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
-    """Seconds (n + 1, n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
+    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
-    machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
-    another with the first. For a tractor that `is_alone`, and so works them all, they follow on tracks so too. Into a
-    crop that stands, stages put them in order.
+    machine is at the tracks when they begin, else from the inside out, and what they leave with those beside it; those
+    round one thing follow on those round another with the first. For a tractor that `is_alone`, and so works them all,
+    they follow on tracks so too. Into a crop that stands, stages put them in order.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if _works_way_in(site, order):
         return charged_s
     nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
     for nest, ring in enumerate(list_rings(lines)):
-        numbers = [number for side in ring for number in side if lines[number].is_side]
-        passes = {lines[number].task.number or 0 for number in numbers}
+        numbers = [number for side in ring for number in side]
+        sides = [number for number in numbers if lines[number].is_side]
+        passes = {lines[number].task.number or 0 for number in sides}
         by_place = sorted(passes, reverse=order != HEADLAND_FIRST)
         nests[numbers] = nest
-        places[numbers] = [by_place.index(lines[number].task.number or 0) for number in numbers]
+        places[sides] = [by_place.index(lines[number].task.number or 0) for number in sides]
+        tree = shapely.STRtree([shapely.LineString(lines[number].paths[0]) for number in sides])
+        for number in set(numbers) - set(sides):
+            middle = lines[number].paths[0].mean(axis=0)
+            places[number] = places[sides[int(tree.nearest(shapely.Point(middle)))]]
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
     is_track = np.array([is_alone and line.group[0] == SWATH for line in lines], bool)
-    begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & (places > 0)
+    is_late = np.array([line.is_side for line in lines], bool) & (places > 0)
+    begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & is_late
     is_charged = (nests >= 0) & (goes_back | begins_late)
     charged_s[:-1, :-1] = ROUND_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
+
+
+def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[np.bool_]) -> Floats:
+    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged from a track to one that is not beside it.
+
+    Beside it is the next of those that a tractor may work, of the `allowed` (tractors, n), and a piece of its own.
+    """
+    charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
+    if site.furrow_s == 0.0:
+        return charged_s
+    is_track = np.array([line.task.kind == SWATH for line in lines], bool)
+    numbers = np.array([line.task.number or 0 for line in lines])
+    is_beside = np.zeros((len(lines), len(lines)), bool)
+    for own in allowed & is_track:
+        places = np.searchsorted(np.unique(numbers[own]), numbers)
+        is_beside |= np.logical_and.outer(own, own) & (abs(np.subtract.outer(places, places)) <= 1)
+    is_charged = np.logical_or.outer(is_track, is_track) & ~is_beside
+    charged_s[:-1, :-1] = site.furrow_s * np.kron(is_charged, np.ones((2, 2)))
+    return charged_s
+
+
+def list_furrow_tours(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[np.bool_]) -> list[list[list[int]]]:
+    """Tours by which a search for a plough begins: to and fro over all tracks of a tractor, begun either way.
+
+    No move of a search turns the order of tracks round without turning each of them round as well.
+    """
+    if site.furrow_s == 0.0:
+        return []
+    owners = np.argmax(allowed, axis=0)
+    tracks = [k for k, line in enumerate(lines) if line.task.kind == SWATH and allowed[:, k].any()]
+
+    def list_tour(tractor: int, way: int) -> list[int]:
+        own = sorted((lines[k].task.number or 0, k) for k in tracks if owners[k] == tractor)
+        return [2 * k + (number + way) % 2 for number, k in own]
+
+    return [[list_tour(tractor, way) for tractor in range(len(allowed))] for way in (0, 1)]
 
 
 def stagger_starts(plan: Plan, distance_m: float) -> Plan:

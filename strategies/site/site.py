@@ -22,6 +22,7 @@ from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 
 MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
+ROUND_S = 120.0  # charged for a move that leaves the order of passes: it saves the way over what is finished
 KEPT_DEPTH_M = 0.5  # ground counts as driven on from so far inside
 LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes back for it, as for no tip of a corner
 Drive = Callable[[Plan], SimulationRun]
@@ -49,6 +50,8 @@ class Site:
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
         gate_grounds: both on the way in or out, with the lane through the entrance; None without one.
         crop_stands: whether a crop stands that must not be driven over before it is worked.
+        furrow_s: seconds charged for a move from a track to one that is not beside it, where each needs the furrow of
+            the one before; else 0.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
         standing: the ground inside the outline, where a machine works its way into a crop that stands.
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
@@ -70,6 +73,7 @@ class Site:
     proof_ground: Ground
     gate_grounds: tuple[Ground, Ground] | None
     crop_stands: bool
+    furrow_s: float
     kept: Ground
     standing: Ground | None
     wheels_s_per_m: float

@@ -30,6 +30,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission
+from strategies.programmes.tour_problem import TourProblem
 from strategies.programmes.ways_home import WayBook
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
@@ -68,7 +69,7 @@ def programme(context: PlanningContext) -> Programme:
     site = build_site(context)
     lines = lay_lines(site)
     stages = [int(line.task.kind == HEADLAND_PASS) for line in lines]
-    return make_programme(MoveTable(SiteMoves(site, lines)), 1, stages)
+    return make_programme(TourProblem(MoveTable(SiteMoves(site, lines)), np.ones((1, len(lines)), bool), stages))
 
 
 def test_lines_cover_a_rectangle(context: PlanningContext) -> None:

@@ -64,3 +64,15 @@ def test_nobody_drives_over_ground_out_of_turn(field: str, operation: str, order
     assert driven.reason is None
     tool_m = context.driving_rules.tool_m
     assert find_wrong_m2(driven.run, tool_m, order == "last") < SPARED_M2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("strategy", "tractors"), [("split-field", 1), ("split-field", 2), ("row-by-row", 2)])
+def test_a_plough_works_neighbouring_tracks_one_after_the_other(strategy: str, tractors: int) -> None:
+    """Without that it leaves out tracks, as its turns are shorter then, and comes back for them."""
+    context = prepare_context(WorkOrder(PlanRequest(field="netherlands", width_m=3.0, draft="plough")))
+    run = run_candidate(context, Candidate(strategy, tractors)).run
+    for mission in run.plan.missions:
+        tracks = [leg.task.number for leg in mission.legs if leg.task.kind == SWATH and leg.implement]
+        steps = np.diff([number for number in tracks if number is not None])
+        assert (abs(steps) <= (1 if strategy == "split-field" else tractors)).all()

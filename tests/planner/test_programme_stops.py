@@ -4,7 +4,9 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
+import numpy as np
 import pytest
 import shapely
 
@@ -20,6 +22,7 @@ from strategies.path_planning.errors import StrategyError
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.battery_supply import BatterySupply
 from strategies.rules.supply import HEADLAND, Supply
 from strategies.service_stops.programme_stops import (
@@ -61,6 +64,10 @@ def make_table(context: PlanningContext) -> MoveTable:
     return MoveTable(SiteMoves(site, lay_lines(site)))
 
 
+def pose(table: MoveTable, stages: list[int], tractors: int = 1, served_s: Any = None) -> TourProblem:
+    return TourProblem(table, np.ones((tractors, len(table.lines)), bool), stages, served_s=served_s)
+
+
 def list_stages(table: MoveTable) -> list[int]:
     return [int(line.task.kind == HEADLAND_PASS) for line in table.lines]
 
@@ -73,7 +80,7 @@ def stop(kind: str, tractors: int = 1) -> StoppedProgramme:
     table = make_table(context)
     moves, stages = build_stop_moves(table, context.supply), list_stages(table)
     served_s = estimate_served_s(table, context.supply, moves)
-    programme = make_programme(table, tractors, stages, served_s=served_s)
+    programme = make_programme(pose(table, stages, tractors, served_s))
     return stop_programme(programme, context.supply, moves, stages)
 
 
@@ -140,7 +147,7 @@ def test_an_order_found_with_the_loads_is_not_slower() -> None:
     done = stop("place")
     table, supply = done.programme.table, done.supply
     moves, stages = build_stop_moves(table, supply), list_stages(table)
-    programme = make_programme(table, 1, stages, served_s=estimate_served_s(table, supply, moves))
+    programme = make_programme(pose(table, stages, served_s=estimate_served_s(table, supply, moves)))
     plain = add_stops(programme, supply, moves, [cut_to_loads(table, supply, tour) for tour in programme.tours])
     cost_s = [sum(gaps.measure_cost_s([s.gap for s in one.stops[0]]) for gaps in one.gaps) for one in (done, plain)]
     assert cost_s[0] <= cost_s[1] + 1e-3
@@ -168,7 +175,7 @@ def test_a_track_longer_than_a_load_is_left_half_way(refill: str) -> None:
     assert context.supply is not None
     supply, table = replace(context.supply, capacity=70.0), make_table(context)
     stages, moves = list_stages(table), build_stop_moves(table, context.supply)
-    done = stop_programme(make_programme(table, 1, stages), supply, moves, stages)
+    done = stop_programme(make_programme(pose(table, stages)), supply, moves, stages)
     plan = done.build_plan()
     assert min(list_levels(plan, 70.0)) >= -1e-6
     worked_m = sum(leg.length_m for leg in plan.missions[0].legs if leg.task.kind == SWATH)

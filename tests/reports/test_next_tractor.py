@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from reports.common.language import Reader, use_reader
-from reports.common.plan_records import PullFigures, Shortfall
+from reports.common.plan_records import Shortfall
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.text_tables import AnswerLines
 from reports.common.wording import format_price_change
@@ -139,13 +139,6 @@ def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], or
 def test_what_gets_twice_as_much_is_told(scenario: dict[str, object], overlap_pct: float, said: str) -> None:
     plan = replace(build_plan(1, 60.0, 50.0), overlap_pct=overlap_pct)
     assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said
-
-
-@pytest.mark.parametrize(("implement", "count"), [("plough", 1), ("cultivator", 0)])
-def test_a_plough_is_told_that_its_furrows_are_not_planned(implement: str, count: int) -> None:
-    pull = PullFigures(implement, 3.0, 5.0, None, 10.0, 20.0, 77.0, 50.0, None, None, 40.0, False)
-    faults = write_answer(PlanRanking("f", 1.0, 1, (build_plan(1, 60.0, 50.0),), pull=pull)).faults
-    assert len([one for one in faults if "Furrows are not planned" in one]) == count
 
 
 def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_take() -> None:

@@ -16,10 +16,18 @@ from strategies.lines.deal_apart import deal_tours, list_deals_apart, list_other
 from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
-from strategies.programmes.stages import ROUND_S, charge_rounds, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.stages import (
+    charge_furrows,
+    charge_rounds,
+    find_first_tasks,
+    list_furrow_tours,
+    list_stages,
+    stagger_starts,
+)
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
 from strategies.rules.dealing import cut_balanced_blocks
 from strategies.rules.driving_rules import DrivingRules
+from strategies.site.site import ROUND_S
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.sim.path_conflicts import PosePath
@@ -141,8 +149,8 @@ def test_a_machine_works_its_way_into_a_crop_that_stands() -> None:
     assert find_first_tasks(asked, lines, "last") == {line.task for line in (past, up_to, on)}
 
 
-def make_site(crop_stands: bool = False) -> Any:
-    return SimpleNamespace(crop_stands=crop_stands, width_m=3.0)
+def make_site(crop_stands: bool = False, in_furrows: bool = False) -> Any:
+    return SimpleNamespace(crop_stands=crop_stands, furrow_s=120.0 * in_furrows, width_m=3.0)
 
 
 def make_plan(*kinds: str) -> Plan:
@@ -185,10 +193,34 @@ def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     assert not charge_rounds(make_site(crop_stands=True), lines, "first", is_alone=True).any(), "stages see to that"
     leftover = replace(rings[2][0], task=LegTask(HEADLAND_PASS, 4), group=(LEFTOVER, 0))
     with_it_s = charge_rounds(make_site(), [*lines, leftover], "last", is_alone=True)
-    assert not with_it_s[swath, three] and not with_it_s[-3:].any() and not with_it_s[:, -3:].any(), "it is no pass"
+    assert not with_it_s[[swath, three], -3].any() and not with_it_s[-3, [one, two, three]].any()
+    assert with_it_s[two, -3] and with_it_s[one, -3], "it comes with the pass beside it"
     inside_out_s = charge_rounds(make_site(), lines, "last", is_alone=False)
     assert not any(inside_out_s[pair] for pair in [(three, two), (two, one), (away, near), (one, away), (near, three)])
     assert all(inside_out_s[pair] for pair in [(two, three), (one, three), (one, near), (near, away), (near, two)])
+
+
+def test_a_plough_follows_the_furrow() -> None:
+    lines, site = draw_lines(4, pieces=2), make_site(in_furrows=True)
+    charged_s = charge_furrows(site, lines, np.ones((1, 9), bool))
+    side, first, its_second, second, third, gate = 0, 2, 4, 6, 10, -1
+    free = [(first, second), (second, first + 1), (first, its_second), (its_second, second), (second, third)]
+    assert not any(charged_s[pair] for pair in free)
+    assert all(charged_s[pair] for pair in [(first, third), (third, first), (side, first), (third, side)])
+    assert not charged_s[gate].any() and not charged_s[:, gate].any()
+    in_turn = np.array(
+        [[True, True, True, False, False, True, True, False, False], [True] + 2 * [False, False, True, True]]
+    )
+    assert not charge_furrows(site, lines, in_turn)[first, third], "the next of its own"
+    assert not charge_furrows(make_site(), lines, in_turn).any()
+
+
+def test_a_search_for_a_plough_begins_to_and_fro() -> None:
+    site, lines = make_site(in_furrows=True), draw_lines(4)
+    assert list_furrow_tours(site, lines, np.ones((1, 5), bool)) == [[[2, 5, 6, 9]], [[3, 4, 7, 8]]]
+    allowed = np.array([[True, True, True, True, False], [True, False, False, True, True]])
+    assert list_furrow_tours(site, lines, allowed)[0] == [[2, 5, 6], [9]]
+    assert list_furrow_tours(make_site(), lines, allowed) == []
 
 
 def test_sides_that_are_driven_against_the_others() -> None:

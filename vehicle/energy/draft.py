@@ -44,6 +44,7 @@ class DraftRule(BaseModel):
         min_depth_cm, max_depth_cm: the depths that it can be set to.
         spacing_m: width of a unit, 1 for metres.
         range_pct: how far drafts lie from the mean, either way.
+        in_furrows: whether it works one track after its neighbour, as each needs the furrow of the one before.
         source: where the coefficients come from.
     """
 
@@ -63,6 +64,7 @@ class DraftRule(BaseModel):
     max_depth_cm: Length = 100.0
     spacing_m: Length = 1.0
     range_pct: float = Field(ge=0, le=100)
+    in_furrows: bool = False
     source: str = ""
 
     @model_validator(mode="after")

@@ -32,7 +32,14 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
 from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import charge_rounds, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.stages import (
+    charge_order,
+    find_first_tasks,
+    list_furrow_tours,
+    list_stages,
+    stagger_starts,
+)
+from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.service_stops.stop_moves import StopMoves
@@ -324,17 +331,20 @@ class DealtLines:
         supply = self.context.supply
         return None if supply is None else estimate_served_s(self.table, supply, self.stop_moves)
 
+    def _pose_tours(self, allowed: Flags, barred: Sequence[int]) -> TourProblem:
+        """The search for tours of lines that each tractor may work (tractors, n), without nodes that are barred."""
+        may = self.wishes.limit(self.moves.lines, allowed)
+        return TourProblem(self.table, may, self.stages, self.order_s, self.served_s, self.check, barred)
+
     @cached_property
-    def rounds_s(self) -> Floats:
-        """What moves are charged that leave a pass of the headland unfinished (n + 1, n + 1)."""
-        return charge_rounds(self.moves.site, self.moves.lines, self.order, is_alone=len(self.deal.allowed) == 1)
+    def order_s(self) -> Floats:
+        """What moves are charged that leave a pass of the headland unfinished, or a furrow (2 n + 1, 2 n + 1)."""
+        return charge_order(self.moves.site, self.moves.lines, self.order, self.deal.allowed)
 
     def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
         """Tours by estimated moves, of lines that each tractor may work (tractors, n) without nodes that are barred."""
-        may, tractors = self.wishes.limit(self.moves.lines, allowed), len(allowed)
-        return sketch_programme(
-            self.table, tractors, self.stages, may, self.served_s, self.check, self.rounds_s, barred
-        )
+        problem = self._pose_tours(allowed, barred)
+        return sketch_programme(problem, list_furrow_tours(self.moves.site, self.moves.lines, problem.allowed))
 
     def sketch(self, is_plain: bool = False) -> SketchedPlan:
         """The plan as sketched; unless `is_plain`, in a way that people would rather see (sketch_tidily)."""
@@ -347,7 +357,7 @@ class DealtLines:
         return SketchedPlan(
             self.order,
             sketched.tractor_s,
-            lambda: self._compose(own, barred, sketched.tours, self.rounds_s),
+            lambda: self._compose(self._pose_tours(own, barred), sketched.tours),
             (lambda: self._sketch_others(is_tidy=own is not dealt)) if self.is_first else None,
             tours=sketched.tours,
             served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours],
@@ -362,24 +372,9 @@ class DealtLines:
                 found.append(replace(self, deal=deal, is_first=False).sketch(is_tidy and place == 0))
         return found
 
-    def _compose(
-        self, allowed: Flags, barred: Sequence[int], start: Sequence[Sequence[int]], charged_s: Floats
-    ) -> ComposedPlan:
-        """The plan composed of moves that were driven well, in a search that begins with the tours `start`.
-
-        Moves cost `charged_s` (n + 1, n + 1) more than they take.
-        """
-        programme = make_programme(
-            self.table,
-            len(allowed),
-            self.stages,
-            self.wishes.limit(self.moves.lines, allowed),
-            stands_in_way=self.check,
-            served_s=self.served_s,
-            start=start,
-            charged_s=charged_s,
-            barred=barred,
-        )
+    def _compose(self, problem: TourProblem, start: Sequence[Sequence[int]]) -> ComposedPlan:
+        """The plan composed of moves that were driven well, in a search that begins with the tours `start`."""
+        programme = make_programme(problem, start)
         supply, stagger_m = self.context.supply, self.deal.stagger_m
         stops = supply and any(programme.tours) and stop_programme(programme, supply, self.stop_moves, self.stages)
 
@@ -391,7 +386,7 @@ class DealtLines:
             waited_s = charge_waiting(programme, stops.list_nodes() if stops else programme.tours, plan, driven.run)
             if not waited_s.any():
                 raise StrategyError(NO_BETTER)
-            anew = self._compose(allowed, barred, programme.tours, charged_s + waited_s)
+            anew = self._compose(replace(problem, charged_s=problem.charged_s + waited_s), programme.tours)
             if anew.programme.tours == programme.tours:
                 raise StrategyError(NO_BETTER)
             return anew

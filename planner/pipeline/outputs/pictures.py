@@ -133,6 +133,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         stated_end_s=result.stated_end_s,
         has_delays=result.p50_s is not None,
         headland_order=result.headland_order,
+        start=context.request.format_clock_after(0.0) or None,
         service="unload" if run.plan.notes.get("collects") else run.plan.notes.get("service", REFILL),
     )
 
