@@ -33,7 +33,7 @@ from strategies.lines.work_line import WorkLine
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import charge_furrows, list_furrow_tours, list_stages
+from strategies.programmes.stages import charge_furrows, list_stages
 from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.driving_rules import DrivingRules
 from strategies.site.site import Site
@@ -219,12 +219,12 @@ def estimate_finish_s(context: PlanningContext) -> float:
         return math.inf
     table, site, lines = MoveTable(moves), moves.site, moves.lines
     allowed = np.ones((1, len(lines)), bool)
-    starts, charged_s = list_furrow_tours(site, lines, allowed), charge_furrows(site, lines, allowed)
+    charged_s = charge_furrows(site, lines, allowed)
     problems = [
         TourProblem(table, allowed, list_stages(site, lines, order), charged_s)
         for order in context.request.headland_orders or ("",)
     ]
-    return min(sketch_programme(problem, starts).cost_s for problem in problems) / compute_covered_share(moves)
+    return min(sketch_programme(problem).cost_s for problem in problems) / compute_covered_share(moves)
 
 
 def compute_covered_share(moves: SiteMoves) -> float:

@@ -66,7 +66,7 @@ def _list_tails(moves, a, p, b, q, is_reversed) -> None:  # type: ignore[no-unty
 
 
 @compile_for_views
-def _time_join(tables, row, u, v):  # type: ignore[no-untyped-def]
+def time_join(tables, row, u, v):  # type: ignore[no-untyped-def]
     """Seconds from node u to node v in the tour of a row; u < 0: from the entrance, v < 0: home."""
     seconds = 0.0
     if u >= 0 and v >= 0:
@@ -79,7 +79,7 @@ def _time_join(tables, row, u, v):  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
-def _get_node(tours, row, place):  # type: ignore[no-untyped-def]
+def get_node(tours, row, place):  # type: ignore[no-untyped-def]
     """The node at a place of a tour; -1 before its begin and after its end."""
     return tours.nodes[row, place] if 0 <= place < tours.lengths[row] else NO_ROW
 
@@ -106,9 +106,9 @@ def _time_spliced(tours, tables, row, a, low_a, high_a, turns_a, b, low_b, high_
     if low_b <= high_b:
         first = tours.nodes[b, high_b] ^ 1 if turns_b else tours.nodes[b, low_b]
         seconds += tables.work_s[tours.nodes[b, low_b] // 2] + _time_segment(tours, b, low_b, high_b, turns_b)
-        seconds += _time_join(tables, row, last, first)
+        seconds += time_join(tables, row, last, first)
         last = tours.nodes[b, low_b] ^ 1 if turns_b else tours.nodes[b, high_b]
-    return seconds + _time_join(tables, row, last, NO_ROW)
+    return seconds + time_join(tables, row, last, NO_ROW)
 
 
 @compile_for_views
@@ -134,20 +134,20 @@ def _weigh_transfer(tours, tables, move):  # type: ignore[no-untyped-def]
     left = len(tours.seconds) - 1
     a, low, high, is_reversed, b, gap = move[0], move[1], move[2], move[3] != 0, move[4], move[5]
     first, last = tours.nodes[a, low], tours.nodes[a, high]
-    before, after = _get_node(tours, a, low - 1), _get_node(tours, a, high + 1)
+    before, after = get_node(tours, a, low - 1), get_node(tours, a, high + 1)
     work_s = tables.work_s[first // 2]
     onward_s, driven_s = _time_segment(tours, a, low, high, ONWARD), _time_segment(tours, a, low, high, is_reversed)
     new_first, new_last = (last ^ 1, first ^ 1) if is_reversed else (first, last)
     new_a_s, new_b_s, left_s = tours.seconds[a], tours.seconds[b], tours.seconds[left]
     if a != left:
-        new_a_s -= _time_join(tables, a, before, first) + _time_join(tables, a, last, after)
+        new_a_s -= time_join(tables, a, before, first) + time_join(tables, a, last, after)
         if a != b or gap != low:
-            new_a_s += _time_join(tables, a, before, after)
+            new_a_s += time_join(tables, a, before, after)
     if b != left:
-        u, v = (before, after) if a == b and gap == low else (_get_node(tours, b, gap - 1), _get_node(tours, b, gap))
-        added_s = _time_join(tables, b, u, new_first) + _time_join(tables, b, new_last, v)
+        u, v = (before, after) if a == b and gap == low else (get_node(tours, b, gap - 1), get_node(tours, b, gap))
+        added_s = time_join(tables, b, u, new_first) + time_join(tables, b, new_last, v)
         if a != b or gap != low:
-            added_s -= _time_join(tables, b, u, v)
+            added_s -= time_join(tables, b, u, v)
         if a == b:
             new_a_s += added_s + driven_s - onward_s
         else:
@@ -232,7 +232,7 @@ def _set_move(tours, move) -> None:  # type: ignore[no-untyped-def]
 @compile_for_views
 def _time_step(tours, tables, a, p):  # type: ignore[no-untyped-def]
     """Seconds of the step to place p of a row from the one before: from the entrance, or home, where there is none."""
-    return _time_join(tables, a, _get_node(tours, a, p - 1), _get_node(tours, a, p))
+    return time_join(tables, a, get_node(tours, a, p - 1), get_node(tours, a, p))
 
 
 @compile_for_views

@@ -26,6 +26,7 @@ import numpy.typing as npt
 from fields.errors import HeadlandError
 from strategies.programmes.order_building import insert_lines
 from strategies.programmes.order_moves import improve_tours
+from strategies.programmes.order_runs import drop_runs, set_leaving, turn_runs
 from strategies.programmes.order_tours import (
     BEGIN,
     FIRST,
@@ -46,7 +47,6 @@ from strategies.programmes.order_tours import (
     OrderTables,
     can_make_move,
     clear_pieces,
-    count_new_clashes,
     create_tours,
     make_move,
     push_line,
@@ -258,67 +258,12 @@ def _find_neighbours(move_s, count):  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
-def _time_run(tours, tables, row, low, high) -> float:  # type: ignore[no-untyped-def]
-    """Seconds by which a tour is shorter without its places low..high."""
-    nodes, end = tours.nodes[row], tours.lengths[row] - 1
-    seconds = tours.onward_s[row, high] - tours.onward_s[row, low] + tables.work_s[nodes[low] // 2]
-    seconds += tables.begin_s[row, nodes[low]] if low == 0 else tables.move_s[nodes[low - 1], nodes[low]]
-    seconds += tables.end_s[row, nodes[high]] if high == end else tables.move_s[nodes[high], nodes[high + 1]]
-    if low > 0 and high < end:
-        seconds -= tables.move_s[nodes[low - 1], nodes[high + 1]]
-    elif low > 0:
-        seconds -= tables.end_s[row, nodes[low - 1]]
-    elif high < end:
-        seconds -= tables.begin_s[row, nodes[high + 1]]
-    return seconds  # type: ignore[no-any-return]
-
-
-@compile_for_views
-def _set_leaving(tours, a, i, j) -> None:  # type: ignore[no-untyped-def]
-    """Let the places i..j of row a be left, behind the lines that are left already."""
-    left = len(tours.seconds) - 1
-    clear_pieces(tours, a, left)
-    set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
-    set_piece(tours, SIDE_A, SECOND, a, j + 1, tours.lengths[a] - 1, ONWARD)
-    set_piece(tours, SIDE_B, FIRST, left, BEGIN, tours.lengths[left] - 1, ONWARD)
-    set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
-
-
-@compile_for_views
-def _drop_runs(tours, tables) -> None:  # type: ignore[no-untyped-def]
-    """Leave runs of lines of any length that cost more than they are worth, among them all that no move reaches."""
-    left, row = len(tours.seconds) - 1, BEGIN
-    while row < left:
-        others_s = 0.0
-        for other in range(left):
-            if other != row:
-                others_s = max(others_s, tours.seconds[other])
-        most_gain, best_low, best_high = MIN_GAIN_S, NO_ROW, NO_ROW
-        for low in range(tours.lengths[row]):
-            worth_s = 0.0
-            for high in range(low, tours.lengths[row]):
-                worth_s += tables.value_s[tours.nodes[row, high] // 2]
-                saved_s = _time_run(tours, tables, row, low, high)
-                finish_s = max(tours.seconds[row], others_s) - max(tours.seconds[row] - saved_s, others_s)
-                gain = (1.0 - tables.sum_share) * finish_s + tables.sum_share * saved_s - worth_s
-                if gain > most_gain:
-                    _set_leaving(tours, row, low, high)
-                    gain -= RULE_S * (count_new_clashes(tours, tables) - tours.clashes[0])
-                if gain > most_gain:
-                    most_gain, best_low, best_high = gain, low, high
-        if best_low < 0:
-            row += 1
-            continue
-        _set_leaving(tours, row, best_low, best_high)
-        make_move(tours, tables)
-
-
-@compile_for_views
-def _improve_and_drop(tours, tables) -> float:  # type: ignore[no-untyped-def]
-    """Moves and runs that are dropped, until neither helps; returns the cost of the tours then."""
+def _improve_runs(tours, tables) -> float:  # type: ignore[no-untyped-def]
+    """Moves and runs that are dropped or turned, until none helps; returns the cost of the tours then."""
     cost = improve_tours(tours, tables)
     while True:
-        _drop_runs(tours, tables)
+        drop_runs(tours, tables)
+        turn_runs(tours, tables)
         new_cost = improve_tours(tours, tables)
         if new_cost > cost - MIN_GAIN_S:
             return new_cost
@@ -352,7 +297,7 @@ def _leave_run(tours, tables, a, i, j) -> None:  # type: ignore[no-untyped-def]
             push_line(tours, near)
     for place in range(i, j + 1):
         push_line(tours, tours.nodes[a, place] // 2)
-    _set_leaving(tours, a, i, j)
+    set_leaving(tours, a, i, j)
     make_move(tours, tables)
 
 
@@ -435,7 +380,7 @@ def _search_tours(tables, tours, given, is_started, kicks, seed):  # type: ignor
         insert_lines(tours, tables)
     for line in range(n):
         push_line(tours, line)
-    best_cost = _improve_and_drop(tours, tables)
+    best_cost = _improve_runs(tours, tables)
     nodes, lengths = tours.nodes.copy(), tours.lengths.copy()
     for row in range(k + 1):
         tours.touched[row] = False
@@ -446,7 +391,7 @@ def _search_tours(tables, tours, given, is_started, kicks, seed):  # type: ignor
         cost = improve_tours(tours, tables)
         _keep_or_restore(tours, tables, nodes, lengths, cost <= best_cost)
         best_cost = min(best_cost, cost)
-    _improve_and_drop(tours, tables)
+    _improve_runs(tours, tables)
     found = np.full((k, n), NO_ROW)
     for row in range(k):
         copy_row(tours.nodes[row, : tours.lengths[row]], found[row])

@@ -122,21 +122,16 @@ def make_programme(problem: TourProblem, start: Sequence[Sequence[int]] | None =
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def sketch_programme(problem: TourProblem, starts: Sequence[list[list[int]]] = ()) -> Sketch:
-    """The best tours by moves that were estimated.
-
-    A search begins with each of the `starts`, or with what tractors were to do before.
-    """
-    table, may = problem.table, problem.allowed
-
-    def search(start: list[list[int]] | None) -> tuple[list[list[int]], float]:
-        return search_estimated_tours(table, problem.pose, lambda tours: list_pairs(table, tours), start)
-
-    orders = [[n for n in own if n == own[0] or may[k, n // 2]] for k, own in enumerate(table.moves.orders)]
-    if any(len(order) > 1 for order in orders):
-        starts = [orders + [[] for _ in range(problem.tractors - len(orders))]]
-    found = [search(start) for start in starts] or [search(None)]
-    tours, cost_s = min(found, key=lambda one: round(one[1], 3))
+def sketch_programme(problem: TourProblem) -> Sketch:
+    """The best tours by moves that were estimated, in a search that begins with what tractors were to do before."""
+    table, orders = problem.table, problem.table.moves.orders
+    known = [[n for n in own if n == own[0] or problem.allowed[k, n // 2]] for k, own in enumerate(orders)]
+    tours, cost_s = search_estimated_tours(
+        table,
+        problem.pose,
+        lambda tours: list_pairs(table, tours),
+        known + [[] for _ in range(problem.tractors - len(known))] if any(len(order) > 1 for order in known) else None,
+    )
     return Sketch(tours, [compute_tour_s(table, tour) for tour in tours], cost_s)
 
 

@@ -74,29 +74,23 @@ def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
-    machine is at the tracks when they begin, else from the inside out, and what they leave with those beside it; those
-    round one thing follow on those round another with the first. For a tractor that `is_alone`, and so works them all,
-    they follow on tracks so too. Into a crop that stands, stages put them in order.
+    machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
+    another with the first. For a tractor that `is_alone`, and so works them all, they follow on tracks so too. Into a
+    crop that stands, stages put them in order.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if _works_way_in(site, order):
         return charged_s
     nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
     for nest, ring in enumerate(list_rings(lines)):
-        numbers = [number for side in ring for number in side]
-        sides = [number for number in numbers if lines[number].is_side]
-        passes = {lines[number].task.number or 0 for number in sides}
+        numbers = [number for side in ring for number in side if lines[number].is_side]
+        passes = {lines[number].task.number or 0 for number in numbers}
         by_place = sorted(passes, reverse=order != HEADLAND_FIRST)
         nests[numbers] = nest
-        places[sides] = [by_place.index(lines[number].task.number or 0) for number in sides]
-        tree = shapely.STRtree([shapely.LineString(lines[number].paths[0]) for number in sides])
-        for number in set(numbers) - set(sides):
-            middle = lines[number].paths[0].mean(axis=0)
-            places[number] = places[sides[int(tree.nearest(shapely.Point(middle)))]]
+        places[numbers] = [by_place.index(lines[number].task.number or 0) for number in numbers]
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
     is_track = np.array([is_alone and line.group[0] == SWATH for line in lines], bool)
-    is_late = np.array([line.is_side for line in lines], bool) & (places > 0)
-    begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & is_late
+    begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & (places > 0)
     is_charged = (nests >= 0) & (goes_back | begins_late)
     charged_s[:-1, :-1] = ROUND_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
@@ -119,23 +113,6 @@ def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[n
     is_charged = np.logical_or.outer(is_track, is_track) & ~is_beside
     charged_s[:-1, :-1] = site.furrow_s * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
-
-
-def list_furrow_tours(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[np.bool_]) -> list[list[list[int]]]:
-    """Tours by which a search for a plough begins: to and fro over all tracks of a tractor, begun either way.
-
-    No move of a search turns the order of tracks round without turning each of them round as well.
-    """
-    if site.furrow_s == 0.0:
-        return []
-    owners = np.argmax(allowed, axis=0)
-    tracks = [k for k, line in enumerate(lines) if line.task.kind == SWATH and allowed[:, k].any()]
-
-    def list_tour(tractor: int, way: int) -> list[int]:
-        own = sorted((lines[k].task.number or 0, k) for k in tracks if owners[k] == tractor)
-        return [2 * k + (number + way) % 2 for number, k in own]
-
-    return [[list_tour(tractor, way) for tractor in range(len(allowed))] for way in (0, 1)]
 
 
 def stagger_starts(plan: Plan, distance_m: float) -> Plan:

@@ -329,3 +329,16 @@ def test_refusals_name_the_value_and_the_rule() -> None:
     for start, words in (([[0]], "1 tours"), ([[0], [1]], "twice"), ([[], [0]], "tractor 2 works line 0")):
         with pytest.raises(HeadlandError, match=words):
             search_programmes(problem, 0, 1, start=start)
+
+
+def test_the_order_of_tracks_is_turned_where_each_stays_as_it_is_driven() -> None:
+    """Eight tracks to be worked one after its neighbour; the search begins with the seventh to the first, then the
+    last."""
+    tracks, ends_at_top = np.divmod(np.arange(16) ^ 1, 2)
+    is_beside = abs(np.subtract.outer(tracks, tracks)) == 1
+    stays_there = ends_at_top[:, None] != ends_at_top  # a track driven backward begins where one driven forward ends
+    move_s = np.where(is_beside & stays_there, 10.0, 130.0)
+    begin_s = 300.0 * (1 - ends_at_top)[None]  # from the bottom
+    problem = OrderProblem.from_moves(move_s, np.full(8, 60.0), np.full(8, 1e4), begin_s)
+    found = search_programmes(problem, 0, 1, [[12, 11, 8, 7, 4, 3, 0, 15]])
+    assert compute_cost_s(problem, found) == pytest.approx(8 * 60.0 + 7 * 10.0)

@@ -35,7 +35,6 @@ from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import (
     charge_order,
     find_first_tasks,
-    list_furrow_tours,
     list_stages,
     stagger_starts,
 )
@@ -343,8 +342,7 @@ class DealtLines:
 
     def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
         """Tours by estimated moves, of lines that each tractor may work (tractors, n) without nodes that are barred."""
-        problem = self._pose_tours(allowed, barred)
-        return sketch_programme(problem, list_furrow_tours(self.moves.site, self.moves.lines, problem.allowed))
+        return sketch_programme(self._pose_tours(allowed, barred))
 
     def sketch(self, is_plain: bool = False) -> SketchedPlan:
         """The plan as sketched; unless `is_plain`, in a way that people would rather see (sketch_tidily)."""
