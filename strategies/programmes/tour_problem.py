@@ -11,7 +11,7 @@ import numpy.typing as npt
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.waiting_places import find_clashes
-from strategies.site.site import LEFT_FACTOR, ROUND_S
+from strategies.site.site import LEFT_FACTOR
 from vehicle.sim.path_conflicts import ClearanceCheck
 
 Floats = npt.NDArray[np.float64]
@@ -72,8 +72,9 @@ class TourProblem:
             np.repeat(np.where(is_barred, np.inf, row)[None], len(may), axis=0)
             for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)
         ]
-        if site.crop_stands:  # every tractor works its way in from the edge
-            ends_s[0] += ROUND_S * np.repeat(stage > stage.min(initial=0), 2)
+        if site.crop_stands:  # a strip of it is lost in each pass that a tractor crosses to where it begins
+            lost_s_per_pass = LEFT_FACTOR * site.rules.body_width_m / site.rules.work_speed_mps
+            ends_s[0] += lost_s_per_pass * np.repeat(stage - stage.min(initial=0), 2)
         starts = list(moves.starts)
         ends_s[0][:, starts], ends_s[0][: len(starts)] = np.inf, np.inf
         ends_s[0][range(len(starts)), starts] = 0.0

@@ -52,6 +52,11 @@ class DrivingRules:
         return replace(self, **spacing_m)
 
     @property
+    def body_width_m(self) -> float:
+        """Width of the tractor (m)."""
+        return 2.0 * self.boxes[0][2]
+
+    @property
     def max_reverse_m(self) -> float:
         """The most that is driven in reverse in one manoeuvre, wherever another path leads on (m)."""
         return MAX_REVERSE_LENGTHS * self.length_m
