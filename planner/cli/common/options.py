@@ -25,16 +25,14 @@ if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
 
 
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
-]
-CsvOption = Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)]
-ProcessesOption = Annotated[
-    Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
-]
-ClusterOption = Annotated[
-    Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
-]
+in_output, in_work, in_computing = (
+    functools.partial(typer.Option, rich_help_panel=panel) for panel in (OUTPUT, WORK, COMPUTING)
+)
+"""Options of a plan by their panel in its help."""
+JsonOption = Annotated[bool, in_output("--json", help="Print JSON for programs instead of the table.")]
+CsvOption = Annotated[bool, in_output("--csv", help="Print CSV instead of the table.")]
+ProcessesOption = Annotated[Optional[int], in_computing(help="Processes to use; by default one per core.")]
+ClusterOption = Annotated[Optional[str], in_computing(help="Plan on a Dask cluster: tcp://HOST:8786.")]
 FIELD_FORMS = "GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS"
 SAMPLES = "iwamizawa, denmark, netherlands, sweden"
 FieldArgument = Annotated[
@@ -55,10 +53,7 @@ NO_RESULT_STATUS = 3
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 HeadlandOrderOption = Annotated[
-    Optional[str],
-    typer.Option(
-        help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
-    ),
+    Optional[str], in_work(help="When the headland is worked: first, last. By default what --operation allows.")
 ]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
 PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
@@ -151,7 +146,12 @@ def inject_request_options(
             for option in (*list_options(PlanRequest), *list_options(FarmChoice))
             if option.name not in ("field", *without) and (only is None or option.name in only)
         ]
-        first = [parameter for parameter in own if _is_argument(parameter.annotation)]
+        first = [
+            parameter
+            for parameter in own
+            if parameter.annotation is typer.Context
+            or any(isinstance(part, ArgumentInfo) for part in getattr(parameter.annotation, "__metadata__", ()))
+        ]
         last = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own if parameter not in first]
 
         @functools.wraps(command)
@@ -162,12 +162,6 @@ def inject_request_options(
         return run
 
     return extend
-
-
-def _is_argument(annotation: Any) -> bool:
-    return annotation is typer.Context or any(
-        isinstance(part, ArgumentInfo) for part in getattr(annotation, "__metadata__", ())
-    )
 
 
 def read_given_options(
