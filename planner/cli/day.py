@@ -16,12 +16,7 @@ from planner.cli.common.options import (
     create_group,
     inject_request_options,
 )
-from planner.cli.common.outputs import (
-    check_output_paths,
-    list_input_files,
-    render_requested,
-    write_before_printing,
-)
+from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
     from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
+    from reports.common.plan_results import PlanRanking
     from reports.plan.many_fields import FieldRow
 
 
@@ -241,8 +242,8 @@ def plan(
     result = simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
-    learned = [f"From the farm's own logs: {words}." for words in result.ranking.scenario.get("learned", ())]
-    print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
+    remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
+    print_remarks([*remarks, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
         if form.is_for_programs:
@@ -256,6 +257,11 @@ def plan(
         )
     if not result.ranking.is_recommended:
         raise typer.Exit(NO_RESULT_STATUS)
+
+
+def _describe_learned_values(ranking: PlanRanking) -> list[str]:
+    """A sentence for every value from the farm's own logs."""
+    return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
 
 
 def simulate_plans(

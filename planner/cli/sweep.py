@@ -30,12 +30,7 @@ from planner.cli.common.options import (
     read_given_options,
     render_refusal,
 )
-from planner.cli.common.outputs import (
-    check_output_paths,
-    list_input_files,
-    render_requested,
-    write_before_printing,
-)
+from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError

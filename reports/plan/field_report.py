@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -12,7 +12,7 @@ from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
 from reports.common.language import translate, translate_sentence
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import FittedTable, TableColumn, build_table, format_sentence, format_title
 from reports.common.wording import NO_VALUE, capitalize_first, format_number, format_yes_no
 
 _UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
@@ -128,24 +128,17 @@ def _format_fact(value: Any, separator: str = "\n") -> str:
 
 def build_parcels_table(parcels: Sequence[FieldSummary]) -> RenderableType:
     """Position, id, area in hectares and holes of every field, what it lies inside, and why it cannot be used."""
-    columns = [TableColumn("#"), TableColumn("ID", is_text=True), TableColumn("Area (ha)"), TableColumn("Holes")]
-    rows = [
-        [
-            str(parcel.position),
-            parcel.key,
-            format_number(parcel.area_ha, 2),
-            NO_VALUE if parcel.holes is None else str(parcel.holes),
-        ]
-        for parcel in parcels
+    figures: list[tuple[TableColumn, Callable[[FieldSummary], str]]] = [
+        (TableColumn("#"), lambda one: str(one.position)),
+        (TableColumn("ID", is_text=True), lambda one: one.key),
+        (TableColumn("Area (ha)"), lambda one: format_number(one.area_ha, 2)),
+        (TableColumn("Holes"), lambda one: NO_VALUE if one.holes is None else str(one.holes)),
     ]
-    for heading, texts in (
-        ("Inside", [parcel.inside or "" for parcel in parcels]),
-        ("Not usable", [parcel.fault for parcel in parcels]),
-    ):
-        if any(texts):
-            columns.append(TableColumn(heading, is_text=True))
-            rows = [[*row, text] for row, text in zip(rows, texts, strict=True)]
-    return FittedTable(tuple(columns), tuple(map(tuple, rows)))
+    if any(one.inside for one in parcels):
+        figures.append((TableColumn("Inside", is_text=True), lambda one: one.inside or ""))
+    if any(one.fault for one in parcels):
+        figures.append((TableColumn("Not usable", is_text=True), lambda one: one.fault))
+    return build_table(parcels, figures)
 
 
 def format_parcels_json(parcels: Sequence[FieldSummary]) -> str:

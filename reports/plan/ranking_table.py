@@ -19,14 +19,7 @@ from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_r
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
 from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
 from reports.plan.answer import write_answer
-from reports.plan.figures import (
-    COUNT_DROPS,
-    SCREEN_DROPS,
-    TABLE_DROPS,
-    Figure,
-    build_figure_table,
-    choose_figures,
-)
+from reports.plan.figures import COUNT_DROPS, SCREEN_DROPS, TABLE_DROPS, Figure, build_figure_table, choose_figures
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     SAME_TIME_S,

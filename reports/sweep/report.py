@@ -181,10 +181,6 @@ def render_sweep_parquet(result: SweepResult) -> bytes:
     return buffer.getvalue()
 
 
-WHOLE_MINUTES_S = TIME_STEPS_S[TIME_STEPS_S.index(60) :]
-ROOM = 0.04  # of the range of values, beside the first and the last
-
-
 def render_sweep_page(result: SweepResult) -> str:
     """The page as HTML text, in English: a point shows its options, its figures and the command that drives it."""
     table, rows = build_front_table(result), result.rows
@@ -223,7 +219,9 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
     assert result.best is not None
     return {
         "frame": SWEEP_FRAME,
-        "x_ticks": x_axis.list_ticks(WHOLE_MINUTES_S, lambda value: format_duration(value).removesuffix(":00")),
+        "x_ticks": x_axis.list_ticks(
+            TIME_STEPS_S[TIME_STEPS_S.index(60) :], lambda value: format_duration(value).removesuffix(":00")
+        ),
         "y_ticks": y_axis.list_ticks(),
         "groups": [
             {
@@ -269,7 +267,7 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
 def _widen_range(values: Sequence[float]) -> tuple[float, float]:
     """The least and the largest of values, and some room beyond."""
     low, high = min(values), max(values)
-    room = ROOM * (high - low) or 0.1 * abs(high) or 1.0
+    room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
     return low - room, high + room
 
 
@@ -331,9 +329,18 @@ def render_sweep_png(result: SweepResult) -> bytes:
 @build_view.register
 def build_sweep_view(result: SweepResult) -> ResultView:
     """A sweep: what to take, cost over time, and all plans as a table."""
+
+    def render() -> str:
+        sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
+        picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
+        best = next((place for place, one in enumerate(rows) if one is result.best), None)
+        tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
+        words = "Cost over time of all combinations"
+        return render_fragment(describe_title(result), sentences, tables, picture, words)
+
     return ResultView(
         summary=lambda: f"{describe_title(result)}. {describe_best(result)}",
-        html=lambda: render_sweep_fragment(result),
+        html=render,
         table=lambda: list_rows(result),
         draw=None if result.best is None else lambda axes: draw_sweep(axes, result),
         not_drawn=f"{NOT_DRAWN}, as no combination has a plan.",
@@ -345,12 +352,3 @@ def build_sweep_view(result: SweepResult) -> ResultView:
             ".parquet": lambda: render_sweep_parquet(result),
         },
     )
-
-
-def render_sweep_fragment(result: SweepResult) -> str:
-    """What to take and what matters, cost over time, and the table of what no other beats."""
-    sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
-    picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
-    best = next((place for place, one in enumerate(rows) if one is result.best), None)
-    tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
-    return render_fragment(describe_title(result), sentences, tables, picture, "Cost over time of all combinations")

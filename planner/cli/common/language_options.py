@@ -75,12 +75,6 @@ RANGES = (
 
 def choose_reader(arguments: Sequence[str], environment: Mapping[str, str]) -> Reader:
     """The reader that options before the command ask for, else the environment; RequestError for what is unknown."""
-    options = read_leading_options(arguments)
-    return Reader(_choose_language(options, environment), _choose_units(options, environment))
-
-
-def read_leading_options(arguments: Sequence[str]) -> dict[str, str]:
-    """Values of --language and --units before the command."""
     options: dict[str, str] = {}
     words = iter(arguments)
     for word in words:
@@ -89,44 +83,32 @@ def read_leading_options(arguments: Sequence[str]) -> dict[str, str]:
             break
         if name in (LANGUAGE_OPTION, UNITS_OPTION):
             options[name] = value if equals else next(words, "")
-    return options
-
-
-def _choose_language(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
     name = LANGUAGE_OPTION if LANGUAGE_OPTION in options else LANGUAGE_VARIABLE
     tag = options.get(LANGUAGE_OPTION, environment.get(LANGUAGE_VARIABLE) or None)
-    if tag is None:
-        return choose_language(environment)
-    if get_tag_language(tag) not in LANGUAGE_NAMES:
+    if tag is not None and get_tag_language(tag) not in LANGUAGE_NAMES:
         raise RequestError(f"{name} {tag[:40]!r} has no catalogue; use one of {', '.join(LANGUAGE_NAMES)}.")
-    return get_tag_language(tag)
-
-
-def _choose_units(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
+    language = choose_language(environment) if tag is None else get_tag_language(tag)
     name = UNITS_OPTION if UNITS_OPTION in options else UNITS_VARIABLE
     units = options.get(UNITS_OPTION, environment.get(UNITS_VARIABLE) or METRIC)
     if units.lower() not in UNIT_SYSTEMS:
         raise RequestError(f"{name} {units[:40]!r} is unknown; use {' or '.join(UNIT_SYSTEMS)}.")
-    return units.lower()
+    return Reader(language, units.lower())
 
 
 def translate_help(command: Any) -> None:
-    """Put the texts of a command, its options and its subcommands in the language in use."""
-    _translate_titles()
+    """Put the texts of a command, its options and its subcommands in the language in use.
+
+    Headings of the help are kept by typer for all commands of a process.
+    """
+    if get_language() != ENGLISH or "typer.rich_utils" in sys.modules:
+        from typer import rich_utils
+
+        for name, text in HELP_TITLES.items():
+            setattr(rich_utils, name, translate(text))
+        if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
+            rich_utils._make_rich_text = FoldedTexts(rich_utils._make_rich_text)
     if get_language() != ENGLISH or hasattr(command, "english_texts"):
         _translate_command(command)
-
-
-def _translate_titles() -> None:
-    """Headings of the help, which typer keeps for all commands of a process."""
-    if get_language() == ENGLISH and "typer.rich_utils" not in sys.modules:
-        return
-    from typer import rich_utils
-
-    for name, text in HELP_TITLES.items():
-        setattr(rich_utils, name, translate(text))
-    if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
-        rich_utils._make_rich_text = FoldedTexts(rich_utils._make_rich_text)
 
 
 class FoldedTexts:
