@@ -196,9 +196,9 @@ def check(
 
     Example: headland tractor check my.toml --html my.html
     """
-    from planner.cli.experiments import render_experiment_outputs
+    from planner.cli.experiments import print_experiments
     from planner.farm.inventory import load_farm
-    from reports.trials.report import build_trials_table, format_tractor_check_json
+    from reports.trials.report import format_tractor_check_json
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.tractor_check import check_tractor
 
@@ -207,10 +207,7 @@ def check(
     warm_up()
     with create_progress_callback("Driving the tractor"):
         verdict, sheet = check_tractor(machine)
-    with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        AnswerForm(json).print_answer(
-            verdict, json=format_tractor_check_json, screen=lambda _: build_trials_table((sheet,))
-        )
+    print_experiments((sheet,), html, png, AnswerForm(json), verdict, json=format_tractor_check_json)
 
 
 farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")

@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 from functools import cache, partial
 from operator import mul
 from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from planner.errors import strip_unit
 
@@ -116,7 +116,7 @@ def list_options(model: type) -> tuple[RequestOption, ...]:
             options.append(RequestOption(name, parameter.name, bool, False, help_text, rules, value=value))
         if flags is None:
             if form is None and limits is not None and limits.scale != 1.0:
-                written = None if default is None else float(default) / limits.scale
+                written = None if default is None else float(cast(Any, default)) / limits.scale
                 form = OptionTextForm(float, partial(mul, limits.scale), written)
             name = rules.name or strip_unit(parameter.name)
             kind, parse = (get_plain_type(annotation), None) if form is None else (form.type, form.parse)

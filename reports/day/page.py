@@ -76,14 +76,6 @@ def draw_gantt(result: DayResult) -> Figure:
     return figure
 
 
-def draw_machine_day(axes: Axes, result: DayResult) -> None:
-    """The work of every machine over the day on given axes, as in the upper part of `draw_gantt`."""
-    span_start_s, span_end_s = _compute_time_span(result)
-    names = [fleet.name for fleet in result.fleets]
-    _draw_time_grid(axes, names, "By machine", result, (span_start_s, span_end_s))
-    _draw_machines(axes, result, span_end_s - span_start_s)
-
-
 def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
     """Fields, yard and the roads driven, north up, in metres; None where fewer than two places are known.
 
@@ -275,11 +267,17 @@ def build_day_view(day: DayResult) -> ResultView:
         sentences = [*others, describe_optimality_gap(day), *day.remarks]
         return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
 
+    def draw(axes: Axes) -> None:
+        """The work of every machine over the day, as in the upper part of `draw_gantt`."""
+        first_s, last_s = _compute_time_span(day)
+        _draw_time_grid(axes, [fleet.name for fleet in day.fleets], "By machine", day, (first_s, last_s))
+        _draw_machines(axes, day, last_s - first_s)
+
     return ResultView(
         summary=lambda: " ".join(list_day_sentences(day)),
         html=render,
         table=lambda: [flatten_entry(make_json_safe(job, EXPORT_DECIMALS)) for job in day.jobs],
-        draw=lambda axes: draw_machine_day(axes, day),
+        draw=draw,
         figure_inches=DAY_INCHES,
         files={
             ".json": lambda: format_day_json(day),

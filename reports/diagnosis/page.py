@@ -56,6 +56,7 @@ ERROR_COLOURS = {
 def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
     """Render the page as HTML; `hidden` describes the hidden effect of a demonstration."""
     discrepancy, drive, findings = diagnosis.tractor.discrepancy_model, diagnosis.next_drive, diagnosis.findings
+    holdout, horizon = diagnosis.holdout, diagnosis.holdout and find_shown_horizon_s(diagnosis.holdout)
     content = {
         "headline": replace_effect_ids(diagnosis.causes_sentence),
         "faults": [fault.sentence for fault in diagnosis.faults],
@@ -74,7 +75,14 @@ def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> st
             for run in (sort_runs(diagnosis) if len(diagnosis.runs) > 1 else ())
         ],
         "run_horizon": f"{SHOWN_HORIZON_S:g}",
-        "holdout": _build_holdout_content(diagnosis),
+        "holdout": holdout
+        and {
+            "sentences": describe_holdout(diagnosis),
+            "rows": list_error_rows(holdout.before, holdout.after, by_kind=True),
+            "runs": list_holdout_rows(diagnosis),
+            "horizon": None if horizon is None else f"{horizon:g}",
+            "unsaved": describe_unsaved_finds(diagnosis),
+        },
         "left_out": list(diagnosis.rows_gated_by_reason.items()),
         "tractor": diagnosis.tractor.name,
         "ground": diagnosis.ground,
@@ -107,21 +115,6 @@ def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> st
         "after_colour": palette.TRACTOR_COLOURS[0],
     }
     return render_template("diagnosis.html.j2", content)
-
-
-def _build_holdout_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """Sentences, errors by length of the pieces, and errors by run of what was held out."""
-    holdout = diagnosis.holdout
-    if holdout is None:
-        return None
-    horizon = find_shown_horizon_s(holdout)
-    return {
-        "sentences": describe_holdout(diagnosis),
-        "rows": list_error_rows(holdout.before, holdout.after, by_kind=True),
-        "runs": list_holdout_rows(diagnosis),
-        "horizon": None if horizon is None else f"{horizon:g}",
-        "unsaved": describe_unsaved_finds(diagnosis),
-    }
 
 
 def _describe_curve_cause(diagnosis: Diagnosis) -> str:

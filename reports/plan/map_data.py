@@ -46,7 +46,6 @@ from reports.plan.leg_list import describe_leg, format_leg_heading, format_leg_m
 from reports.plan.map_labels import (
     LegMark,
     MapLabel,
-    list_leg_numbers,
     name_swaths,
     place_cell_labels,
     place_cut_off_labels,
@@ -243,7 +242,12 @@ def _build_plan_drawing(
 
 
 def _build_lane(
-    drive: PlanDrive, number: int, path: TimedPath, marks: Sequence[LegMark], viewport: Viewport, lists_legs: bool
+    drive: PlanDrive,
+    number: int,
+    path: TimedPath,
+    marks: Sequence[LegMark],
+    viewport: Viewport,
+    lists_legs: bool,
 ) -> dict[str, Any]:
     """The drive of a tractor: arrows with numbers, stops with their time, knots, and its legs with their heading.
 
@@ -263,8 +267,8 @@ def _build_lane(
     return {
         "knots": [int(value) for value in knots.ravel()],
         "status": "".join(map(str, path.status.tolist())),
-        "arrows": viewport.format_rings(mark.head for mark in marks),
-        "numbers": [[*one.values()] for one in _place_labels(list_leg_numbers(marks), viewport)],
+        "arrows": viewport.format_rings(head for head, _ in marks),
+        "numbers": [[*one.values()] for one in _place_labels([label for _, label in marks if label.text], viewport)],
         "waits": waits,
         "refills": refills,
         "folds": folds,

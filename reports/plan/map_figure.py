@@ -15,7 +15,7 @@ import shapely
 
 from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
-from reports.common.plan_records import PlanDrive, Points, Relief
+from reports.common.plan_records import PlanDrive, Points
 from reports.common.rendering import create_figure
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
@@ -37,7 +37,6 @@ from reports.plan.leg_list import format_leg_heading, format_leg_rows
 from reports.plan.map_labels import (
     MapLabel,
     count_tracks,
-    list_leg_numbers,
     place_cell_labels,
     place_ground_labels,
     place_headland_pass_labels,
@@ -57,13 +56,22 @@ _BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
 
 def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     """The field, the bands of its headland passes, its swaths, obstacles, outline and fences."""
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import LineCollection, PolyCollection
 
     outline = [drive.boundary, *drive.holes]
     field_patch = build_patch(outline, facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1)
     axes.add_patch(field_patch)
-    if drive.relief is not None:
-        _draw_relief(axes, drive.relief, field_patch)
+    if drive.relief is not None:  # shading and contours
+        west, south, east, north = drive.relief.bounds_m
+        picture = axes.imshow(
+            drive.relief.shade, cmap="gray", vmin=0.0, vmax=1.0, alpha=palette.SHADE_OPACITY,
+            extent=(west, east, south, north), origin="lower", interpolation="bilinear", zorder=1.2, aspect="equal",
+        )  # fmt: skip
+        contours = [points for _, points in drive.relief.contours]
+        lines = LineCollection(contours, colors=palette.CONTOUR_COLOUR, linewidths=0.5, zorder=1.8)
+        axes.add_collection(lines, autolim=False)
+        for artist in (picture, lines):
+            artist.set_clip_path(field_patch)
     for headland_pass in drive.headland_passes:
         band = shapely.LineString(headland_pass.points).buffer(0.5 * drive.width_m, **_BUFFER_STYLE)
         parts = shapely.get_parts(band)
@@ -81,23 +89,6 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     axes.add_patch(build_patch(outline, facecolor="none", edgecolor=palette.EDGE_COLOUR, linewidth=1.2, zorder=3))
     for line in drive.fences:
         axes.plot(*line.T, color=palette.INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
-
-
-def _draw_relief(axes: Axes, relief: Relief, field_patch: PathPatch) -> None:
-    """Shading and contours inside the patch of a field."""
-    from matplotlib.collections import LineCollection
-
-    west, south, east, north = relief.bounds_m
-    picture = axes.imshow(
-        relief.shade, cmap="gray", vmin=0.0, vmax=1.0, alpha=palette.SHADE_OPACITY, extent=(west, east, south, north),
-        origin="lower", interpolation="bilinear", zorder=1.2, aspect="equal",
-    )  # fmt: skip
-    lines = LineCollection(
-        [points for _, points in relief.contours], colors=palette.CONTOUR_COLOUR, linewidths=0.5, zorder=1.8
-    )
-    axes.add_collection(lines, autolim=False)
-    for artist in (picture, lines):
-        artist.set_clip_path(field_patch)
 
 
 def build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
@@ -243,9 +234,9 @@ def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
     _write_labels(axes, place_ground_labels(drive, box), palette.UNWORKED_COLOUR, 9, 9, bold=True)
     for number, marks in enumerate(place_leg_marks(drive, size)):
         _draw_path(axes, drive, number)
-        heads, colour = [mark.head for mark in marks], palette.get_tractor_colour(number)
+        heads, colour = [head for head, _ in marks], palette.get_tractor_colour(number)
         axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
-        _write_labels(axes, list_leg_numbers(marks), colour, 5.5, 5.5, bold=True)
+        _write_labels(axes, [label for _, label in marks if label.text], colour, 5.5, 5.5, bold=True)
     if drive.entrance is not None:
         axes.plot(*drive.entrance, marker="v", color=ink, markersize=8, linestyle="none", zorder=6)
     for cell in drive.cells:

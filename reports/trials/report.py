@@ -34,7 +34,6 @@ from reports.plan.map_figure import encode_svg_base64
 from vehicle.trials.sheets.sheet import (
     ExperimentSheet,
     HeatMap,
-    PlotLine,
     PlotPanel,
     SteeredDrive,
     ThesisComparison,
@@ -86,11 +85,40 @@ def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
     axes.set_ylabel(panel.y_label)
     axes.spines[["top", "right"]].set_visible(False)
     if isinstance(panel, HeatMap):
-        _draw_heat_map(axes, panel)
+        from matplotlib.colors import LogNorm
+        from matplotlib.patches import Patch
+
+        values = np.ma.masked_invalid(panel.values)
+        wide = values.count() and values.max() > 3.0 * values.min()
+        norm = LogNorm(float(values.min()), float(values.max())) if wide else None
+        mesh = axes.pcolormesh(panel.x, panel.y, values, cmap="viridis", norm=norm, shading="nearest")
+        axes.set_facecolor("#D9D9D9")
+        axes.set_xticks(panel.x)
+        bar = axes.figure.colorbar(mesh, ax=axes)
+        bar.set_label(panel.value_label)
+        if wide:
+            ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if values.min() <= tick <= values.max()]
+            bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+            bar.minorticks_off()
+        patch = Patch(facecolor="#D9D9D9", edgecolor="#8A8A8A", label=panel.missing)
+        axes.legend(handles=[patch], fontsize=8, loc="upper right", framealpha=0.9, edgecolor="none")
         return
     axes.grid(color="#E4E4E4", linewidth=0.6)
     for line in panel.lines:
-        _draw_line(axes, line)
+        step = max(1, len(line.x) // 1500)
+        x, y = line.x[::step], line.y[::step]
+        if line.stages is None:
+            axes.plot(
+                x, y, color=palette.get_tractor_colour(line.colour), linestyle=(0, (5, 3)) if line.dashed else "solid",
+                linewidth=1.4, marker="o" if len(x) < 40 else None, markersize=4, label=line.label,
+            )  # fmt: skip
+            continue
+        stages = line.stages[::step]
+        for stage, (label, colour) in _STAGE_STYLES.items():
+            inside = stages[1:] == stage
+            if (stages == stage).any():
+                shown = np.where(np.concatenate([inside, [False]]) | np.concatenate([[False], inside]), y, np.nan)
+                axes.plot(x, shown, color=colour, linewidth=1.8, label=f"wheel angle {label}")
     if panel.missing:  # crosses at the lower edge, a row per line, where a line has no value
         low, high = axes.get_ylim()
         axes.set_ylim(low - 0.03 * len(panel.lines) * (high - low), high)
@@ -104,43 +132,6 @@ def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
         axes.set_aspect("equal", adjustable="datalim")
     if len(panel.lines) > 1 or panel.lines[0].stages is not None:
         axes.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
-
-
-def _draw_line(axes: Axes, line: PlotLine) -> None:
-    step = max(1, len(line.x) // 1500)
-    x, y = line.x[::step], line.y[::step]
-    colour = palette.get_tractor_colour(line.colour)
-    if line.stages is not None:
-        stages = line.stages[::step]
-        for stage, (label, stage_colour) in _STAGE_STYLES.items():
-            inside = stages[1:] == stage
-            if (stages == stage).any():
-                shown = np.where(np.concatenate([inside, [False]]) | np.concatenate([[False], inside]), y, np.nan)
-                axes.plot(x, shown, color=stage_colour, linewidth=1.8, label=f"wheel angle {label}")
-        return
-    style = (0, (5, 3)) if line.dashed else "solid"
-    marker = "o" if len(x) < 40 else None
-    axes.plot(x, y, color=colour, linestyle=style, linewidth=1.4, marker=marker, markersize=4, label=line.label)
-
-
-def _draw_heat_map(axes: Axes, panel: HeatMap) -> None:
-    from matplotlib.colors import LogNorm
-    from matplotlib.patches import Patch
-
-    values = np.ma.masked_invalid(panel.values)
-    wide = values.count() and values.max() > 3.0 * values.min()
-    norm = LogNorm(float(values.min()), float(values.max())) if wide else None
-    mesh = axes.pcolormesh(panel.x, panel.y, values, cmap="viridis", norm=norm, shading="nearest")
-    axes.set_facecolor("#D9D9D9")
-    axes.set_xticks(panel.x)
-    bar = axes.figure.colorbar(mesh, ax=axes)
-    bar.set_label(panel.value_label)
-    if wide:
-        ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if values.min() <= tick <= values.max()]
-        bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-        bar.minorticks_off()
-    patch = Patch(facecolor="#D9D9D9", edgecolor="#8A8A8A", label=panel.missing)
-    axes.legend(handles=[patch], fontsize=8, loc="upper right", framealpha=0.9, edgecolor="none")
 
 
 NEAR_PCT, FAR_PCT = 5.0, 15.0
