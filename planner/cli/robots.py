@@ -107,13 +107,10 @@ def _run_demo(
 def _create_token(data: Path, name: str, scope: str, **restrictions: Any) -> str:
     """A token with one scope, for a day."""
     from planner.cli.server import build_settings
-    from planner.service.store.service_store import Store
+    from planner.service.store.service_store import open_store
 
-    store = Store(build_settings(data, ""))
-    try:
+    with open_store(build_settings(data, "")) as store:
         return store.create_token_text(name, scope, expires="24h", **restrictions)
-    finally:
-        store.close()
 
 
 @contextlib.contextmanager

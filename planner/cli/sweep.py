@@ -176,7 +176,11 @@ class _Question:
     def build_sweep(self, link: str) -> Sweep:
         """The sweep over all combinations; without tractors among the options over those of the farm."""
         from planner.sweeps.sweep import Sweep
+        from reports.sweep.results import list_option_words
 
+        command = ["headland", "plan"]  # plans one combination, but for the field and the options that are varied
+        for option, value in self._list_fixed():
+            command += list_option_words(option.rules.declaration or get_option_name(option.name), value)
         requests = {name: self.given.build_request(field=name) for name in self.fields}
         axes, given = self.axes, self.given
         if all(axis.parameter != "tractors" for axis in axes):
@@ -187,7 +191,7 @@ class _Question:
         def build_order(name: str, parameters: Mapping[str, Any]) -> WorkOrder:
             return given.build_order(replace(requests[name], **parameters))
 
-        return Sweep(axes, self.fields, build_order, self._build_command(), link)
+        return Sweep(axes, self.fields, build_order, tuple(command), link)
 
     def build_link(self, service: str) -> str:
         """The form of a service at an address with the field and what stays; "" without one. Raises RequestError.
@@ -211,15 +215,6 @@ class _Question:
         files = {one for one, path in self.given.values.items() if str(path) in map(str, self.list_files())}
         values = [(one.name, Path(value).stem if one.name in files else value) for one, value in self._list_fixed()]
         return f"{service.rstrip('/')}/#/plan?{build_query([('field', Path(name).stem + mark + part), *values])}"
-
-    def _build_command(self) -> tuple[str, ...]:
-        """What plans one combination, but for the field and the options that are varied."""
-        from reports.sweep.results import list_option_words
-
-        words = ["headland", "plan"]
-        for option, value in self._list_fixed():
-            words += list_option_words(option.rules.declaration or get_option_name(option.name), value)
-        return tuple(words)
 
     def _list_fixed(self) -> Iterator[tuple[RequestOption, Any]]:
         """The options that are given and stay, one that is repeated as often."""

@@ -132,11 +132,5 @@ class FarmImplement(FileSection):
     @property
     def simulated_implement(self) -> Implement:
         """The implement for the simulator."""
-        return Implement(
-            width_m=self.width_m,
-            hitch_m=self.hitch_m,
-            length_m=self.length_m,
-            frame_width_m=self.frame_width_m,
-            transport_width_m=self.transport_width_m,
-            fold_s=self.fold_s,
-        )
+        own = {"width_m", "hitch_m", "length_m", "frame_width_m", "transport_width_m", "fold_s"}
+        return Implement(**self.model_dump(include=own))

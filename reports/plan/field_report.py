@@ -24,9 +24,6 @@ _HEADINGS = {
 }
 _DEGREE_KEYS, _METRE_KEYS = {"lon", "lat"}, {"x_m", "y_m"}
 _PRINTED_KEYS = {"reason", "kind", "crs"}  # whose values are words of Headland, not names
-_FITTING_TURNS_KEY, _TURN_SECONDS_KEY, _ESTIMATED_SECONDS_KEY = (
-    "fitting_pct_by_swaths", "turn_s_by_swaths", "estimated_turn_s_by_swaths"
-)  # fmt: skip
 
 
 def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
@@ -42,27 +39,25 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
             format_title(_HEADINGS.get(key, _format_fact_label(key)), style="bold"),
             _build_facts_table(rows),
         ]
-    if turns:
-        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(list_turn_rows(turns))]
+    if turns:  # a row per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds
+        fitting, seconds, estimated_s = (
+            turns[f"{name}_by_swaths"] for name in ("fitting_pct", "turn_s", "estimated_turn_s")
+        )
+        kinds = dict.fromkeys(kind for shares in fitting.values() for kind in shares)
+        rows = [
+            {
+                "over_swaths": swaths_over,
+                **{f"{kind}_pct": fitting.get(swaths_over, {}).get(kind) for kind in kinds},
+                "takes_s": seconds.get(swaths_over),
+                "estimated_s": estimated_s.get(swaths_over),
+            }
+            for swaths_over in dict.fromkeys([*fitting, *seconds, *estimated_s])
+        ]
+        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(rows)]
         parts.append(format_sentence("Percent of track ends where such a turn fits.", style="dim"))
-        if turns[_ESTIMATED_SECONDS_KEY]:
+        if estimated_s:
             parts.append(format_sentence("Estimated: two full circles, where no turn fits.", style="dim"))
     return Group(*parts)
-
-
-def list_turn_rows(turns: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A row per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds."""
-    kinds = list(dict.fromkeys(kind for shares in turns[_FITTING_TURNS_KEY].values() for kind in shares))
-    counts = dict.fromkeys([*turns[_FITTING_TURNS_KEY], *turns[_TURN_SECONDS_KEY], *turns[_ESTIMATED_SECONDS_KEY]])
-    return [
-        {
-            "over_swaths": swaths_over,
-            **{f"{kind}_pct": turns[_FITTING_TURNS_KEY].get(swaths_over, {}).get(kind) for kind in kinds},
-            "takes_s": turns[_TURN_SECONDS_KEY].get(swaths_over),
-            "estimated_s": turns[_ESTIMATED_SECONDS_KEY].get(swaths_over),
-        }
-        for swaths_over in counts
-    ]
 
 
 def build_field_table(info: Mapping[str, Any]) -> RenderableType:

@@ -81,7 +81,8 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     if limit is not None:
         deadline = {"y": axis.place(limit), "text": f"deadline {format_deadline(ranking)}"}
     return {
-        "box": _build_box(axis),
+        # The band of the picture that an upward axis is of: its south is the upper edge, as y is down.
+        "box": MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first),
         "width": TIME_FRAME.width,
         "height": TIME_FRAME.height,
         "points": _place_points(plans, names, [(places[one.tractors], axis.place(one.ranked_s)) for one in plans]),
@@ -91,11 +92,6 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         "times": axis.list_ticks(TIME_STEPS_S, lambda time_s: format_duration(time_s).removesuffix(":00")),
         "names": [{"text": name, "colour": index % len(TRACTOR_COLOURS)} for index, name in enumerate(names)],
     }
-
-
-def _build_box(axis: ChartAxis) -> MapExtent:
-    """The band of the picture that an upward axis is of; its south is the upper edge, as y is down."""
-    return MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first)
 
 
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
@@ -149,7 +145,7 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
                      "text": texts[plan.tractors]}
                     for plan, value in points
                 ],
-                "box": _build_box(axis),
+                "box": MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first),
             }
         )  # fmt: skip
     counts = [{"x": x, "text": str(count)} for count, x in places.items()]

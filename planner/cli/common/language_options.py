@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import FunctionType
 from typing import Any
 
@@ -106,27 +107,19 @@ def translate_help(command: Any) -> None:
         for name, text in HELP_TITLES.items():
             setattr(rich_utils, name, translate(text))
         if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
-            rich_utils._make_rich_text = FoldedTexts(rich_utils._make_rich_text)
+            rich_utils._make_rich_text = partial(FoldedText, rich_utils._make_rich_text)
     if get_language() != ENGLISH or hasattr(command, "english_texts"):
         _translate_command(command)
 
 
-class FoldedTexts:
-    """Makes help texts as typer does, but wraps what has no spaces, such as Japanese, instead of cutting it off."""
-
-    def __init__(self, make_text: Callable[..., Any]) -> None:
-        self.make_text = make_text
-
-    def __call__(self, **options: Any) -> Any:
-        """The text as rich renders it in a column of any width."""
-        return FoldedText(self.make_text(**options))
-
-
 class FoldedText:
-    """A text of rich that is broken between letters where a word is longer than the line."""
+    """A help text as typer makes it, but wrapped where it has no spaces, such as Japanese, instead of cut off.
 
-    def __init__(self, text: Any) -> None:
-        self.text = text
+    It is broken between letters where a word is longer than the line.
+    """
+
+    def __init__(self, make_text: Callable[..., Any], **options: Any) -> None:
+        self.text = make_text(**options)
 
     def __rich_console__(self, console: Any, options: Any) -> Any:
         yield from console.render(self.text, options.update(overflow="fold"))

@@ -18,7 +18,7 @@ from planner.cli.common.terminal import print_remarks
 from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.farm_choice import FarmChoice
 from planner.request.option_texts import parse_widths
-from planner.request.options import RequestOption, list_options
+from planner.request.options import list_options
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 
 if TYPE_CHECKING:
@@ -109,18 +109,6 @@ class ExecutorChoice:
         return create_executor(tasks, self.processes) if self.cluster is None else connect_cluster(self.cluster)
 
 
-def build_parameter(option: RequestOption, *, panel: bool = True, **changes: Any) -> inspect.Parameter:
-    """An option of a request as a parameter of a command; `changes` are of its fields, such as type or default."""
-    kind, default = changes.get("type", option.type), changes.get("default", option.default)
-    help_text = changes.get("help", option.format_help(get_option_name))
-    declaration = option.rules.declaration or get_option_name(option.name)
-    info = typer.Option(declaration, help=help_text, rich_help_panel=option.rules.panel if panel else None)
-    annotation = kind if default is not None else Optional[kind]
-    return inspect.Parameter(
-        option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, info]
-    )
-
-
 def inject_request_options(
     *,
     only: Collection[str] | None = None,
@@ -141,11 +129,21 @@ def inject_request_options(
             for name, parameter in inspect.signature(command).parameters.items()
             if parameter.kind is not inspect.Parameter.VAR_KEYWORD
         ]
-        taken = [
-            build_parameter(option, panel=panels, **(changes or {}).get(option.name, {}))
-            for option in (*list_options(PlanRequest), *list_options(FarmChoice))
-            if option.name not in ("field", *without) and (only is None or option.name in only)
-        ]
+        taken = []
+        for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
+            if option.name in ("field", *without) or (only is not None and option.name not in only):
+                continue
+            other = (changes or {}).get(option.name, {})
+            kind, default = other.get("type", option.type), other.get("default", option.default)
+            info = typer.Option(
+                option.rules.declaration or get_option_name(option.name),
+                help=other.get("help", option.format_help(get_option_name)),
+                rich_help_panel=option.rules.panel if panels else None,
+            )
+            annotation = Annotated[kind if default is not None else Optional[kind], info]
+            taken.append(
+                inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+            )
         first = [
             parameter
             for parameter in own
