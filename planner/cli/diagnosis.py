@@ -116,7 +116,7 @@ def diagnose(
     columns = _choose_mapping(mapping, column)
     heights = _choose_heights(elevation, elevation_crs, crs, demo)
     soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
-    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_line and soil_line.path, ".csv")
+    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_line.path if soil_line else None, ".csv")
     input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=logs or ())
     check_output_paths(*outputs, input_files=input_files)
     hidden = None

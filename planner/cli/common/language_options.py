@@ -107,7 +107,8 @@ def translate_help(command: Any) -> None:
         for name, text in HELP_TITLES.items():
             setattr(rich_utils, name, translate(text))
         if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
-            rich_utils._make_rich_text = partial(FoldedText, rich_utils._make_rich_text)
+            folded: Any = partial(FoldedText, rich_utils._make_rich_text)
+            rich_utils._make_rich_text = folded
     if get_language() != ENGLISH or hasattr(command, "english_texts"):
         _translate_command(command)
 

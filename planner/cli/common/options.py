@@ -140,10 +140,9 @@ def inject_request_options(
                 help=other.get("help", option.format_help(get_option_name)),
                 rich_help_panel=option.rules.panel if panels else None,
             )
-            annotation = Annotated[kind if default is not None else Optional[kind], info]
-            taken.append(
-                inspect.Parameter(option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-            )
+            kind = kind if default is not None else Optional[kind]
+            by_name = inspect.Parameter.KEYWORD_ONLY
+            taken.append(inspect.Parameter(option.name, by_name, default=default, annotation=Annotated[kind, info]))
         first = [
             parameter
             for parameter in own
