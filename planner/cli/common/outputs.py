@@ -106,9 +106,11 @@ def _check_writable_place(path: Path) -> bool:
         if not stat.S_ISREG(status.st_mode):
             _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
         for stream in filter(None, (sys.__stdout__, sys.__stderr__)):
+            is_same = False
             with suppress(OSError, ValueError):
-                if os.path.samestat(status, os.fstat(stream.fileno())):
-                    _refuse(f"{path} is where this command prints to; choose another file.")
+                is_same = os.path.samestat(status, os.fstat(stream.fileno()))
+            if is_same:
+                _refuse(f"{path} is where this command prints to; choose another file.")
     if not os.access(target if status else target.parent, os.W_OK):
         _refuse(f"{path} cannot be written: no permission; choose another place.")
     draft = _build_draft_path(target)
