@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from planner.cli.common.options import NO_RESULT_STATUS, AsJson, TractorOption
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import (
+    OutputContent,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
 from planner.cli.common.terminal import (
     AnswerForm,
     create_progress_callback,
@@ -23,6 +29,8 @@ from planner.request.option_checks import check_demo_options
 if TYPE_CHECKING:
     from planner.pipeline.log_ground import HeightFile
     from planner.pipeline.soil_rows import SoilLine
+    from vehicle.identification.diagnosis.demo_logs import HiddenEffect
+    from vehicle.identification.diagnosis.results import Diagnosis
 
 
 FixOption = Annotated[
@@ -100,66 +108,48 @@ def diagnose(
 
     Example: headland diagnose runs/*.csv --tractor eg105 --holdout auto --html report.html --save my-eg105.toml
     """
+
     limit_linear_algebra_threads()
-    from planner.pipeline.diagnosis import diagnose as diagnose_logs
-    from planner.pipeline.diagnosis import diagnose_demo
-    from planner.pipeline.soil_rows import build_soil_row, format_soil_table
-    from reports.common.text_tables import format_sentence
-    from reports.common.wording import format_effect_with_id
-    from reports.diagnosis.page import render_diagnosis_page
-    from reports.diagnosis.sentences import describe_unsaved
-    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
-    from vehicle.model.tractor_writer import format_tractor_toml
 
     conversions = {"--fix": fix, "--mapping": mapping, "--column": column}
     check_demo_options(demo, logs, conversions, {"seed": seed, "hide": hide}, as_driven)
     columns = _choose_mapping(mapping, column)
     heights = _choose_heights(elevation, elevation_crs, crs, demo)
     soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
-    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_line.path if soil_line else None, ".csv")
+    soil_table = None if soil_line is None else soil_line.path
+    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_table, ".csv")
     input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=logs or ())
     check_output_paths(*outputs, input_files=input_files)
-    hidden = None
-    with create_progress_callback("Diagnosing") as progress:
-        if logs:
-            diagnosis = diagnose_logs(
-                logs, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, use_driven_size=as_driven,
-                holdout=holdout or None, heights=heights, progress=progress,
-            )  # fmt: skip
-        else:
-            diagnosis, hidden = diagnose_demo(
-                tractor=tractor, ground=ground, seed=1 if seed is None else seed, hidden_effect=hide,
-                holdout=holdout or None, progress=progress,
-            )  # fmt: skip
-    next_plan = diagnosis.next_drive_plan
-    results = render_requested(
-        (html, lambda: render_diagnosis_page(diagnosis, hidden.description if hidden else None)),
-        (save if diagnosis.is_savable else None, lambda: format_tractor_toml(diagnosis.tractor)),
-        (None if next_plan is None else next_drive, lambda: next_plan or ""),
+    diagnosis, hidden = _run_diagnosis(
+        logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights, columns
     )
-    unsaved_soil = None
-    if soil_line is not None:
-        try:
-            results.append((soil_line.path, format_soil_table(build_soil_row(diagnosis, soil_line), soil_line.path)))
-        except RequestError as error:
-            unsaved_soil = error
-    screen = build_diagnosis_table if explain else build_diagnosis_screen
-    with write_before_printing(results):
-        AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
-        if hidden is not None and not json:
-            print_renderable(
-                format_sentence(
-                    f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}"
-                )
-            )
-    if next_drive and next_plan is None:
+    soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
+    with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
+        _print_diagnosis(diagnosis, hidden, json, explain)
+    if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
     if save and not diagnosis.is_savable:
+        from reports.diagnosis.sentences import describe_unsaved
+
         print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
         raise typer.Exit(NO_RESULT_STATUS)
     if unsaved_soil is not None:
         print_sentence(str(unsaved_soil), err=True)
         raise typer.Exit(NO_RESULT_STATUS)
+
+
+def _render_report(
+    diagnosis: Diagnosis, hidden: HiddenEffect | None, html: Path | None, save: Path | None, next_drive: Path | None
+) -> list[tuple[Path, OutputContent]]:
+    from reports.diagnosis.page import render_diagnosis_page
+    from vehicle.model.tractor_writer import format_tractor_toml
+
+    next_plan = diagnosis.next_drive_plan
+    return render_requested(
+        (html, lambda: render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)),
+        (save if diagnosis.is_savable else None, lambda: format_tractor_toml(diagnosis.tractor)),
+        (None if next_plan is None else next_drive, lambda: next_plan or ""),
+    )
 
 
 def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str | None, demo: bool) -> HeightFile | None:
@@ -194,6 +184,53 @@ def _choose_soil_line(save_soil: str | None, moisture: float | None, ground: str
     if demo:
         raise RequestError("--save-soil learns from log files; leave it out with --demo.")
     return parse_soil_line(save_soil, moisture, ground)
+
+
+def _render_soil(
+    diagnosis: Diagnosis, line: SoilLine | None
+) -> tuple[list[tuple[Path, OutputContent]], RequestError | None]:
+    """The table with the line, or why there is none."""
+    from planner.pipeline.soil_rows import build_soil_row, format_soil_table
+
+    if line is None:
+        return [], None
+    try:
+        return [(line.path, format_soil_table(build_soil_row(diagnosis, line), line.path))], None
+    except RequestError as error:
+        return [], error
+
+
+def _run_diagnosis(
+    logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, as_driven: bool, seed: int,
+    hide: str | None, holdout: list[str] | None, heights: HeightFile | None, mapping: list[str],
+) -> tuple[Diagnosis, HiddenEffect | None]:  # fmt: skip
+    """The diagnosis, and without logs what the demonstration had hidden."""
+    from planner.pipeline.diagnosis import diagnose as explain
+    from planner.pipeline.diagnosis import diagnose_demo
+
+    with create_progress_callback("Diagnosing") as progress:
+        if not logs:
+            return diagnose_demo(
+                tractor=tractor, ground=ground, seed=seed, hidden_effect=hide, holdout=holdout, progress=progress
+            )
+        diagnosis = explain(
+            logs, tractor=tractor, ground=ground, fixes=fix or (), mapping=mapping, use_driven_size=as_driven,
+            holdout=holdout, heights=heights, progress=progress,
+        )  # fmt: skip
+        return diagnosis, None
+
+
+def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
+    from reports.common.text_tables import format_sentence
+    from reports.common.wording import format_effect_with_id
+    from reports.diagnosis.tables import build_diagnosis_screen, build_diagnosis_table, format_diagnosis_json
+
+    screen = build_diagnosis_table if explain else build_diagnosis_screen
+    AnswerForm(json).print_answer(diagnosis, json=partial(format_diagnosis_json, hidden=hidden), screen=screen)
+    if hidden is not None and not json:
+        print_renderable(
+            format_sentence(f"Hidden in these simulated logs: {format_effect_with_id(hidden.id)}. {hidden.description}")
+        )
 
 
 def replay(

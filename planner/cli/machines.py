@@ -22,6 +22,8 @@ from planner.errors import RequestError, mark_parameter
 
 if TYPE_CHECKING:
     from vehicle.datasheet.sheet import DatasheetQuantity
+    from vehicle.model.tractor import Tractor
+    from vehicle.trials.sheets.sheet import ExperimentSheet
 
 
 OptionalNumber = Optional[float]
@@ -130,8 +132,6 @@ def new(
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
     from vehicle.datasheet.sheet import QUANTITIES, REQUIRED_KEYS, build_datasheet, list_missing
     from vehicle.model.tractor_writer import format_tractor_toml
-    from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable
-    from vehicle.trials.sheets.tractor_check import describe_radius_reference
 
     check_output_paths((file, ".toml"), force=force)
     values: dict[str, float | str | None] = {
@@ -162,22 +162,8 @@ def new(
         "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were "
         "assumed.\n"
     )
-    own = machine.model_dump()
-    rows = tuple(
-        (f"{key}: {source}", f"{own[key]:g}")
-        for key, source in machine.source.items()
-        if isinstance(own.get(key), float)
-    )
-    asphalt, soil = (machine.compute_smallest_radius_m(ground) for ground in ("asphalt", "soil"))
-    sentences = (
-        f"Turning radius {asphalt:.2f} m on asphalt and {soil:.2f} m on soil, at {machine.max_steering_deg:g} degrees.",
-        describe_radius_reference(machine),
-        f"Test it with headland tractor check {file}; plan with headland plan --tractor {file}.",
-    )
-    table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), rows)
-    overview = ExperimentSheet("tractor", f"{machine.name}: written to {file}", sentences, (), (), (table,))
     with write_before_printing([(file, banner + format_tractor_toml(machine))]):
-        print_renderable(build_trials_table, (overview,))
+        print_renderable(build_trials_table, (_build_overview(machine, file),))
     if sheet.power_kw is None:
         print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
 
@@ -208,6 +194,27 @@ def check(
     with create_progress_callback("Driving the tractor"):
         verdict, sheet = check_tractor(machine)
     print_experiments((sheet,), html, png, AnswerForm(json), verdict, json=format_tractor_check_json)
+
+
+def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
+    """A summary of the file: its turning radius, and every value with its source."""
+    from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable
+    from vehicle.trials.sheets.tractor_check import describe_radius_reference
+
+    own = machine.model_dump()
+    rows = tuple(
+        (f"{key}: {source}", f"{own[key]:g}")
+        for key, source in machine.source.items()
+        if isinstance(own.get(key), float)
+    )
+    asphalt, soil = (machine.compute_smallest_radius_m(ground) for ground in ("asphalt", "soil"))
+    sentences = (
+        f"Turning radius {asphalt:.2f} m on asphalt and {soil:.2f} m on soil, at {machine.max_steering_deg:g} degrees.",
+        describe_radius_reference(machine),
+        f"Test it with headland tractor check {file}; plan with headland plan --tractor {file}.",
+    )
+    table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), rows)
+    return ExperimentSheet("tractor", f"{machine.name}: written to {file}", sentences, (), (), (table,))
 
 
 farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")

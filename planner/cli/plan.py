@@ -49,6 +49,7 @@ if TYPE_CHECKING:
 
 
 MOST_SHOWN_PLANS = 20
+_CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
 _WIDTH = {
     "type": str,
     "default": "3",
@@ -202,12 +203,7 @@ def plan(
     csv: CsvOption = False,
     processes: ProcessesOption = None,
     cluster: ClusterOption = None,
-    checkpoint: Annotated[
-        Optional[Path],
-        in_computing(
-            help="Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
-        ),
-    ] = None,
+    checkpoint: Annotated[Optional[Path], in_computing(help=_CHECKPOINT_HELP)] = None,
     **options: Any,
 ) -> None:
     """Simulate every combination of tractor count and strategy on a field and rank them.

@@ -145,6 +145,7 @@ def _translate_value(name: str, value: str) -> str:
     return translate("{items} and {last}", items=", ".join(translated[:-1]), last=translated[-1])
 
 
+@cache
 def _list_patterns(language: str) -> list[tuple[re.Pattern[str], str]]:
     """Keys with values as patterns, those with most text first, and their translations.
 
