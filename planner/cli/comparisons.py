@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import Annotated, Any, Optional
 
 import typer
 
@@ -23,6 +23,8 @@ from planner.cli.common.options import (
     JsonOption,
     ProcessesOption,
     build_requests,
+    in_output,
+    in_work,
     inject_request_options,
     read_given_options,
     render_refusal,
@@ -31,11 +33,8 @@ from planner.cli.common.outputs import check_output_paths, list_input_files, wri
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError, shorten_value, suggest_name
 from planner.request.parameter_names import WISHES
-from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES, OUTPUT, WORK
+from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
-
-if TYPE_CHECKING:
-    from reports.plan.comparison import HeadlandComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = (
@@ -67,21 +66,17 @@ _ONE_TRACTOR = {
 def compare_headlands(
     context: typer.Context,
     fields: FieldsArgument = None,
-    corners: Annotated[
-        str, typer.Option(help="Kinds of corners: square, round, auto.", rich_help_panel=WORK)
-    ] = ",".join(CORNERS),
+    corners: Annotated[str, in_work(help="Kinds of corners: square, round, auto.")] = ",".join(CORNERS),
     headland_order: HeadlandOrderOption = None,
     headland_passes: Annotated[
         Optional[str],
-        typer.Option(help="Numbers of headland passes: 1,2,3. By default as many as turns need.", rich_help_panel=WORK),
+        in_work(help="Numbers of headland passes: 1,2,3. By default as many as turns need."),
     ] = None,
     operations_per_year: Annotated[
         int,
         typer.Option(help="How often a field is worked in a year, for hours, fuel and cost.", rich_help_panel=COSTS),
     ] = 1,
-    html: Annotated[
-        Optional[Path], typer.Option(help="Write one page with a map of every plan.", rich_help_panel=OUTPUT)
-    ] = None,
+    html: Annotated[Optional[Path], in_output(help="Write one page with a map of every plan.")] = None,
     json: JsonOption = False,
     csv: CsvOption = False,
     processes: ProcessesOption = None,
@@ -131,7 +126,9 @@ def compare_headlands(
     ):
         comparison = compare(questions, executor, progress, render_refusal)
     comparison = replace(comparison, operations_per_year=operations_per_year)
-    _refuse_unreadable_field(comparison)
+    reasons = {row.refusal for row in comparison.rows}
+    if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:  # whatever the way
+        raise RequestError(str(reasons.pop()))
     rankings = [row.ranking for row in comparison.rows if row.ranking is not None]
     print_remarks(dict.fromkeys(remark for one in rankings for remark in one.field_remarks))
     with write_before_printing([(html, render_headland_page(comparison))] if html else []):
@@ -168,14 +165,6 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
             )
         counts |= dict.fromkeys(numbers)
     return tuple(counts)
-
-
-def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
-    """Raise RequestError where the only field is refused for one reason, whatever the way."""
-
-    reasons = {row.refusal for row in comparison.rows}
-    if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:
-        raise RequestError(str(reasons.pop()))
 
 
 @inject_request_options(without=LEFT_OUT, changes=_ONE_TRACTOR)

@@ -16,20 +16,12 @@ from planner.cli.common.options import (
     create_group,
     inject_request_options,
 )
-from planner.cli.common.outputs import (
-    OutputContent,
-    check_output_paths,
-    list_input_files,
-    render_requested,
-    write_before_printing,
-)
+from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
     from planner.day.input_file import DayFile
-    from planner.day.planning import PreparedDay
-    from reports.day.results import DayResult
 
 
 PLAN = "plan"
@@ -95,10 +87,14 @@ def plan_day_file(
 
     Example: headland day plan day.toml --html day.html. The word plan may be left out.
     """
+    from planner.cli.common.progress import open_stage_bar
     from planner.day.input_file import load_day
-    from planner.day.planning import prepare_day
+    from planner.day.planning import plan_day, prepare_day
+    from planner.pipeline.result_cache import ResultCache, find_cache_folder
     from planner.request.option_checks import check_day_options
+    from reports.day.page import draw_gantt, draw_road_map, render_day_page
     from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
+    from reports.plan.map_figure import render_png
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes)
     samples, seed = options["samples"], options["seed"]
@@ -111,8 +107,22 @@ def plan_day_file(
     check_output_paths((html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_day_files(file, day_file))
     prepared = prepare_day(day_file, farm_file)
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
-    result = _compute_day_plan(prepared, cache, samples, seed, executor_choice, field_minutes)
-    with write_before_printing(_render_day_outputs(result, html, png, map_png)):
+    store = ResultCache(find_cache_folder() / "field-times" if cache is None else cache)
+    unknown_count = prepared.count_uncached_field_times(store)
+    if unknown_count:
+        warm_up()
+    with executor_choice.open_executor(max(unknown_count, 1)) as executor, open_stage_bar("Simulating fields") as bar:
+        result = plan_day(
+            prepared, cache=store, executor=executor, progress=bar.count, report_work=bar.show_work, samples=samples,
+            seed=seed, field_minutes=field_minutes,
+        )  # fmt: skip
+    results = render_requested((html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result))))
+    road_map = draw_road_map(result) if map_png else None
+    if map_png and road_map is not None:
+        results.append((map_png, render_png(road_map)))
+    elif map_png:
+        typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
+    with write_before_printing(results):
         form.print_answer(
             result, json=format_day_json, csv=format_day_csv, screen=build_day_screen, table=build_day_table
         )
@@ -159,48 +169,3 @@ def _list_day_files(file: str, day_file: DayFile) -> dict[str | Path, str]:
         files |= {} if entry.elevation is None else {entry.elevation: "the heights of a field of the day"}
     farm = None if day_file.farm == EXAMPLE else day_file.farm
     return files | list_input_files({"farm": farm, "rain": day_file.rain})
-
-
-def _compute_day_plan(
-    prepared: PreparedDay,
-    cache: Path | None,
-    samples: int,
-    seed: int,
-    executor_choice: ExecutorChoice,
-    field_minutes: float,
-) -> DayResult:
-    from planner.cli.common.progress import open_stage_bar
-    from planner.day.planning import plan_day
-    from planner.pipeline.result_cache import ResultCache, find_cache_folder
-
-    store = ResultCache(find_cache_folder() / "field-times" if cache is None else cache)
-    unknown_count = prepared.count_uncached_field_times(store)
-    if unknown_count:
-        warm_up()
-    with executor_choice.open_executor(max(unknown_count, 1)) as executor, open_stage_bar("Simulating fields") as bar:
-        return plan_day(
-            prepared,
-            cache=store,
-            executor=executor,
-            progress=bar.count,
-            report_work=bar.show_work,
-            samples=samples,
-            seed=seed,
-            field_minutes=field_minutes,
-        )
-
-
-def _render_day_outputs(
-    result: DayResult, html: Path | None, png: Path | None, map_png: Path | None
-) -> list[tuple[Path, OutputContent]]:
-    """The requested page and pictures."""
-    from reports.day.page import draw_gantt, draw_road_map, render_day_page
-    from reports.plan.map_figure import render_png
-
-    results = render_requested((html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result))))
-    road_map = draw_road_map(result) if map_png else None
-    if map_png and road_map is not None:
-        results.append((map_png, render_png(road_map)))
-    elif map_png:
-        typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
-    return results

@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
 from planner.cli.common.options import AsJson, Html, Png, TractorOption
-from planner.cli.common.outputs import (
-    OutputContent,
-    check_output_paths,
-    list_input_files,
-    render_requested,
-    write_before_printing,
-)
+from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
     from vehicle.trials.sheets.sheet import ExperimentSheet
-
-
-ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
 
 
 def design(
@@ -36,17 +28,14 @@ def design(
 
     Example: headland design tyres --html tyres.html
     """
-    from reports.trials.report import build_trials_table, format_experiment_json
+    from reports.trials.report import format_experiment_json
     from vehicle.trials.sheets.catalogue import STUDIES, check_name, run_design_study
 
     check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
     check_name(study, STUDIES, "study")
     warm_up()
     sheet = run_design_study(study, tractor)
-    with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        AnswerForm(json).print_answer(
-            sheet, json=format_experiment_json, screen=lambda only: build_trials_table((only,))
-        )
+    print_experiments((sheet,), html, png, AnswerForm(json), sheet, json=format_experiment_json)
 
 
 def drive(
@@ -79,8 +68,7 @@ def drive(
     warm_up()
     result, path = run_steered_drive(request)
     sheets = (build_drive_sheet(request, result, path),) if html or png else ()
-    with write_before_printing(render_experiment_outputs(sheets, html, png)):
-        AnswerForm(json).print_answer(result, json=format_drive_json, screen=describe_drive)
+    print_experiments(sheets, html, png, AnswerForm(json), result, json=format_drive_json, screen=describe_drive)
 
 
 def study(json: AsJson = False) -> None:
@@ -103,7 +91,7 @@ def validate(
         typer.Argument(help="circles, step, zigzag, navigation, fixed, changing, slip or twin; by default all."),
     ] = None,
     html: Html = None,
-    png: ExperimentPng = None,
+    png: Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the GNSS errors.")] = 1,
     json: AsJson = False,
 ) -> None:
@@ -111,7 +99,7 @@ def validate(
 
     Example: headland validate zigzag --html zigzag.html
     """
-    from reports.trials.report import build_trials_table, format_trials_json
+    from reports.trials.report import format_trials_json
     from vehicle.trials.sheets.catalogue import EXPERIMENTS, check_name, run_experiments
 
     check_output_paths((html, ".html"), (png, ".png"))
@@ -125,17 +113,24 @@ def validate(
     with create_progress_callback("Running the experiments") as progress:
         names = EXPERIMENTS if experiment is None else (experiment,)
         sheets = run_experiments(names, seed=seed, progress=progress)
-    with write_before_printing(render_experiment_outputs(sheets, html, png)):
-        AnswerForm(json).print_answer(sheets, json=format_trials_json, screen=build_trials_table)
+    print_experiments(sheets, html, png, AnswerForm(json), sheets, json=format_trials_json)
 
 
-def render_experiment_outputs(
-    sheets: tuple[ExperimentSheet, ...], html: Path | None, png: Path | None
-) -> list[tuple[Path, OutputContent]]:
-    """The requested page of some experiments and picture of the first."""
+def print_experiments(
+    sheets: tuple[ExperimentSheet, ...],
+    html: Path | None,
+    png: Path | None,
+    form: AnswerForm,
+    *answers: Any,
+    json: Callable[..., str],
+    screen: Callable[..., object] | None = None,
+) -> None:
+    """Write the requested page of some experiments and picture of the first, then print them or what is given."""
     from reports.plan.map_figure import render_png
-    from reports.trials.report import draw_experiment_panels, render_trials_page
+    from reports.trials.report import build_trials_table, draw_experiment_panels, render_trials_page
 
-    return render_requested(
+    results = render_requested(
         (html, lambda: render_trials_page(sheets)), (png, lambda: render_png(draw_experiment_panels(sheets[0])))
     )
+    with write_before_printing(results):
+        form.print_answer(*answers, json=json, screen=screen or (lambda *_: build_trials_table(sheets)))

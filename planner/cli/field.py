@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import Annotated, Any, Optional
 
 import typer
 from typer.core import TyperCommand
@@ -17,13 +17,9 @@ from planner.cli.common.options import (
     inject_request_options,
     read_given_options,
 )
-from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
+from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 from planner.errors import RequestError
-
-if TYPE_CHECKING:
-    from planner.evaluation.context import PlanningContext
-
 
 FIELD_OPTIONS = (
     "width", "headland", "headland_passes", "bearing", "cell_bearing", "corners", "overhang", "open_edges",
@@ -54,18 +50,23 @@ def field(
 
     Example: headland field denmark --width 6 --png denmark.png
     """
+    from fields.documents.reader import list_fields_with_notes
     from planner.evaluation.preparation import prepare_context
     from planner.evaluation.work_order import WorkOrder
-    from planner.pipeline.outputs.pictures import describe_field
+    from planner.pipeline.outputs.pictures import build_outline_picture, describe_field
     from reports.common.rendering import EXPORT_DECIMALS, format_json
-    from reports.plan.field_report import build_field_report
+    from reports.plan.field_report import build_field_report, build_parcels_table, format_parcels_json
+    from reports.plan.map_figure import draw_plan_map, render_png
 
     given = read_given_options(context, options)
     check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))
     if list_only and png:
         raise RequestError("--png draws one field; leave it out with --list.")
     if list_only:
-        _list_parcels(field, options["local"], options["crs"], options["swap_axes"], json)
+        reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
+        parcels, notes = list_fields_with_notes(field, **reading)
+        print_remarks(notes)
+        AnswerForm(json).print_answer(parcels, json=format_parcels_json, screen=build_parcels_table)
         return
     order = given.build_order(given.build_request(field=field))
     warm_up()
@@ -73,7 +74,7 @@ def field(
         order = WorkOrder(order.request, tractor=order.tractor, implement=order.implement)
         planning_context = prepare_context(order)
         facts = describe_field(planning_context)
-        results = [(png, _draw_map(planning_context))] if png else []
+        results = render_requested((png, lambda: render_png(draw_plan_map(build_outline_picture(planning_context)))))
     elevation = planning_context.physics.elevation
     print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
     with write_before_printing(results):
@@ -126,19 +127,3 @@ class FieldCommand(TyperCommand):
         command = typer.main.get_command(heights_command)
         translate_help(command)
         return command.make_context(f"{info_name} {HEIGHTS}", args[1:], *others, **options)
-
-
-def _draw_map(planning_context: PlanningContext) -> bytes:
-    from planner.pipeline.outputs.pictures import build_outline_picture
-    from reports.plan.map_figure import draw_plan_map, render_png
-
-    return render_png(draw_plan_map(build_outline_picture(planning_context)))
-
-
-def _list_parcels(field: str, local: bool, crs: str | None, swap_axes: bool, json: bool) -> None:
-    from fields.documents.reader import list_fields_with_notes
-    from reports.plan.field_report import build_parcels_table, format_parcels_json
-
-    parcels, notes = list_fields_with_notes(field, local=local, crs=crs, swap_axes=swap_axes)
-    print_remarks(notes)
-    AnswerForm(json).print_answer(parcels, json=format_parcels_json, screen=build_parcels_table)

@@ -21,36 +21,17 @@ from planner.cli.common.terminal import (
 from planner.errors import RequestError, mark_parameter
 
 if TYPE_CHECKING:
-    from vehicle.datasheet.sheet import Datasheet, DatasheetQuantity
+    from vehicle.datasheet.sheet import DatasheetQuantity
     from vehicle.model.tractor import Tractor
     from vehicle.trials.sheets.sheet import ExperimentSheet
 
 
 OptionalNumber = Optional[float]
-FILE_BANNER = (
-    "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were assumed.\n"
-)
 
 
 def can_prompt() -> bool:
     """Whether somebody can answer questions on a terminal."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr is not None and sys.stderr.isatty()
-
-
-def prompt_missing_values(name: str | None, values: dict[str, float | str | None]) -> str:
-    """Ask for the name and every required value that is None, and fill the answers into `values`."""
-    from vehicle.datasheet.sheet import QUANTITIES, REQUIRED_KEYS
-
-    try:
-        if name is None:
-            name = str(typer.prompt("Name of the tractor", err=True))
-        for key in REQUIRED_KEYS:
-            if values[key] is None:
-                values[key] = _prompt_number(QUANTITIES[key])
-    except typer.Abort:
-        typer.echo(err=True)  # ends the line of the question
-        raise KeyboardInterrupt from None
-    return name
 
 
 def _prompt_number(quantity: DatasheetQuantity) -> float:
@@ -149,6 +130,7 @@ def new(
     from reports.common.language import mark_text
     from reports.trials.report import build_trials_table
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
+    from vehicle.datasheet.sheet import QUANTITIES, REQUIRED_KEYS, build_datasheet, list_missing
     from vehicle.model.tractor_writer import format_tractor_toml
 
     check_output_paths((file, ".toml"), force=force)
@@ -158,10 +140,29 @@ def new(
         "max_steering_deg": max_steering, "steering_rate_deg_per_s": steering_rate, "front_share": front_share,
         "antenna_forward_m": antenna_forward, "radius_of": radius_of,
     }  # fmt: skip
-    tractor_name, sheet = _prompt_datasheet(name, values)
+    missing = list_missing(values)
+    if (missing or name is None) and can_prompt():
+        missing = []
+        try:
+            name = str(typer.prompt("Name of the tractor", err=True)) if name is None else name
+            for key in REQUIRED_KEYS:
+                values[key] = _prompt_number(QUANTITIES[key]) if values[key] is None else values[key]
+        except typer.Abort:
+            typer.echo(err=True)  # ends the line of the question
+            raise KeyboardInterrupt from None
+    if name is None:
+        missing.insert(0, f'{mark_parameter("name")} (in quotes, for instance "Fendt 724")')
+        raise RequestError(f"A tractor cannot be made without {' and '.join(missing)}; see its datasheet.")
+    if not name.strip():
+        raise RequestError(f'{mark_parameter("name")} is empty; give the tractor a name, for instance "Fendt 724".')
+    sheet = build_datasheet(values)
     print_remarks(describe_unusual_values(sheet))
-    machine = build_tractor(tractor_name, sheet)
-    with write_before_printing([(file, FILE_BANNER + format_tractor_toml(machine))]):
+    machine = build_tractor(name.strip(), sheet)
+    banner = (
+        "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were "
+        "assumed.\n"
+    )
+    with write_before_printing([(file, banner + format_tractor_toml(machine))]):
         print_renderable(build_trials_table, (_build_overview(machine, file),))
     if sheet.power_kw is None:
         print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
@@ -181,9 +182,9 @@ def check(
 
     Example: headland tractor check my.toml --html my.html
     """
-    from planner.cli.experiments import render_experiment_outputs
+    from planner.cli.experiments import print_experiments
     from planner.farm.inventory import load_farm
-    from reports.trials.report import build_trials_table, format_tractor_check_json
+    from reports.trials.report import format_tractor_check_json
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.tractor_check import check_tractor
 
@@ -192,25 +193,7 @@ def check(
     warm_up()
     with create_progress_callback("Driving the tractor"):
         verdict, sheet = check_tractor(machine)
-    with write_before_printing(render_experiment_outputs((sheet,), html, png)):
-        AnswerForm(json).print_answer(
-            verdict, json=format_tractor_check_json, screen=lambda _: build_trials_table((sheet,))
-        )
-
-
-def _prompt_datasheet(name: str | None, values: dict[str, float | str | None]) -> tuple[str, Datasheet]:
-    """Name and datasheet; asks for missing values on a terminal. Raises RequestError or VehicleError."""
-    from vehicle.datasheet.sheet import build_datasheet, list_missing
-
-    missing = list_missing(values)
-    if (missing or name is None) and can_prompt():
-        name, missing = prompt_missing_values(name, values), []
-    if name is None:
-        missing.insert(0, f'{mark_parameter("name")} (in quotes, for instance "Fendt 724")')
-        raise RequestError(f"A tractor cannot be made without {' and '.join(missing)}; see its datasheet.")
-    if not name.strip():
-        raise RequestError(f'{mark_parameter("name")} is empty; give the tractor a name, for instance "Fendt 724".')
-    return name.strip(), build_datasheet(values)
+    print_experiments((sheet,), html, png, AnswerForm(json), verdict, json=format_tractor_check_json)
 
 
 def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
@@ -219,18 +202,18 @@ def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
     from vehicle.trials.sheets.tractor_check import describe_radius_reference
 
     own = machine.model_dump()
-    rows = []
-    for key, source in machine.source.items():
-        value = own.get(key)
-        if isinstance(value, float):
-            rows.append((f"{key}: {source}", f"{value:g}"))
+    rows = tuple(
+        (f"{key}: {source}", f"{own[key]:g}")
+        for key, source in machine.source.items()
+        if isinstance(own.get(key), float)
+    )
     asphalt, soil = (machine.compute_smallest_radius_m(ground) for ground in ("asphalt", "soil"))
     sentences = (
         f"Turning radius {asphalt:.2f} m on asphalt and {soil:.2f} m on soil, at {machine.max_steering_deg:g} degrees.",
         describe_radius_reference(machine),
         f"Test it with headland tractor check {file}; plan with headland plan --tractor {file}.",
     )
-    table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), tuple(rows))
+    table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), rows)
     return ExperimentSheet("tractor", f"{machine.name}: written to {file}", sentences, (), (), (table,))
 
 

@@ -207,7 +207,10 @@ def _describe_error(error: Exception) -> tuple[str, int]:
     is_debugging, written_note = os.environ.get(DEBUG_VARIABLE) == "1", _find_written_note(error)
     if is_debugging:
         traceback.print_exception(error)
-    if _is_out_of_memory(error):
+    is_full = isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+    if isinstance(error, ImportError):  # also while a library was loaded
+        is_full = any(text in str(error) for text in ("failed to map segment", "allocate memory"))
+    if is_full:
         return (
             f"There is not enough memory; {written_note}. Use one process (--processes 1), fewer tractors, a smaller "
             "field or more memory."
@@ -227,29 +230,21 @@ def _describe_error(error: Exception) -> tuple[str, int]:
     return f"A fault of Headland ({fault}); {written_note}{debug_hint}.", FAULT_STATUS
 
 
-def _name_bad_number(found: re.Match[str]) -> str:
-    """The beginning of a refusal of an option that is no number, with its value, which typer leaves out."""
-    option, kind = found["option"], "integer" if found["kind"] == "integer" else "float"
-    words = [word.removeprefix(f"{option}=") for word in sys.argv]
-    values = [after if word == option else word for word, after in zip(words, [*words[1:], ""], strict=True)]
-    value = next((each for word, each in zip(sys.argv, values, strict=True) if word.split("=")[0] == option), "")
-    return f"Invalid value for '{option}': '{value}' is not a valid {kind}"
-
-
 def _describe_misuse(error: Any) -> str:
     """The sentence for arguments that typer cannot use."""
-    sentence = _NOT_A_NUMBER.sub(_name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
+
+    def name_bad_number(found: re.Match[str]) -> str:
+        """The beginning of a refusal of an option that is no number, with its value, which typer leaves out."""
+        option, kind = found["option"], "integer" if found["kind"] == "integer" else "float"
+        words = [word.removeprefix(f"{option}=") for word in sys.argv]
+        values = [after if word == option else word for word, after in zip(words, [*words[1:], ""], strict=True)]
+        value = next((each for word, each in zip(sys.argv, values, strict=True) if word.split("=")[0] == option), "")
+        return f"Invalid value for '{option}': '{value}' is not a valid {kind}"
+
+    sentence = _NOT_A_NUMBER.sub(name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
     sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
-    context = getattr(error, "ctx", None)
-    command = getattr(context, "command_path", None) or "headland"
+    command = getattr(getattr(error, "ctx", None), "command_path", None) or "headland"
     return f"{sentence}; {command} --help lists the options."
-
-
-def _is_out_of_memory(error: BaseException) -> bool:
-    """Whether memory ran out, also while a library was loaded."""
-    if isinstance(error, ImportError):
-        return any(text in str(error) for text in ("failed to map segment", "allocate memory"))
-    return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
 
 
 def _exit_interrupted(error: BaseException) -> None:
@@ -266,14 +261,6 @@ def _find_written_note(error: BaseException | None) -> str:
     return "nothing was written"
 
 
-def _shorten_arguments(sentence: str) -> str:
-    """A sentence with long arguments of the command line shortened."""
-    for word in sys.argv[1:]:
-        for text in (word, " ".join(word.split()).rstrip(".")):
-            sentence = sentence.replace(text, shorten_middle(text)) if text else sentence
-    return sentence
-
-
 def _discard_output() -> None:
     """Discard pending output, so that the process ends without a complaint."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
@@ -284,7 +271,10 @@ def _fail(sentence: str, status: int) -> NoReturn:
     text = f"Error: {sentence}"
     with contextlib.suppress(Exception), use_reader():  # a catalogue may be what cannot be read
         text = translate("Error: {sentence}", sentence=translate_sentence(sentence))
-    print(make_one_line(_shorten_arguments(text)), file=sys.stderr)
+    for word in sys.argv[1:]:  # long arguments of the command line are shortened
+        for long_text in (word, " ".join(word.split()).rstrip(".")):
+            text = text.replace(long_text, shorten_middle(long_text)) if long_text else text
+    print(make_one_line(text), file=sys.stderr)
     try:
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,9 @@ from planner.cli.common.options import (
     JsonOption,
     ProcessesOption,
     build_requests,
+    in_computing,
+    in_output,
+    in_work,
     inject_request_options,
     read_given_options,
     render_refusal,
@@ -33,7 +36,7 @@ from planner.cli.common.outputs import (
 )
 from planner.cli.common.terminal import LOADING, AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
-from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
+from planner.request.plan_request import PlanRequest
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
@@ -47,10 +50,6 @@ if TYPE_CHECKING:
 
 MOST_SHOWN_PLANS = 20
 _CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
-_DONE_HELP = (
-    "Worked already: a file of ground, logs, or a saved plan at a time (plan.json@13:20), which goes on; once for each."
-)
-_WITHOUT_HELP = "Leave out this machine of the plan that goes on, by its number; once for each."
 _WIDTH = {
     "type": str,
     "default": "3",
@@ -73,6 +72,7 @@ def plan_batch(
     from planner.cli.common.progress import open_stage_bar
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
     from reports.plan.many_fields import render_many_fields_page
+    from reports.plan.shortfall_wording import question_pull
 
     check_output_paths(
         (checkpoint, ".jsonl"),
@@ -90,7 +90,14 @@ def plan_batch(
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_lines, bar, show)
         if html is not None:
             write_results([(html, render_many_fields_page(records))])
-    _print_field_remarks(records)
+    # Remarks on field files and machines, each once: with its field, unless it is said of several.
+    fields_by_remark: dict[str, dict[str, None]] = {}
+    for ranking in (record.ranking for record in records if record.ranking is not None):
+        for text in filter(None, (*ranking.field_remarks, question_pull(ranking.pull))):
+            fields_by_remark.setdefault(text, {})[ranking.field_name] = None
+    print_remarks(
+        text if len(fields) > 1 else f"{next(iter(fields))}: {text}" for text, fields in fields_by_remark.items()
+    )
     return all(record.ranking is not None and record.ranking.is_recommended for record in records)
 
 
@@ -142,20 +149,6 @@ def _collect_records(
     return [finished[index] for index in range(len(questions))]
 
 
-def _print_field_remarks(records: Iterable[FieldRow]) -> None:
-    """Print remarks on field files and machines, each once: with its field, unless it is said of several."""
-    from reports.plan.shortfall_wording import question_pull
-
-    fields_by_remark: dict[str, dict[str, None]] = {}
-    for ranking in (record.ranking for record in records if record.ranking is not None):
-        question = question_pull(ranking.pull)
-        for text in (*ranking.field_remarks, *([question] if question else [])):
-            fields_by_remark.setdefault(text, {})[ranking.field_name] = None
-    print_remarks(
-        text if len(fields) > 1 else f"{next(iter(fields))}: {text}" for text, fields in fields_by_remark.items()
-    )
-
-
 @contextmanager
 def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRow], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
@@ -188,30 +181,29 @@ def plan(
     context: typer.Context,
     fields: FieldsArgument = None,
     html: Annotated[
-        Optional[Path],
-        typer.Option(
-            help="Write one page with map, bars and table; of many fields one with all.", rich_help_panel=OUTPUT
+        Optional[Path], in_output(help="Write one page with map, bars and table; of many fields one with all.")
+    ] = None,
+    done: Annotated[
+        Optional[list[str]],
+        in_work(
+            help="Worked already: a file of ground, logs, or a saved plan at a time (plan.json@13:20), which goes on; "
+            "once for each."
         ),
     ] = None,
-    done: Annotated[Optional[list[str]], typer.Option(help=_DONE_HELP, rich_help_panel=WORK)] = None,
-    without: Annotated[Optional[list[int]], typer.Option(help=_WITHOUT_HELP, rich_help_panel=WORK)] = None,
-    png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
-    save: Annotated[
-        Optional[Path], typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT)
+    without: Annotated[
+        Optional[list[int]],
+        in_work(help="Leave out this machine of the plan that goes on, by its number; once for each."),
     ] = None,
+    png: Annotated[Optional[Path], in_output(help="Write the map of the best plan.")] = None,
+    save: Annotated[Optional[Path], in_output(help="Write the legs and gates of the best plan as JSON.")] = None,
     explain: Annotated[
-        bool,
-        typer.Option(
-            "--explain",
-            help="Print all plans, remarks, reasons, and how each figure is made up as well.",
-            rich_help_panel=OUTPUT,
-        ),
+        bool, in_output("--explain", help="Print all plans, remarks, reasons, and how each figure is made up as well.")
     ] = False,
     json: JsonOption = False,
     csv: CsvOption = False,
     processes: ProcessesOption = None,
     cluster: ClusterOption = None,
-    checkpoint: Annotated[Optional[Path], typer.Option(help=_CHECKPOINT_HELP, rich_help_panel=COMPUTING)] = None,
+    checkpoint: Annotated[Optional[Path], in_computing(help=_CHECKPOINT_HELP)] = None,
     **options: Any,
 ) -> None:
     """Simulate every combination of tractor count and strategy on a field and rank them.
@@ -229,8 +221,15 @@ def plan(
     choice = given.choice
     request, *others = requests = build_requests(given, fields)
     if others or request.field != (fields or [request.field])[0] or checkpoint is not None:
-        _refuse_single_field_outputs(("--png", png), ("--save", save))
-        _refuse_done_work(done or (), checkpoint)
+        for option, path in (("--png", png), ("--save", save)):
+            if path is not None:
+                raise RequestError(
+                    f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
+                )
+        if done and checkpoint is not None:
+            raise RequestError(f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out either.")
+        if done:
+            raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
         raise typer.Exit(0 if is_complete else NO_RESULT_STATUS)
     input_files = list_input_files({**options, "field": request.field})
@@ -259,24 +258,6 @@ def plan(
 def _describe_learned_values(ranking: PlanRanking) -> list[str]:
     """A sentence for every value from the farm's own logs."""
     return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
-
-
-def _refuse_single_field_outputs(*outputs: tuple[str, Path | str | None]) -> None:
-    """Refuse output files for one field where there are several."""
-
-    for option, path in outputs:
-        if path is not None:
-            raise RequestError(
-                f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
-            )
-
-
-def _refuse_done_work(done: Sequence[str], checkpoint: Path | None) -> None:
-    """Refuse work that goes on where many fields are planned."""
-    if done and checkpoint is not None:
-        raise RequestError(f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out either.")
-    if done:
-        raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
 
 
 def simulate_plans(

@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Annotated, Any, Optional
+from typing import IO, Annotated, Any, Optional
 
 import typer
 
@@ -20,10 +20,6 @@ from planner.cli.common.options import create_group
 from planner.cli.common.terminal import create_progress_callback, limit_linear_algebra_threads, warm_up
 from planner.errors import RequestError
 from planner.pipeline.interrupts import stop_repeating
-
-if TYPE_CHECKING:
-    from planner.fleet.simulated_robot import RobotDriver
-
 
 DEMO_FIELD, DEMO_WIDTH_M, DEMO_TRACTORS = "iwamizawa", 3.0, 3
 HIDDEN_EFFECTS = {2: "steering_offset=1.5"}
@@ -34,8 +30,6 @@ TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of 
 TERMINATION_S, STARTUP_S = 60.0, 600.0
 
 demo = create_group("Demonstrations.\n\nExample: headland demo fleet")
-TOKEN_HELP = "A token with scope robot for this tractor."
-HIDE_HELP = "An effect of the robot that its twin does not know, such as steering_offset=1.5; may be repeated."
 
 
 @demo.command()
@@ -62,21 +56,36 @@ def fleet(
 def _run_demo(
     folder: Path, stack: contextlib.ExitStack, browser: bool, port: int, times: float, seconds: float | None
 ) -> None:
+    from planner.pipeline.outputs.saved_plans import write_saved_plan
+    from planner.pipeline.planning import plan as simulate_all
+    from planner.request.plan_request import PlanRequest
+    from planner.service.errors import ServiceError
     from planner.service.fleets.robot_client import request_json
 
     plan = folder / "plan.json"
     typer.echo(f"Planning {DEMO_FIELD} for {DEMO_TRACTORS} tractors.")
-    text = _make_plan_text()
+    warm_up()
+    request = PlanRequest(
+        field=DEMO_FIELD, width_m=DEMO_WIDTH_M, tractors=(DEMO_TRACTORS,), strategies=("split-field",)
+    )
+    with create_progress_callback("Simulating plans") as progress:
+        result = simulate_all(request, progress=progress)
+    assert result.run is not None  # this sample field always has a plan
+    text = write_saved_plan(result.context, result.run.plan)
     plan.write_text(text, encoding="utf-8")
     data = folder / "data"
     token = _create_token(data, "operator", "operator")
     service, url, login = stack.enter_context(_start_service(data, port))
-    _wait_for_service(url, service)
-    body = {
-        "name": f"{DEMO_FIELD} with {DEMO_TRACTORS} robots",
-        "plan": text,
-        "times": times,
-    }
+    begin_s = time.monotonic()
+    while True:  # until the service answers; on the first run it compiles first
+        try:
+            request_json(url, "health", None)
+            break
+        except ServiceError:
+            if service.poll() is not None or time.monotonic() - begin_s > STARTUP_S:
+                raise
+            time.sleep(0.5)
+    body = {"name": f"{DEMO_FIELD} with {DEMO_TRACTORS} robots", "plan": text, "times": times}
     fleet_id = request_json(url, "fleets", token, body)["id"]
     for number in range(1, DEMO_TRACTORS + 1):
         hide = ("--hide", HIDDEN_EFFECTS[number]) if number in HIDDEN_EFFECTS else ()
@@ -95,48 +104,13 @@ def _run_demo(
         time.sleep(0.2)
 
 
-def _wait_for_service(url: str, service: subprocess.Popen[str]) -> None:
-    """Wait until a service answers; on the first run it compiles first."""
-    from planner.service.errors import ServiceError
-    from planner.service.fleets.robot_client import request_json
-
-    begin_s = time.monotonic()
-    while True:
-        try:
-            request_json(url, "health", None)
-            return
-        except ServiceError:
-            if service.poll() is not None or time.monotonic() - begin_s > STARTUP_S:
-                raise
-            time.sleep(0.5)
-
-
-def _make_plan_text() -> str:
-    """A new plan of the sample field, as text."""
-    from planner.pipeline.outputs.saved_plans import write_saved_plan
-    from planner.pipeline.planning import plan as simulate_all
-    from planner.request.plan_request import PlanRequest
-
-    warm_up()
-    request = PlanRequest(
-        field=DEMO_FIELD, width_m=DEMO_WIDTH_M, tractors=(DEMO_TRACTORS,), strategies=("split-field",)
-    )
-    with create_progress_callback("Simulating plans") as progress:
-        result = simulate_all(request, progress=progress)
-    assert result.run is not None  # this sample field always has a plan
-    return write_saved_plan(result.context, result.run.plan)
-
-
 def _create_token(data: Path, name: str, scope: str, **restrictions: Any) -> str:
     """A token with one scope, for a day."""
     from planner.cli.server import build_settings
-    from planner.service.store.service_store import Store
+    from planner.service.store.service_store import open_store
 
-    store = Store(build_settings(data, ""))
-    try:
+    with open_store(build_settings(data, "")) as store:
         return store.create_token_text(name, scope, expires="24h", **restrictions)
-    finally:
-        store.close()
 
 
 @contextlib.contextmanager
@@ -169,7 +143,10 @@ def _run_headland_command(arguments: tuple[str, ...], **options: Any) -> Iterato
     try:
         yield process
     finally:
-        with _ignore_end_signals():
+        ends = (signal.SIGINT, signal.SIGTERM)  # ignored while the process is being ended
+        handlers = {signal_number: signal.signal(signal_number, signal.SIG_IGN) for signal_number in ends}
+        stop_repeating()
+        try:
             process.terminate()
             try:
                 process.wait(TERMINATION_S)
@@ -178,21 +155,9 @@ def _run_headland_command(arguments: tuple[str, ...], **options: Any) -> Iterato
                 process.wait()
             if process.stdout is not None:
                 process.stdout.close()
-
-
-@contextlib.contextmanager
-def _ignore_end_signals() -> Iterator[None]:
-    """Ignore Ctrl-C and SIGTERM while processes are being ended."""
-
-    previous_handlers = {
-        signal_number: signal.signal(signal_number, signal.SIG_IGN) for signal_number in (signal.SIGINT, signal.SIGTERM)
-    }
-    stop_repeating()
-    try:
-        yield
-    finally:
-        for signal_number, handler in previous_handlers.items():
-            signal.signal(signal_number, handler)
+        finally:
+            for signal_number, handler in handlers.items():
+                signal.signal(signal_number, handler)
 
 
 def robot(
@@ -200,8 +165,15 @@ def robot(
     tractor: Annotated[int, typer.Option(help="Tractor of the plan, from 1.")] = 1,
     url: Annotated[str, typer.Option(help="Address of the service.")] = "http://127.0.0.1:8765",
     fleet: Annotated[Optional[str], typer.Option(help="Id of the fleet; by default the newest one.")] = None,
-    token: Annotated[Optional[str], typer.Option(envvar=TOKEN_VARIABLE, help=TOKEN_HELP)] = None,
-    hide: Annotated[Optional[list[str]], typer.Option(help=HIDE_HELP)] = None,
+    token: Annotated[
+        Optional[str], typer.Option(envvar=TOKEN_VARIABLE, help="A token with scope robot for this tractor.")
+    ] = None,
+    hide: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            help="An effect of the robot that its twin does not know, such as steering_offset=1.5; may be repeated."
+        ),
+    ] = None,
     noise_m: Annotated[float, typer.Option("--noise-m", help="Noise of positions, metres.")] = 0.01,
     times: Annotated[float, typer.Option(help="Times faster than real time; the value of the fleet wins.")] = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
@@ -213,21 +185,11 @@ def robot(
     """
     limit_linear_algebra_threads()
     import asyncio
-
-    from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
-
-    _check_url(url)
-    driver = _build_driver(plan, tractor, hide or [], noise_m, seed, times)
-    fleet_id = find_newest_fleet(url, token) if fleet is None else fleet
-    try:
-        asyncio.run(RobotClient(driver, url, fleet_id, tractor, token).run(seconds))
-    except KeyboardInterrupt:
-        stop_repeating()
-
-
-def _check_url(url: str) -> None:
-    """Refuse an address that cannot be one of a service."""
     from urllib.parse import urlsplit
+
+    from planner.fleet.simulated_robot import RobotDriver
+    from planner.pipeline.outputs.saved_plans import load_saved_plan, read_machines, read_request
+    from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
 
     try:
         parts = urlsplit(url)
@@ -236,22 +198,14 @@ def _check_url(url: str) -> None:
         is_address = False
     if not is_address or " " in url or not url.isprintable():
         raise RequestError(f"--url {url!r} is not the address of a service; give one such as http://127.0.0.1:8765.")
-
-
-def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, seed: int, times: float) -> RobotDriver:
-    """The driver of a tractor of a plan; raises HeadlandError for impossible options."""
-    from planner.fleet.simulated_robot import RobotDriver
-    from planner.pipeline.outputs.saved_plans import load_saved_plan, read_machines, read_request
-
     saved = load_saved_plan(plan)
     if not 1 <= tractor <= saved.plan.tractors:
         raise RequestError(f"--tractor is {tractor}; use 1 to {saved.plan.tractors}, the tractors of the plan.")
     if not 0.0 <= noise_m <= 10.0:
         raise RequestError(f"--noise-m is {noise_m}; use 0 to 10 metres.")
     machine, implement = read_machines(saved, read_request(saved))
-    mission = saved.plan.missions[tractor - 1]
     hidden = {}
-    for text in hide:
+    for text in hide or ():
         name, _, value = text.partition("=")
         try:
             hidden[name.strip()] = float(value)
@@ -259,14 +213,12 @@ def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, see
             raise RequestError(
                 f"--hide {text!r} has no value; write effect=value, such as steering_offset=1.5."
             ) from None
-    return RobotDriver(
-        mission,
-        machine,
-        implement,
-        saved.origin_m,
-        name=f"robot {tractor}",
-        hidden=hidden,
-        noise_m=noise_m,
-        seed=seed * 1000 + tractor,
-        times=times,
-    )
+    driver = RobotDriver(
+        saved.plan.missions[tractor - 1], machine, implement, saved.origin_m, name=f"robot {tractor}", hidden=hidden,
+        noise_m=noise_m, seed=seed * 1000 + tractor, times=times,
+    )  # fmt: skip
+    fleet_id = find_newest_fleet(url, token) if fleet is None else fleet
+    try:
+        asyncio.run(RobotClient(driver, url, fleet_id, tractor, token).run(seconds))
+    except KeyboardInterrupt:
+        stop_repeating()

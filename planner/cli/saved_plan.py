@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -105,7 +105,7 @@ def show(
 
     Example: headland show plan.json --tractor 2
     """
-    from planner.pipeline.outputs.saved_plans import simulate_saved_plan
+    from planner.pipeline.outputs.saved_plans import read_stated_figures, simulate_saved_plan
     from reports.plan.leg_list import build_leg_tables, format_leg_lists_json
 
     warm_up()
@@ -118,25 +118,19 @@ def show(
     count = len(saved_run.steps)
     if tractor is not None and not 1 <= tractor <= count:
         raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
-    AnswerForm(json).print_answer(
-        saved_run,
-        json=lambda run: format_leg_lists_json(run.steps, _summarise_plan(run), tractor),
-        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
-    )
-
-
-def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
-    """The facts of the plan that precede its legs."""
-    from planner.pipeline.outputs.saved_plans import read_stated_figures
-
     stated = read_stated_figures(saved_run.saved)
-    return {
+    facts = {
         "field": saved_run.request.field_name,
         "strategy": _get_strategy(saved_run),
         "start": _format_start(saved_run),
         "time_s": saved_run.run.duration_s,
         "stated": None if stated is None else asdict(stated),
     }
+    AnswerForm(json).print_answer(
+        saved_run,
+        json=lambda run: format_leg_lists_json(run.steps, facts, tractor),
+        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
+    )
 
 
 def _format_title(saved_run: SavedPlanRun) -> str:

@@ -287,10 +287,9 @@ def backup(
     Example: headland backup farm.zip
     """
     from planner.service.store.backup import back_up
-    from planner.service.store.service_store import open_store
 
     check_output_paths((file, ".zip"), force=force)
-    with open_store(build_settings(data, database)) as store:
+    with _open_store(data, database) as store:
         count = back_up(store, file)
     typer.echo(f"{file} has the database and {count} files; unpack it into an empty folder to use that with --data.")
 
@@ -343,7 +342,10 @@ def new(
 
     scopes = check_scopes(" ".join(scope).split())
     with _open_store(data, database) as store:
-        token_name = name or _find_free_name(store, "-".join(scopes))
+        taken, number = {row.name for row in store.list_tokens()}, 1
+        while f"{'-'.join(scopes)}-{number}" in taken:
+            number += 1
+        token_name = name or f"{'-'.join(scopes)}-{number}"
         text, row = store.create_token(token_name, scopes, fleet=fleet, tractor=tractor, expires=expires)
     typer.echo(text)
     typer.echo(
@@ -393,12 +395,3 @@ def _open_store(data: Path | None, database: str) -> AbstractContextManager[Stor
     from planner.service.store.service_store import open_store
 
     return open_store(build_settings(data, database))
-
-
-def _find_free_name(store: Store, scope: str) -> str:
-    """An unused name: read-1, read-2 and so on."""
-    taken = {row.name for row in store.list_tokens()}
-    number = 1
-    while f"{scope}-{number}" in taken:
-        number += 1
-    return f"{scope}-{number}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,28 +23,24 @@ from planner.cli.common.options import (
     JsonOption,
     ProcessesOption,
     get_option_name,
+    in_computing,
+    in_output,
+    in_work,
     inject_request_options,
     read_given_options,
     render_refusal,
 )
-from planner.cli.common.outputs import (
-    OutputContent,
-    check_output_paths,
-    list_input_files,
-    render_requested,
-    write_before_printing,
-)
+from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
 from planner.request.farm_choice import FarmChoice
 from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
+from planner.request.plan_request import PlanRequest
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
-    from planner.cli.common.progress import StageBar
     from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.farm_inputs import GivenOptions
     from planner.sweeps.sweep import Sweep
@@ -69,59 +65,35 @@ CHANGES: dict[str, dict[str, Any]] = {
 """Options that may have several values are texts."""
 
 
-ServiceOption = Annotated[
-    str,
-    typer.Option(
-        help="Address of a service; the page links each combination to its form, filled in.", rich_help_panel=OUTPUT
-    ),
-]
-
-
-FieldFilesOption = Annotated[
-    Optional[list[str]],
-    typer.Option("--fields", help="File of which all fields are swept, like FILE#*.", rich_help_panel=WORK),
-]
-
-
 @inject_request_options(without=_REPLACED, changes=CHANGES)
 def sweep(
     context: typer.Context,
     fields: FieldsArgument = None,
-    field_files: FieldFilesOption = None,
+    field_files: Annotated[
+        Optional[list[str]], in_work("--fields", help="File of which all fields are swept, like FILE#*.")
+    ] = None,
     headland_order: HeadlandOrderOption = None,
     html: Annotated[
-        Optional[Path],
-        typer.Option(help="Write one page with cost over time, what matters and the table.", rich_help_panel=OUTPUT),
+        Optional[Path], in_output(help="Write one page with cost over time, what matters and the table.")
     ] = None,
-    service: ServiceOption = "",
-    png: Annotated[
-        Optional[Path], typer.Option(help="Write the picture of cost over time.", rich_help_panel=OUTPUT)
-    ] = None,
-    parquet: Annotated[
-        Optional[Path], typer.Option(help="Write all combinations as Parquet.", rich_help_panel=OUTPUT)
-    ] = None,
+    service: Annotated[
+        str, in_output(help="Address of a service; the page links each combination to its form, filled in.")
+    ] = "",
+    png: Annotated[Optional[Path], in_output(help="Write the picture of cost over time.")] = None,
+    parquet: Annotated[Optional[Path], in_output(help="Write all combinations as Parquet.")] = None,
     save: Annotated[
-        Optional[Path],
-        typer.Option(
-            help="Drive one combination in full and write it, as headland plan --save.", rich_help_panel=OUTPUT
-        ),
+        Optional[Path], in_output(help="Drive one combination in full and write it, as headland plan --save.")
     ] = None,
     pick: Annotated[
         Optional[int],
-        typer.Option(
-            help="The row of the table to drive in full; with --save by default the one to take.",
-            rich_help_panel=OUTPUT,
-        ),
+        in_output(help="The row of the table to drive in full; with --save by default the one to take."),
     ] = None,
     json: JsonOption = False,
     csv: CsvOption = False,
     processes: ProcessesOption = None,
     cluster: ClusterOption = None,
     cache: Annotated[
-        Optional[Path],
-        typer.Option(
-            "--cache", help="Folder for what is estimated; it may be deleted at any time.", rich_help_panel=COMPUTING
-        ),
+        Optional[Path], in_computing("--cache", help="Folder for what is estimated; it may be deleted at any time.")
     ] = None,
     **options: Any,
 ) -> None:
@@ -131,7 +103,14 @@ def sweep(
 
     Example: headland sweep denmark --width 3,6 --speed-kmh 6:12:2 --tractors 1-4 --headland-order first,last
     """
-    from reports.sweep.report import build_sweep_screen, format_sweep_csv, format_sweep_json
+    from reports.sweep.report import (
+        build_sweep_screen,
+        format_sweep_csv,
+        format_sweep_json,
+        render_sweep_page,
+        render_sweep_parquet,
+        render_sweep_png,
+    )
 
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
     if cache is not None and cache.exists() and not cache.is_dir():
@@ -149,7 +128,12 @@ def sweep(
         _run(swept, executor_choice, cache)
     result = swept.build_result()
     picked = pick_plan(result, pick) if save is not None or pick is not None else None
-    with write_before_printing(_render_outputs(result, html, png, parquet)):
+    files = render_requested(
+        (html, lambda: render_sweep_page(result)),
+        (png, lambda: render_sweep_png(result)),
+        (parquet, lambda: render_sweep_parquet(result)),
+    )
+    with write_before_printing(files):
         form.print_answer(result, json=format_sweep_json, csv=format_sweep_csv, screen=build_sweep_screen)
     if picked is not None:
         order = swept.build_point_order(picked.numbers)
@@ -192,7 +176,11 @@ class _Question:
     def build_sweep(self, link: str) -> Sweep:
         """The sweep over all combinations; without tractors among the options over those of the farm."""
         from planner.sweeps.sweep import Sweep
+        from reports.sweep.results import list_option_words
 
+        command = ["headland", "plan"]  # plans one combination, but for the field and the options that are varied
+        for option, value in self._list_fixed():
+            command += list_option_words(option.rules.declaration or get_option_name(option.name), value)
         requests = {name: self.given.build_request(field=name) for name in self.fields}
         axes, given = self.axes, self.given
         if all(axis.parameter != "tractors" for axis in axes):
@@ -203,7 +191,7 @@ class _Question:
         def build_order(name: str, parameters: Mapping[str, Any]) -> WorkOrder:
             return given.build_order(replace(requests[name], **parameters))
 
-        return Sweep(axes, self.fields, build_order, self._build_command(), link)
+        return Sweep(axes, self.fields, build_order, tuple(command), link)
 
     def build_link(self, service: str) -> str:
         """The form of a service at an address with the field and what stays; "" without one. Raises RequestError.
@@ -227,15 +215,6 @@ class _Question:
         files = {one for one, path in self.given.values.items() if str(path) in map(str, self.list_files())}
         values = [(one.name, Path(value).stem if one.name in files else value) for one, value in self._list_fixed()]
         return f"{service.rstrip('/')}/#/plan?{build_query([('field', Path(name).stem + mark + part), *values])}"
-
-    def _build_command(self) -> tuple[str, ...]:
-        """What plans one combination, but for the field and the options that are varied."""
-        from reports.sweep.results import list_option_words
-
-        words = ["headland", "plan"]
-        for option, value in self._list_fixed():
-            words += list_option_words(option.rules.declaration or get_option_name(option.name), value)
-        return tuple(words)
 
     def _list_fixed(self) -> Iterator[tuple[RequestOption, Any]]:
         """The options that are given and stay, one that is repeated as often."""
@@ -274,23 +253,6 @@ def _run(swept: Sweep, executor_choice: ExecutorChoice, folder: Path | None) -> 
     """Estimate what is not kept from an earlier run, with a bar that names the best so far."""
     from planner.cli.common.progress import open_stage_bar
     from planner.pipeline.result_cache import ResultCache, find_cache_folder
-
-    cache = ResultCache(find_cache_folder() / "sweeps" if folder is None else folder)
-    warm_up()
-    is_remote = executor_choice.cluster is not None
-    with (
-        executor_choice.open_executor(swept.total) if is_remote else nullcontext() as executor,
-        open_stage_bar("Estimating plans") as bar,
-    ):
-        bar.count(0, swept.total)
-        report = _create_report(swept, bar)
-        swept.run(executor, cache, report, render_refusal, executor_choice.processes)
-    if folder is None:
-        cache.remove_oldest(MOST_CACHED_BYTES)
-
-
-def _create_report(swept: Sweep, bar: StageBar) -> Callable[[int, int], None]:
-    """What shows so many of all combinations in a bar, now and then with the best of them."""
     from reports.sweep.results import describe_plan
 
     shown_s = 0.0
@@ -303,7 +265,17 @@ def _create_report(swept: Sweep, bar: StageBar) -> Callable[[int, int], None]:
             bar.show_work([] if result.best is None else [describe_plan(result, result.best)])
             shown_s = time.monotonic()
 
-    return report
+    cache = ResultCache(find_cache_folder() / "sweeps" if folder is None else folder)
+    warm_up()
+    is_remote = executor_choice.cluster is not None
+    with (
+        executor_choice.open_executor(swept.total) if is_remote else nullcontext() as executor,
+        open_stage_bar("Estimating plans") as bar,
+    ):
+        bar.count(0, swept.total)
+        swept.run(executor, cache, report, render_refusal, executor_choice.processes)
+    if folder is None:
+        cache.remove_oldest(MOST_CACHED_BYTES)
 
 
 @contextmanager
@@ -323,18 +295,6 @@ def _show_what_is_done(swept: Sweep, form: AnswerForm) -> Iterator[None]:
         goes_on = "; the same command goes on with it" if swept.done else ""
         error.add_note(f"{swept.done:,} of {swept.total:,} combinations{goes_on}; no file was written")
         raise
-
-
-def _render_outputs(
-    result: SweepResult, html: Path | None, png: Path | None, parquet: Path | None
-) -> list[tuple[Path, OutputContent]]:
-    from reports.sweep.report import render_sweep_page, render_sweep_parquet, render_sweep_png
-
-    return render_requested(
-        (html, lambda: render_sweep_page(result)),
-        (png, lambda: render_sweep_png(result)),
-        (parquet, lambda: render_sweep_parquet(result)),
-    )
 
 
 def _drive(

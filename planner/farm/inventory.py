@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
@@ -49,7 +49,33 @@ class FarmFile(FileSection):
 
     @model_validator(mode="after")
     def _check_machines(self) -> FarmFile:
-        faults = list(_find_farm_contradictions(self))
+        """Raise ValueError for contradictions between machines, and for duplicate names."""
+        faults = []
+        for kind, machines in (("tractors", self.tractors), ("implements", self.implements)):
+            names = [each.name for each in machines]
+            if not names:
+                faults.append(f"{kind} is empty; name one or more, or leave {kind} out")
+            duplicates = sorted({name for name in names if names.count(name) > 1})
+            if duplicates:
+                faults.append(f"{kind} has {shorten_value(duplicates[0])} twice; give each a unique name")
+        known = [each.name for each in self.tractors]
+        for implement in self.implements:
+            label = f"the implement {implement.name!r}"
+            for name in implement.tractors:
+                if name not in known:
+                    close = suggest_name(name, known)
+                    faults.append(f"{label} names {name!r}, which is not a tractor of the farm{close}")
+            if (implement.capacity is None) != (implement.rate_per_m2 is None):
+                lacks_rate = implement.rate_per_m2 is None
+                given, missing = ("capacity", "rate_per_m2") if lacks_rate else ("rate_per_m2", "capacity")
+                unit = "l or kg per m2, usually 0.0001 to 5" if lacks_rate else "l or kg, usually 200 to 25000"
+                faults.append(f"{label} has {given} but no {missing} ({unit}); give both or neither")
+            frame_m = implement.frame_width_m
+            if frame_m is not None and frame_m > 2.0 * implement.width_m:
+                faults.append(f"{label} has a frame of {frame_m:g} m, more than twice its width; check frame_width_m")
+        for tractor in self.tractors if self.implements else ():
+            if not any(self.is_compatible(tractor, implement) for implement in self.implements):
+                faults.append(f"no implement fits the tractor {tractor.name!r}; name it under tractors of one of them")
         if faults:
             raise ValueError("; ".join(faults))
         return self
@@ -78,6 +104,13 @@ def load_farm(path: str | Path) -> FarmFile:
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
     values: dict[str, Any] = {}
+
+    def name_machine(match: re.Match[str]) -> str:
+        """The name of a machine, if it has any, instead of its number."""
+        kind, number = match[1], int(match[2])
+        name = values[kind][number].get("name")
+        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
+
     try:
         values = parse_toml(text)
         if OLD_UNCERTAINTY_SECTION in values:
@@ -88,7 +121,8 @@ def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
             )
         farm = FarmFile.model_validate(values)
     except ValidationError as error:
-        faults = _insert_machine_names(describe_validation_errors(error, FarmFile, MAX_FAULTS), values)
+        found = describe_validation_errors(error, FarmFile, MAX_FAULTS)
+        faults = re.sub(r"\b(tractors|implements)\.(\d+)(?=\.)", name_machine, found)
         raise RequestError(f"The farm file {label} cannot be used: {faults}.", parameter="farm") from None
     except RequestError:
         raise
@@ -98,31 +132,16 @@ def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
         ) from None
     if "tractors" not in farm.model_fields_set:
         return farm
-    return farm.model_copy(
-        update={"tractors": tuple(_resolve_tractor_file(each, label, folder) for each in farm.tractors)}
-    )
-
-
-def _insert_machine_names(faults: str, values: Mapping[str, Any]) -> str:
-    """Faults with the names of machines, if they have any, instead of their numbers."""
-
-    def name_machine(match: re.Match[str]) -> str:
-        kind, number = match[1], int(match[2])
-        name = values[kind][number].get("name")
-        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
-
-    return re.sub(r"\b(tractors|implements)\.(\d+)(?=\.)", name_machine, faults)
-
-
-def _resolve_tractor_file(tractor: FarmTractor, label: str, folder: Path) -> FarmTractor:
-    """The tractor with its file relative to the folder; built once, so that its faults are found now."""
-    if tractor.file is not None and tractor.file not in list_tractor_names():
-        tractor = tractor.model_copy(update={"file": str(folder / tractor.file)})
-    try:
-        tractor.build_tractor()
-    except VehicleError as error:
-        raise VehicleError(f"The tractor {tractor.name!r} of the farm file {label}: {error}") from None
-    return tractor
+    tractors = []
+    for tractor in farm.tractors:  # files are relative to the folder; built once, so that their faults are found now
+        if tractor.file is not None and tractor.file not in list_tractor_names():
+            tractor = tractor.model_copy(update={"file": str(folder / tractor.file)})
+        try:
+            tractor.build_tractor()
+        except VehicleError as error:
+            raise VehicleError(f"The tractor {tractor.name!r} of the farm file {label}: {error}") from None
+        tractors.append(tractor)
+    return farm.model_copy(update={"tractors": tuple(tractors)})
 
 
 def read_example_farm_text() -> str:
@@ -146,38 +165,3 @@ def _pick_machine(machines: Sequence[Machine], name: str | None, kind: str) -> M
         f"The farm has no {kind} {quote_path(name)}{suggest_name(name, names)}; use one of: {', '.join(names)}.",
         parameter=kind,
     )
-
-
-def _find_farm_contradictions(farm: FarmFile) -> Iterator[str]:
-    """Contradictions between machines, and duplicate names."""
-    for kind, machines in (("tractors", farm.tractors), ("implements", farm.implements)):
-        names = [each.name for each in machines]
-        if not names:
-            yield f"{kind} is empty; name one or more, or leave {kind} out"
-        duplicates = sorted({name for name in names if names.count(name) > 1})
-        if duplicates:
-            yield f"{kind} has {shorten_value(duplicates[0])} twice; give each a unique name"
-    known_tractors = [each.name for each in farm.tractors]
-    for implement in farm.implements:
-        yield from _find_implement_faults(implement, known_tractors)
-    if farm.tractors and farm.implements:
-        for tractor in farm.tractors:
-            if not any(farm.is_compatible(tractor, implement) for implement in farm.implements):
-                yield f"no implement fits the tractor {tractor.name!r}; name it under tractors of one of them"
-
-
-def _find_implement_faults(implement: FarmImplement, known_tractors: Sequence[str]) -> Iterator[str]:
-    label = f"the implement {implement.name!r}"
-    for name in implement.tractors:
-        if name not in known_tractors:
-            yield f"{label} names {name!r}, which is not a tractor of the farm{suggest_name(name, known_tractors)}"
-    if (implement.capacity is None) != (implement.rate_per_m2 is None):
-        given_key, missing_key = (
-            ("capacity", "rate_per_m2") if implement.rate_per_m2 is None else ("rate_per_m2", "capacity")
-        )
-        unit = (
-            "l or kg per m2, usually 0.0001 to 5" if missing_key == "rate_per_m2" else "l or kg, usually 200 to 25000"
-        )
-        yield f"{label} has {given_key} but no {missing_key} ({unit}); give both or neither"
-    if implement.frame_width_m is not None and implement.frame_width_m > 2.0 * implement.width_m:
-        yield f"{label} has a frame of {implement.frame_width_m:g} m, more than twice its width; check frame_width_m"

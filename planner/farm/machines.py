@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Literal
 
 from pydantic import Field, StrictInt, model_validator
 
 from planner.errors import HeadlandError
-from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, define_value
+from planner.farm.settings import FileSection, define_duration, define_number, define_price, define_value
 from planner.request.implement_choice import check_transport_width, choose_rule
 from planner.request.option_texts import MAX_TRACTORS
-from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
+from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_SPEED_KMH, MIN_SPEED_KMH
 from strategies.rules.supply import Supply
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
@@ -18,6 +19,7 @@ from vehicle.energy.draft import TILL
 from vehicle.model.tractor import FOLD_S, ROAD_WIDTH_M, Implement, Tractor, load_tractor
 
 DEFAULT_TRACTOR = "eg105"
+_SPEED = partial(define_number, None, MIN_SPEED_KMH, MAX_SPEED_KMH)
 
 
 class FarmTractor(FileSection):
@@ -32,7 +34,7 @@ class FarmTractor(FileSection):
     )
     sheet: Datasheet | None = None
     count: StrictInt = define_value(1, "how many", "one", ge=1, le=MAX_TRACTORS)
-    price: float | None = define_number(None, 0.0, MAX_PRICE, "list price of one", "prices.tractor_price")
+    price: float | None = define_price(None, "list price of one", "prices.tractor_price")
     power_kw: float | None = define_number(None, 0.1, 2000.0, "kW at the shaft", "prices.tractor_power_kw")
     hours_per_year: float | None = define_number(None, 1.0, 8784.0, "hours of use per year", "prices.hours_per_year")
     years: float | None = define_number(None, 0.1, 100.0, "years of use", "prices.years")
@@ -80,21 +82,15 @@ class FarmImplement(FileSection):
     transport_width_m: float = define_number(
         ROAD_WIDTH_M, 0.1, MAX_LENGTH_M, "m when folded; its working width: it does not fold", "what most roads allow"
     )
-    fold_s: float = define_number(FOLD_S, 0.0, MAX_DURATION_S, "s to fold on the field, and to unfold", "assumed")
-    speed_kmh: float | None = define_number(
-        None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h at work", "the option --speed-kmh"
-    )
-    min_speed_kmh: float | None = define_number(
-        None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h, the least it works well at", "no limit"
-    )
-    max_speed_kmh: float | None = define_number(
-        None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h, the most it works well at", "no limit"
-    )
-    turn_speed_kmh: float | None = define_number(None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h in turns", "the option")
+    fold_s: float = define_duration(FOLD_S, "s to fold on the field, and to unfold", "assumed")
+    speed_kmh: float | None = _SPEED("km/h at work", "the option --speed-kmh")
+    min_speed_kmh: float | None = _SPEED("km/h, the least it works well at", "no limit")
+    max_speed_kmh: float | None = _SPEED("km/h, the most it works well at", "no limit")
+    turn_speed_kmh: float | None = _SPEED("km/h in turns", "the option")
     capacity: float | None = define_number(None, 0.001, 1e6, "l or kg when full", "it carries nothing")
     rate_per_m2: float | None = define_number(None, 1e-9, 1e3, "l or kg per m2 worked", "it carries nothing")
     collects: bool = define_value(False, "true: it fills up while working", "no", strict=True)
-    price: float | None = define_number(None, 0.0, MAX_PRICE, "list price", "prices.implement_price")
+    price: float | None = define_price(None, "list price", "prices.implement_price")
     hours_per_year: float | None = define_number(
         None, 1.0, 8784.0, "hours of use per year", "prices.implement_hours_per_year"
     )
@@ -136,11 +132,5 @@ class FarmImplement(FileSection):
     @property
     def simulated_implement(self) -> Implement:
         """The implement for the simulator."""
-        return Implement(
-            width_m=self.width_m,
-            hitch_m=self.hitch_m,
-            length_m=self.length_m,
-            frame_width_m=self.frame_width_m,
-            transport_width_m=self.transport_width_m,
-            fold_s=self.fold_s,
-        )
+        own = {"width_m", "hitch_m", "length_m", "frame_width_m", "transport_width_m", "fold_s"}
+        return Implement(**self.model_dump(include=own))

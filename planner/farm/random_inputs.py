@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from planner.farm.settings import MAX_DURATION_S, FileSection, define_number, define_value
+from planner.farm.settings import MAX_DURATION_S, FileSection, define_duration, define_number, define_value
 
 MAX_TAIL_CV = 20.0
 MAX_SLIP_PCT = 90.0
@@ -34,10 +34,6 @@ def _define_cv(default: float, description: str, source: str, high: float = 2.0)
     return define_number(default, 0.0, high, description, source)
 
 
-def _define_duration(default: float, description: str, source: str) -> Any:
-    return define_number(default, 0.0, MAX_DURATION_S, description, source)
-
-
 class UncertaintySettings(FileSection):
     """Laws of the random inputs, as a farm file has them; 0 switches one off. `_cv` are coefficients of variation.
 
@@ -59,12 +55,9 @@ class UncertaintySettings(FileSection):
         "law with that mean error has a deviation of 6 %",
     )
     slip_pct: float = define_number(
-        7.6,
-        0.0,
-        MAX_SLIP_PCT,
-        "percent of wheel slip, at which speeds hold",
+        7.6, 0.0, MAX_SLIP_PCT, "percent of wheel slip, at which speeds hold",
         "log of a New Holland tractor: wheel slip 7.6 % in the median",
-    )
+    )  # fmt: skip
     slip_cv: float = _define_cv(0.28, "of the slip", "the same log: half of it lies between 6.2 and 9.0 %")
     turn_cv: float = _define_cv(
         0.21, "of the time of a turn to the next track", f"{_LOG_SOURCE}: 163 turns over one track"
@@ -73,13 +66,10 @@ class UncertaintySettings(FileSection):
         0.13, "of the time of a turn over several tracks", f"{_LOG_SOURCE}: turns over two tracks and three"
     )
     stops_per_hour: float = define_number(
-        1.0,
-        0.0,
-        1000.0,
-        "stops per tractor and hour",
+        1.0, 0.0, 1000.0, "stops per tractor and hour",
         f"assumed for a robot: a tenth of the 10 an hour in {_LOG_SOURCE}",
-    )
-    stop_s: float = _define_duration(
+    )  # fmt: skip
+    stop_s: float = define_duration(
         48.0, "s, mean length of a stop", f"{_LOG_SOURCE}: stops of 5 s and more last 48 s in the mean"
     )
     stop_cv: float = _define_cv(
@@ -90,11 +80,11 @@ class UncertaintySettings(FileSection):
     )
     stop_durations_s: tuple[_Duration, ...] = define_value((), "s of measured stops", "none: the law above")
     breakdown_hours: float = define_number(290.0, 0.0, 1e6, "hours between breakdowns, 0 for none", _TRACTOR_LIVES)
-    repair_s: float = _define_duration(7200.0, "s, mean length of a repair", "assumed: someone has to come")
+    repair_s: float = define_duration(7200.0, "s, mean length of a repair", "assumed: someone has to come")
     repair_cv: float = _define_cv(
         1.0, "of the length of a repair", "assumed: as much as an exponential law", MAX_TAIL_CV
     )
-    start_delay_s: float = _define_duration(
+    start_delay_s: float = define_duration(
         600.0,
         "s, mean delay of the start",
         "assumed: 10 minutes, as the change from field to field took in the median of two campaigns",

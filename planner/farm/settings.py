@@ -49,6 +49,21 @@ def define_value(default: Any, description: str, source: str = NONE_GIVEN, **rul
     return Field(default=default, description=description, json_schema_extra={SOURCE_KEY: source}, **rules)
 
 
+def define_price(default: float | None, description: str, source: str = NONE_GIVEN) -> Any:
+    """An amount of money."""
+    return define_number(default, 0.0, MAX_PRICE, description, source)
+
+
+def define_share(default: float, description: str, source: str) -> Any:
+    """A share of a whole, 0 to 1."""
+    return define_number(default, 0.0, 1.0, description, source)
+
+
+def define_duration(default: float, description: str, source: str) -> Any:
+    """Seconds of handling or of a stop."""
+    return define_number(default, 0.0, MAX_DURATION_S, description, source)
+
+
 def get_default_source(section: type[FileSection], key: str) -> str:
     """The source of the default of a key."""
     extra = section.model_fields[key].json_schema_extra
@@ -85,25 +100,19 @@ class FarmPrices(FileSection):
     """
 
     currency: str = define_value("EUR", "in quotes", "assumed", strict=True, min_length=1, max_length=12)
-    per_hour: float | None = define_number(
-        None, 0.0, MAX_PRICE, "per tractor and hour, all in", "from the values below"
-    )
-    tractor_price: float = define_number(
-        100_000.0, 0.0, MAX_PRICE, "list price of a tractor", "assumed: about 1,300 per kW for 77 kW, with the robot"
+    per_hour: float | None = define_price(None, "per tractor and hour, all in", "from the values below")
+    tractor_price: float = define_price(
+        100_000.0, "list price of a tractor", "assumed: about 1,300 per kW for 77 kW, with the robot"
     )
     tractor_power_kw: float = define_number(77.0, 0.1, 2000.0, "kW at the shaft", "the tractor of the thesis (105 hp)")
-    implement_price: float = define_number(15_000.0, 0.0, MAX_PRICE, "list price", "assumed: a cultivator of 3 m")
+    implement_price: float = define_price(15_000.0, "list price", "assumed: a cultivator of 3 m")
     hours_per_year: float = define_number(600.0, 1.0, 8784.0, "hours of use per year", "assumed: a tractor in full use")
     implement_hours_per_year: float = define_number(200.0, 1.0, 8784.0, "hours of use per year", "assumed")
     years: float = define_number(10.0, 0.1, 100.0, "years of use of a machine", "assumed")
-    first_year_value: float = define_number(0.68, 0.0, 1.0, "share of the price", f"tractors, d1, {_EQUATIONS}")
-    later_year_value: float = define_number(0.92, 0.0, 1.0, "share kept each year", f"tractors, d2, {_EQUATIONS}")
-    implement_first_year_value: float = define_number(
-        0.60, 0.0, 1.0, "share of the price", f"other machines, {_EQUATIONS}"
-    )
-    implement_later_year_value: float = define_number(
-        0.885, 0.0, 1.0, "share kept each year", f"other machines, {_EQUATIONS}"
-    )
+    first_year_value: float = define_share(0.68, "share of the price", f"tractors, d1, {_EQUATIONS}")
+    later_year_value: float = define_share(0.92, "share kept each year", f"tractors, d2, {_EQUATIONS}")
+    implement_first_year_value: float = define_share(0.60, "share of the price", f"other machines, {_EQUATIONS}")
+    implement_later_year_value: float = define_share(0.885, "share kept each year", f"other machines, {_EQUATIONS}")
     interest_pct: float = define_number(4.0, 0.0, 100.0, "percent per year of the mean value", "assumed")
     insurance_pct: float = define_number(
         1.5, 0.0, 100.0, "percent per year: taxes, housing, insurance", "assumed: usually 1 to 2"
@@ -126,23 +135,19 @@ class FarmPrices(FileSection):
         "kg of CO2 per kWh at the charger",
         "EU grid of 2023: 58 % below the 0.51 of 1990 (EEA, intensity of electricity generation)",
     )
-    work_load: float = define_number(
-        0.74, 0.0, 1.0, "share of the power at work", f"{_EQUATIONS}: 0.73 x 0.06 gallons per hour and horsepower"
+    work_load: float = define_share(
+        0.74, "share of the power at work", f"{_EQUATIONS}: 0.73 x 0.06 gallons per hour and horsepower"
     )
-    turn_load: float = define_number(0.35, 0.0, 1.0, "share of the power in turns", "assumed: implement lifted")
-    road_load: float = define_number(0.5, 0.0, 1.0, "share of the power on the road", "assumed")
+    turn_load: float = define_share(0.35, "share of the power in turns", "assumed: implement lifted")
+    road_load: float = define_share(0.5, "share of the power on the road", "assumed")
     oil_share: float = define_number(0.15, 0.0, 10.0, "of the price of the fuel", f"lubricants, {_EQUATIONS}")
-    supervision_per_hour: float = define_number(25.0, 0.0, MAX_PRICE, "of one person", "assumed: wage with all charges")
+    supervision_per_hour: float = define_price(25.0, "of one person", "assumed: wage with all charges")
     supervision_share: float = define_number(0.25, 0.0, 10.0, "persons per robot", "assumed: one looks after four")
-    transport_per_tractor: float = define_number(
-        0.0, 0.0, MAX_PRICE, "bringing one robot to a field", "it drives itself"
-    )
-    transport_per_km: float = define_number(0.0, 0.0, MAX_PRICE, "per robot and km on a lorry", "it drives itself")
-    seed_per_ha: float = define_number(0.0, 0.0, MAX_PRICE, "seed or product lost on ground not done", "assumed: none")
-    late_per_ha: float = define_number(
+    transport_per_tractor: float = define_price(0.0, "bringing one robot to a field", "it drives itself")
+    transport_per_km: float = define_price(0.0, "per robot and km on a lorry", "it drives itself")
+    seed_per_ha: float = define_price(0.0, "seed or product lost on ground not done", "assumed: none")
+    late_per_ha: float = define_price(
         80.0,
-        0.0,
-        MAX_PRICE,
         "value lost per ha not done before the rain",
         "assumed: ten days late, half a percent per day, of a crop worth 1,600 per ha",
     )
@@ -192,12 +197,10 @@ class FarmTimes(FileSection):
     A shift that ends before it starts ends on the next day.
     """
 
-    unfold_s: float = define_number(
-        120.0, 0.0, MAX_DURATION_S, "s to unfold on the field", "assumed: a folding implement"
-    )
-    fold_s: float = define_number(120.0, 0.0, MAX_DURATION_S, "s to fold for the road", "assumed: a folding implement")
-    refill_s: float = define_number(
-        300.0, 0.0, MAX_DURATION_S, "s to refill or unload at the service point", "assumed: one big bag or tank"
+    unfold_s: float = define_duration(120.0, "s to unfold on the field", "assumed: a folding implement")
+    fold_s: float = define_duration(120.0, "s to fold for the road", "assumed: a folding implement")
+    refill_s: float = define_duration(
+        300.0, "s to refill or unload at the service point", "assumed: one big bag or tank"
     )
     shift_start: Clock = define_value(None, "hh:mm in quotes", "none", strict=True)
     shift_end: Clock = define_value(None, "hh:mm in quotes", "none", strict=True)

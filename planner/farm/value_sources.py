@@ -89,15 +89,10 @@ def _describe_machine(machine: Tractor) -> dict[str, float]:
 
 def build_farm_sheet(farm: FarmFile, label: str) -> ExperimentSheet:
     """The farm as a page: a description, and all values with their sources."""
-    return ExperimentSheet(
-        "farm", f"The farm of {label}", tuple(_describe_farm(farm)), (), (), tuple(_build_section_tables(farm))
-    )
-
-
-def _describe_farm(farm: FarmFile) -> Iterator[str]:
+    sentences, values = list[str](), list_values(farm)
     for tractor in farm.tractors:
         facts = _describe_machine(tractor.build_tractor())
-        yield (
+        sentences.append(
             f"{tractor.count} x {tractor.name}: {facts['mass_kg']:g} kg, {facts['width_m']:g} m wide, turning radius "
             f"{facts['radius_soil_m']:.2f} m on soil."
         )
@@ -105,19 +100,15 @@ def _describe_farm(farm: FarmFile) -> Iterator[str]:
         load = implement.area_per_load_m2
         load_text = "" if load is None else f", {load / 10_000.0:.3g} ha per load"
         tractors_text = f", for {', '.join(implement.tractors)}" if implement.tractors else ""
-        yield f"{implement.name}: {implement.width_m:g} m{load_text}{tractors_text}."
-    values = list_values(farm)
+        sentences.append(f"{implement.name}: {implement.width_m:g} m{load_text}{tractors_text}.")
     given_count = sum(value.source == GIVEN for value in values)
-    yield f"{given_count} of {len(values)} values are given; the others are defaults."
-
-
-def _build_section_tables(farm: FarmFile) -> Iterator[TextTable]:
-    values = list_values(farm)
+    sentences.append(f"{given_count} of {len(values)} values are given; the others are defaults.")
+    tables = []
     for section in dict.fromkeys(value.section for value in values):
-        rows = tuple(
-            (f"{v.key}, {v.description}", _format_value(v.value), v.source) for v in values if v.section == section
-        )
-        yield TextTable(f"[{section}]", ("Key", "Value", "Source"), rows)
+        own = [value for value in values if value.section == section]
+        rows = tuple((f"{v.key}, {v.description}", _format_value(v.value), v.source) for v in own)
+        tables.append(TextTable(f"[{section}]", ("Key", "Value", "Source"), rows))
+    return ExperimentSheet("farm", f"The farm of {label}", tuple(sentences), (), (), tuple(tables))
 
 
 def _format_value(value: Any) -> str:

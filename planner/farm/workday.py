@@ -148,30 +148,23 @@ class Workday:
 
     def _iter_pauses(self, first_s: float, last_s: float) -> Iterator[WorkPause]:
         """Pauses within a span of time after the start; of overlapping pauses the first one counts."""
-        days = range(int(first_s // DAY_S) - 2, int(last_s // DAY_S) + 2)
-        pauses = sorted(
-            (pause for day in days for pause in self._iter_day_pauses(day)),
-            key=lambda pause: (pause.from_s, -pause.to_s),
-        )
+        if self.start_s is None:
+            return
+        pauses = list[WorkPause]()
+        for day in range(int(first_s // DAY_S) - 2, int(last_s // DAY_S) + 2):  # that of the start is 0
+            off = day * DAY_S - self.start_s
+            shift_begin, shift_end = self.shift_s
+            shift_begin = self.start_s if shift_begin is None else shift_begin
+            if shift_end is not None:
+                shift_end += DAY_S if shift_end <= shift_begin else 0
+                pauses.append(WorkPause(NIGHT, shift_end + off, shift_begin + DAY_S + off))
+            pauses += [WorkPause(BREAK, first + off, last + off) for first, last in self.breaks_s]
         until_s = first_s
-        for pause in pauses:
+        for pause in sorted(pauses, key=lambda pause: (pause.from_s, -pause.to_s)):
             begin, end = max(pause.from_s, until_s), min(pause.to_s, last_s)
             if begin < end:
                 yield WorkPause(pause.kind, begin, end)
                 until_s = end
-
-    def _iter_day_pauses(self, day: int) -> Iterator[WorkPause]:
-        """The pauses of a day; the day of the start is 0."""
-        if self.start_s is None:
-            return
-        off = day * DAY_S - self.start_s
-        begin, end = self.shift_s
-        begin = self.start_s if begin is None else begin
-        if end is not None:
-            end += DAY_S if end <= begin else 0
-            yield WorkPause(NIGHT, end + off, begin + DAY_S + off)
-        for first, last in self.breaks_s:
-            yield WorkPause(BREAK, first + off, last + off)
 
 
 def build_workday(field: Field, start_s: int | None, times: FarmTimes, yard: Yard, gate_fold_s: float = 0.0) -> Workday:

@@ -82,14 +82,18 @@ def parse_line_names(text: str, parameter: str) -> tuple[LineName, ...]:
     for part in text.split(","):
         found = _NAMES.fullmatch(part.strip())
         last = found and int(found["last"] or found["first"])
-        if found is None or last is None or not int(found["first"]) <= last <= MOST_NAMED or not _fits(found):
+        # Tracks have pieces and headland passes sides, both counted from 1.
+        is_wrong = found and (found["piece" if found["ring"] else "side"] or found["side"] == "0")
+        if found is None or last is None or is_wrong or not 1 <= int(found["first"]) <= last <= MOST_NAMED:
             raise HeadlandError(
                 f"{mark_parameter(parameter)} holds {shorten_value(part)}, which names no track; write tracks and "
                 "headland passes as the map does, for instance 3,7-9,5b,R1.",
                 parameter=parameter,
             )
         kind = HEADLAND_PASS if found["ring"] else SWATH
-        piece = _read_piece(found["piece"]) if found["piece"] else int(found["side"]) - 1 if found["side"] else None
+        piece = int(found["side"]) - 1 if found["side"] else None
+        for letter in found["piece"] or "":
+            piece = 26 * (0 if piece is None else piece + 1) + ord(letter) - ord("a")
         first = int(found["first"])
         names += [LineName(kind, number, piece, first < number < last) for number in range(first, last + 1)]
         _check_number(names, parameter)
@@ -103,16 +107,3 @@ def _check_number(names: Sequence[LineName], parameter: str) -> None:
             f"{mark_parameter(parameter)} names more than {MOST_NAMED:,} tracks; name those of the map only.",
             parameter=parameter,
         )
-
-
-def _fits(found: re.Match[str]) -> bool:
-    """Whether tracks have pieces and headland passes sides, both counted from 1."""
-    return not found["piece" if found["ring"] else "side"] and int(found["first"]) > 0 and found["side"] != "0"
-
-
-def _read_piece(letters: str) -> int:
-    """The piece of its letters, from 0."""
-    count = 0
-    for letter in letters:
-        count = 26 * count + ord(letter) - ord("a") + 1
-    return count - 1

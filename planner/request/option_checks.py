@@ -52,62 +52,55 @@ def check_places(entrance: tuple[float, float] | None, obstacles: Iterable[str],
 
 def check_speeds(speed_mps: float, least_mps: float | None, greatest_mps: float | None) -> None:
     """Raise RequestError for a working speed beyond the limits of the implement."""
-    if least_mps is not None and speed_mps < least_mps:
-        _refuse_speed(speed_mps, "least", "min_speed_mps", least_mps)
-    if greatest_mps is not None and speed_mps > greatest_mps:
-        _refuse_speed(speed_mps, "greatest", "max_speed_mps", greatest_mps)
+    limits = (("least", "min_speed_mps", least_mps), ("greatest", "max_speed_mps", greatest_mps))
+    for wording, name, limit_mps in limits:
+        if limit_mps is not None and (speed_mps < limit_mps if wording == "least" else speed_mps > limit_mps):
+            raise RequestError(
+                f"The working speed ({mark_parameter('speed_mps')}) is {speed_mps / MPS_PER_KMH:.3g} km/h, and the "
+                f"{wording} of the implement ({mark_parameter(name)}) is {limit_mps / MPS_PER_KMH:.3g} km/h; change "
+                "one of them.",
+                parameter="speed_mps",
+            )
 
 
-def _refuse_speed(speed_mps: float, wording: str, name: str, limit_mps: float) -> None:
-    raise RequestError(
-        f"The working speed ({mark_parameter('speed_mps')}) is {speed_mps / MPS_PER_KMH:.3g} km/h, and the {wording} "
-        f"of the implement ({mark_parameter(name)}) is {limit_mps / MPS_PER_KMH:.3g} km/h; change one of them.",
-        parameter="speed_mps",
-    )
+def check_layout(request: Any) -> None:
+    """Raise RequestError for wishes on headland and tracks of a PlanRequest that exclude each other.
 
-
-def check_headland(order: str | None, passes: int | None, headland_m: float | None, is_left: bool) -> None:
-    """Raise RequestError for a headland that is left and worked, or given in metres and in passes."""
-    if is_left and order is not None:
+    A headland is left or worked, and given in metres or in passes; tracks have one kind of bearing, within a full
+    circle, and along contours none of their own, and a worked headland.
+    """
+    if request.no_headland and request.headland_order is not None:
         raise RequestError(
             f"{mark_parameter('no_headland')} leaves the headland, and {mark_parameter('headland_order')} says when to "
             "work it; leave out one of them."
         )
-    if passes is not None and (is_left or headland_m):
+    if request.headland_passes is not None and (request.no_headland or request.headland_m):
+        is_left = request.no_headland
         name, meaning = ("no_headland", "leaves the headland") if is_left else ("headland_m", "is its depth")
         raise RequestError(
             f"{mark_parameter(name)} {meaning}, and {mark_parameter('headland_passes')} says in how many passes it is "
             "worked; leave out one of them."
         )
-
-
-def check_bearings(
-    field_bearing_deg: float | None, cell_bearings: Iterable[tuple[int, float]], guidance_line: str | None
-) -> None:
-    """Raise RequestError for bearings beyond a full circle, and for several that exclude each other."""
-    for cell, bearing_deg in cell_bearings:
+    for cell, bearing_deg in request.cell_bearings:
         if not abs(bearing_deg) <= FULL_CIRCLE_DEG:
             raise RequestError(
                 f"The bearing of cell {cell} ({mark_parameter('cell_bearings')}) is {shorten_value(bearing_deg)}; "
                 f"use {-FULL_CIRCLE_DEG:g} to {FULL_CIRCLE_DEG:g} degrees."
             )
-    if guidance_line is not None and (cell_bearings or field_bearing_deg is not None):
-        conflicting = "cell_bearings" if cell_bearings else "bearing_deg"
+    if request.guidance_line is not None and (request.cell_bearings or request.bearing_deg is not None):
+        conflicting = "cell_bearings" if request.cell_bearings else "bearing_deg"
         raise RequestError(
             f"{mark_parameter('guidance_line')} is a bearing, and so is {mark_parameter(conflicting)}; leave out one "
             "of them."
         )
-    if cell_bearings and field_bearing_deg is not None:
+    if request.cell_bearings and request.bearing_deg is not None:
         raise RequestError(
             f"{mark_parameter('bearing_deg')} is for all cells, {mark_parameter('cell_bearings')} for one; leave out "
             "one of them."
         )
-
-
-def check_swaths(swaths: str, directions: Mapping[str, Any]) -> None:
-    """Raise RequestError for tracks along contours with a direction of their own, or without worked headlands."""
-    for name, value in directions.items():
-        if swaths != "straight" and value not in (None, (), False):
+    swaths = request.swaths
+    for name in ("bearing_deg", "cell_bearings", "guidance_line", "no_headland"):
+        if swaths != "straight" and getattr(request, name) not in (None, (), False):
             raise RequestError(
                 f"{mark_parameter('swaths')} {swaths} takes its direction from the ground and needs a worked headland; "
                 f"leave out {mark_parameter(name)}.",
@@ -131,10 +124,10 @@ def check_times(start_s: int | None, deadline_s: int | None) -> None:
         )
 
 
-def check_samples(samples: int | None, **judged: Any) -> None:
-    """Raise RequestError for no samples where something is `judged` by them alone."""
-    for name, value in judged.items():
-        if samples == 0 and value is not None:
+def check_samples(request: Any) -> None:
+    """Raise RequestError for no samples where something is judged by them alone."""
+    for name in ("rain", "objective", "budget"):
+        if request.samples == 0 and getattr(request, name) is not None:
             raise RequestError(
                 f"{mark_parameter('samples')} is 0, and {mark_parameter(name)} is judged by samples; give 1 or more, "
                 "or leave out one of them."
@@ -191,11 +184,3 @@ def check_ground(soil: str | None, moisture_pct: float | None, rain_mm: str | No
         )
     if rain_mm is not None and not is_rain_table(rain_mm):
         parse_recent_rain(rain_mm)
-
-
-def check_gnss(gnss: bool, table: str | None) -> None:
-    """Raise RequestError for a table of position errors that is not asked for."""
-    if table is not None and not gnss:
-        raise RequestError(
-            f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
-        )

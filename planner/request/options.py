@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache
+from functools import cache, partial
+from operator import mul
 from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from planner.errors import strip_unit
 
@@ -69,14 +70,6 @@ class NumberLimits:
             return False
         return self.low - 1e-9 * abs(self.low) <= value <= self.high + 1e-9 * abs(self.high)
 
-    def convert_option(self, value: float) -> float:
-        """The parameter of an option."""
-        return value * self.scale
-
-    def convert_parameter(self, value: Any) -> float | None:
-        """The option of a parameter; None stays."""
-        return None if value is None else float(value) / self.scale
-
     def describe_range(self) -> str:
         """What to use."""
         unit = f" {self.unit}" if self.unit else ""
@@ -123,7 +116,8 @@ def list_options(model: type) -> tuple[RequestOption, ...]:
             options.append(RequestOption(name, parameter.name, bool, False, help_text, rules, value=value))
         if flags is None:
             if form is None and limits is not None and limits.scale != 1.0:
-                form = OptionTextForm(float, limits.convert_option, limits.convert_parameter(default))
+                written = None if default is None else float(cast(Any, default)) / limits.scale
+                form = OptionTextForm(float, partial(mul, limits.scale), written)
             name = rules.name or strip_unit(parameter.name)
             kind, parse = (get_plain_type(annotation), None) if form is None else (form.type, form.parse)
             default = default if form is None else form.default

@@ -419,17 +419,17 @@ class PlanRequest:
         check_option_limits(self)
         option_checks.check_speeds(self.speed_mps, self.min_speed_mps, self.max_speed_mps)
         option_checks.check_fleet(self.tractors, self.strategies)
-        option_checks.check_headland(self.headland_order, self.headland_passes, self.headland_m, self.no_headland)
-        option_checks.check_bearings(self.bearing_deg, self.cell_bearings, self.guidance_line)
-        excluded = "bearing_deg", "cell_bearings", "guidance_line", "no_headland"
-        option_checks.check_swaths(self.swaths, {name: getattr(self, name) for name in excluded})
+        option_checks.check_layout(self)
         option_checks.check_places(self.entrance, self.obstacles, self.ignored)
         option_checks.check_times(self.start_s, self.deadline_s)
-        option_checks.check_samples(self.samples, rain=self.rain, objective=self.objective, budget=self.budget)
+        option_checks.check_samples(self)
         option_checks.check_ground(self.soil, self.moisture_pct, self.rain_mm, self.et0_mm)
         if self.draft is not None or self.depth_cm is not None:
             self.find_draft_rule()
-        option_checks.check_gnss(self.gnss, self.gnss_table)
+        if self.gnss_table is not None and not self.gnss:
+            raise RequestError(
+                f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
+            )
         if self.leave_out is not None or self.work_first is not None or self.give:
             from planner.request.line_texts import check_first_lines
 

@@ -30,30 +30,23 @@ def parse_recent_rain(text: str, et0_mm: float | None = None) -> RainyDays:
     if is_rain_table(text):
         rows = _read_rows(text.strip())
     else:
-        rows = [(number, None) for number in _parse_list(text)]
+        rows = [(amount, None) for amount in map(parse_number, text.split(","))]
+        for part, (amount, _) in zip(text.split(","), rows, strict=True):
+            if not 0.0 <= amount <= MAX_RAIN_MM:
+                raise RequestError(
+                    f"{mark_parameter('rain_mm')} {shorten_value(text)} has {shorten_value(part)}, which is no number "
+                    f"from 0 to {MAX_RAIN_MM:g}; give {RAIN_FORMAT}."
+                )
     if not 1 <= len(rows) <= MAX_DAYS:
         raise RequestError(
             f"{mark_parameter('rain_mm')} {shorten_value(text)} has {len(rows)} days; give 1 to {MAX_DAYS}.",
             parameter="rain_mm",
         )
-    return tuple(rain for rain, _ in rows), tuple(_build_range(et0_mm if own is None else own) for _, own in rows)
-
-
-def _build_range(et0_mm: float | None) -> tuple[float, float, float]:
-    if et0_mm is None:
-        return DEFAULT_ET0_MM
-    return et0_mm, (1.0 - ET0_ERROR) * et0_mm, (1.0 + ET0_ERROR) * et0_mm
-
-
-def _parse_list(text: str) -> list[float]:
-    amounts = list(map(parse_number, text.split(",")))
-    for part, amount in zip(text.split(","), amounts, strict=True):
-        if not 0.0 <= amount <= MAX_RAIN_MM:
-            raise RequestError(
-                f"{mark_parameter('rain_mm')} {shorten_value(text)} has {shorten_value(part)}, which is no number from "
-                f"0 to {MAX_RAIN_MM:g}; give {RAIN_FORMAT}."
-            )
-    return amounts
+    likely_mm = [et0_mm if own is None else own for _, own in rows]
+    ranges = [
+        DEFAULT_ET0_MM if one is None else (one, (1.0 - ET0_ERROR) * one, (1.0 + ET0_ERROR) * one) for one in likely_mm
+    ]
+    return tuple(rain for rain, _ in rows), tuple(ranges)
 
 
 def _read_rows(name: str) -> list[tuple[float, float | None]]:

@@ -88,7 +88,18 @@ def export_supply(supply: Supply) -> dict[str, float | str | None]:
 def describe_supply(supply: Supply) -> tuple[str, ...]:
     """What every plan assumes about tanks, or about batteries, one sentence each."""
     if isinstance(supply, BatterySupply):
-        return _describe_battery(supply)
+        battery, usable_kwh = supply.meter.drive.battery, supply.meter.drive.usable_kwh
+        if battery.change_s is None:
+            way = f"is charged with {battery.charger_kw:g} kW ({battery.connect_s:g} s to connect)"
+            amount = "A stop charges what the work up to the next stop needs; after the last track nothing is charged."
+        else:
+            way = f"is changed for a full one in {battery.change_s:g} s"
+            amount = "After the last track it is not changed."
+        return (
+            f"Every tractor starts with a battery of {battery.capacity_kwh:g} kWh, {usable_kwh:.3g} kWh of it above "
+            f"the reserve; it {way}, {describe_service_point(supply)}.",
+            amount,
+        )
     action = "collects" if supply.collects else "spreads"
     start_condition = "starts empty and is unloaded" if supply.collects else "starts full and is refilled"
     return (
@@ -121,23 +132,3 @@ def describe_service_point(supply: Supply) -> str:
     if supply.served_at == SERVICE_VEHICLE:
         return "by a tender at the end of a track, one tractor at a time; the tender's own driving is not simulated"
     return "on the headland at the end of a track"
-
-
-def _describe_battery(supply: BatterySupply) -> tuple[str, ...]:
-    """What every plan assumes about charging, one sentence each."""
-    drive = supply.meter.drive
-    way = (
-        f"is charged with {drive.battery.charger_kw:g} kW ({drive.battery.connect_s:g} s to connect)"
-        if drive.battery.change_s is None
-        else f"is changed for a full one in {drive.battery.change_s:g} s"
-    )
-    amount = (
-        "A stop charges what the work up to the next stop needs; after the last track nothing is charged."
-        if drive.battery.change_s is None
-        else "After the last track it is not changed."
-    )
-    return (
-        f"Every tractor starts with a battery of {drive.battery.capacity_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it "
-        f"above the reserve; it {way}, {describe_service_point(supply)}.",
-        amount,
-    )

@@ -233,14 +233,28 @@ def describe_fault(fault: Mapping[str, Any], location: str) -> str:
     if kind == "union_tag_not_found":
         return f"{TAG_KEY} is missing; give the kind of this object."
     if kind == "union_tag_invalid":
-        return f"{TAG_KEY} is {_shorten_value(context['tag'])}; use {_join_alternatives(context['expected_tags'])}."
-    if kind in COUNTED_UNITS:
-        return _describe_count(fault, location, COUNTED_UNITS[kind])
+        *first, last = context["expected_tags"].split(", ")
+        alternatives = f"{', '.join(first)} or {last}" if first else last
+        return f"{TAG_KEY} is {_shorten_value(context['tag'])}; use {alternatives}."
+    if kind in COUNTED_UNITS:  # too few or too many letters or entries, with their number where it can be counted
+        rule = f"at least {context['min_length']}" if "min_length" in context else f"at most {context['max_length']}"
+        value, unit = fault["input"], COUNTED_UNITS[kind]
+        count = len(value) if isinstance(value, str | list | tuple | dict) else "other"
+        return f"{location} has {count} {unit}; give {rule}."
     if kind == "string_pattern_mismatch":
         return f"{location} is {_shorten_value(fault['input'])}, with characters that are not allowed; leave them out."
     if kind == "value_error":
         return f"{location} is {_shorten_value(fault['input'])}: {str(context['error']).rstrip('.')}."
-    return f"{location} is {_shorten_value(fault['input'])}; {_describe_broken_rule(fault, kind, context)}."
+    expected_type = TYPE_TEXTS.get(kind.partition("_")[0])
+    words = " ".join(str(fault["msg"]).split()).rstrip(".")
+    broken_rule = f"give {expected_type}" if expected_type else words[:1].lower() + words[1:]
+    if kind in RULE_TEXTS:
+        limits = {
+            name: int(value) if isinstance(value, float) and value.is_integer() else value
+            for name, value in context.items()
+        }
+        broken_rule = f"use {RULE_TEXTS[kind].format(**limits)}"
+    return f"{location} is {_shorten_value(fault['input'])}; {broken_rule}."
 
 
 def format_location(parts: Sequence[Any]) -> str:
@@ -248,47 +262,15 @@ def format_location(parts: Sequence[Any]) -> str:
     return ".".join(json.dumps(str(part))[1:-1][:LONGEST_SHOWN_CHARS] for part in parts)
 
 
-def _describe_broken_rule(fault: Mapping[str, Any], kind: str, context: Mapping[str, Any]) -> str:
-    if kind in RULE_TEXTS:
-        return f"use {RULE_TEXTS[kind].format(**{name: _drop_zero_decimals(value) for name, value in context.items()})}"
-    expected_type = TYPE_TEXTS.get(kind.partition("_")[0])
-    words = " ".join(str(fault["msg"]).split()).rstrip(".")
-    return f"give {expected_type}" if expected_type else words[:1].lower() + words[1:]
-
-
-def _describe_count(fault: Mapping[str, Any], location: str, unit: str) -> str:
-    """Too few or too many letters or entries, with their number where it can be counted."""
-    context = fault["ctx"]
-    rule = f"at least {context['min_length']}" if "min_length" in context else f"at most {context['max_length']}"
-    value = fault["input"]
-    count = len(value) if isinstance(value, str | list | tuple | dict) else "other"
-    return f"{location} has {count} {unit}; give {rule}."
-
-
-def _join_alternatives(tags: str) -> str:
-    """'a', 'b', 'c' as 'a', 'b' or 'c'."""
-    *first, last = tags.split(", ")
-    return f"{', '.join(first)} or {last}" if first else last
-
-
-def _drop_zero_decimals(value: Any) -> Any:
-    """A limit without a needless decimal point."""
-    return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
 def _shorten_value(value: Any) -> str:
     """A value as it was sent, shortened."""
     text = ""
     try:
-        for part in json.JSONEncoder(default=str).iterencode(_cut_text(value)):  # only as much as is shown
+        value = value[: LONGEST_SHOWN_CHARS + 1] if isinstance(value, str) else value
+        for part in json.JSONEncoder(default=str).iterencode(value):  # only as much as is shown
             text += part
             if len(text) > LONGEST_SHOWN_CHARS:
                 return f"{text[: LONGEST_SHOWN_CHARS - 3]}..."
     except (RecursionError, ValueError):  # nested too deep, or a whole number of more digits than Python writes
         return "too large to show"
     return text
-
-
-def _cut_text(value: Any) -> Any:
-    """A text cut to what is shown of it."""
-    return value[: LONGEST_SHOWN_CHARS + 1] if isinstance(value, str) else value

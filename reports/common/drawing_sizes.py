@@ -26,22 +26,21 @@ class ChartAxis:
     def list_ticks(
         self, steps: Sequence[float] = (), write: Callable[[float], str] | None = None, most: int = 6
     ) -> list[tuple[float, str]]:
-        """Places and texts of round values, at most so many apart; by default texts have the decimals of their step."""
-        step = choose_step(self.high - self.low, most, steps)
+        """Places and texts of round values, at most so many apart; by default texts have the decimals of their step.
+
+        It is the smallest of `steps` that is wide enough; else 1, 2 or 5 times a power of ten of the last.
+        """
+        span = self.high - self.low
+        step = next((step for step in steps if span / step <= most), 0.0)
+        if not step:
+            unit = steps[-1] if steps else 1.0
+            power = unit * 10.0 ** math.floor(math.log10(span / unit / most))
+            sizes = (factor * power for factor in (1.0, 2.0, 5.0, 10.0))
+            step = next(size for size in sizes if span / size <= most * (1.0 + 1e-9))
         decimals = max(0, -math.floor(math.log10(step) + 1e-9))
         first, last = math.ceil(self.low / step - 1e-9), math.floor(self.high / step + 1e-9)
         values = [number * step for number in range(first, last + 1)]
         return [(self.place(value), f"{value:.{decimals}f}" if write is None else write(value)) for value in values]
-
-
-def choose_step(span: float, most: int, steps: Sequence[float] = ()) -> float:
-    """The smallest of `steps` that a span holds at most so often; else 1, 2 or 5 times a power of ten of the last."""
-    known = next((step for step in steps if span / step <= most), None)
-    if known is not None:
-        return known
-    unit = steps[-1] if steps else 1.0
-    power = unit * 10.0 ** math.floor(math.log10(span / unit / most))
-    return next(factor * power for factor in (1.0, 2.0, 5.0, 10.0) if span / (factor * power) <= most * (1.0 + 1e-9))
 
 
 @dataclass(frozen=True)

@@ -124,15 +124,16 @@ def translate_sentence(sentence: str) -> str:
 
 
 def _translate_value(name: str, value: str) -> str:
-    """What stands in a sentence, which may be one itself or a list; what is typed stays as it is typed."""
+    """What stands in a sentence; what is typed stays as it is typed.
+
+    It may be a sentence itself, or a list that is translated item by item (``late start (90 %), stops (8 %)``, ``fuel
+    and people``) if all are known texts.
+    """
     if name.removeprefix("v_") in TYPED_VALUES:
         return value
-    translated = translate_sentence(value)
-    return translated if translated != value else _translate_list(value)
-
-
-def _translate_list(value: str) -> str:
-    """``late start (90 %), stops (8 %)`` or ``fuel and people`` item by item; unchanged unless all are known texts."""
+    whole = translate_sentence(value)
+    if whole != value:
+        return whole
     first, conjunction, last = value.rpartition(" and ")
     items = [*(first.split(", ") if conjunction else ()), *((last,) if conjunction else last.split(", "))]
     parts = (item.partition(" (") for item in items)  # figures in brackets after an item stay
@@ -146,26 +147,25 @@ def _translate_list(value: str) -> str:
 
 @cache
 def _list_patterns(language: str) -> list[tuple[re.Pattern[str], str]]:
-    """Keys with values as patterns, those with most text first, and their translations."""
+    """Keys with values as patterns, those with most text first, and their translations.
+
+    A name that stands twice in a key has the same value twice.
+    """
     patterns = []
     for key, translated in get_messages(language).items():
         letters = len(re.findall(r"[A-Za-z]", _PLACEHOLDER.sub("", key)))
-        if _PLACEHOLDER.search(key) and letters >= LEAST_KEY_LETTERS:
-            patterns.append((letters, _build_pattern(key), translated))
+        if not _PLACEHOLDER.search(key) or letters < LEAST_KEY_LETTERS:
+            continue
+        parts, known = [], set[str]()
+        for place, part in enumerate(_PLACEHOLDER.split(key)):
+            if place % 2 == 0:
+                parts.append(re.escape(part))
+            else:
+                parts.append(f"(?P=v_{part})" if part in known else f"(?P<v_{part}>.*?)")
+                known.add(part)
+        patterns.append((letters, re.compile("".join(parts), re.DOTALL), translated))
     patterns.sort(key=lambda entry: -entry[0])
     return [(pattern, translated) for _, pattern, translated in patterns]
-
-
-def _build_pattern(key: str) -> re.Pattern[str]:
-    """What sentences made from a key look like; a name that stands twice has the same value twice."""
-    parts, known = [], set[str]()
-    for place, part in enumerate(_PLACEHOLDER.split(key)):
-        if place % 2 == 0:
-            parts.append(re.escape(part))
-        else:
-            parts.append(f"(?P=v_{part})" if part in known else f"(?P<v_{part}>.*?)")
-            known.add(part)
-    return re.compile("".join(parts), re.DOTALL)
 
 
 @cache

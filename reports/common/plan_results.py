@@ -320,42 +320,28 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
     """The plan to take of some feasible ones, at least one: of those pulled that work enough, if any are.
 
     With a deadline it is the cheapest in time, and the quickest if none is; plans that could finish the whole field
-    within `allowed_s` come before those that are in time but leave ground. Without one it is that of the knee.
+    within `allowed_s` come before those that are in time but leave ground. Without one it is that of the knee: with the
+    number of tractors from which one more does not pay. Where prices are known that is the cheapest: time saved has no
+    price of its own. Where none are, the next tractor has to save a share of an even split of the work,
+    WORTHWHILE_SHARE: of T seconds with n tractors, T / (n + 1).
     """
-    lacks = [_rate_lack(plan, allowed_s) for plan in plans]
+    lacks = []  # less first: a strong enough tractor; enough work; being in time, or so with all ground
+    for plan in plans:
+        late_with_all = allowed_s is not None and plan.stated_finished_end_s > allowed_s
+        lateness = 2 if plan.meets_deadline is False else int(late_with_all)
+        lacks.append(("pull" in plan.lacks, "worked" in plan.lacks, lateness))
     by_count = choose_by_count([plan for plan, lack in zip(plans, lacks, strict=True) if lack == min(lacks)])
     in_time = next(iter(by_count.values())).meets_deadline
     if in_time is False:
         return min(by_count.values(), key=build_time_sort_key)
-    return _find_cheapest(by_count) if in_time else find_knee(by_count, is_priced)
-
-
-def _rate_lack(plan: PlanResult, allowed_s: float | None) -> tuple[bool, bool, int]:
-    """What a plan lacks, less first: a strong enough tractor; enough work; being in time, or so with all ground."""
-    is_late = plan.meets_deadline is False
-    late_with_all = allowed_s is not None and plan.stated_finished_end_s > allowed_s
-    return "pull" in plan.lacks, "worked" in plan.lacks, 2 if is_late else int(late_with_all)
-
-
-def find_knee(by_count: Mapping[int, PlanResult], is_priced: bool) -> PlanResult:
-    """The plan with the number of tractors from which one more does not pay; `by_count` begins with the fewest.
-
-    Where prices are known that is the cheapest: time saved has no price of its own. Where none are, the next tractor
-    has to save a share of an even split of the work, WORTHWHILE_SHARE: of T seconds with n tractors, T / (n + 1).
-    """
-    if is_priced:
-        return _find_cheapest(by_count)
+    if in_time or is_priced:  # of those that cost as much within the error of the model that with the fewest tractors
+        least = min(by_count.values(), key=attrgetter("ranked_cost"))
+        return next(plan for plan in by_count.values() if not is_dearer(plan, least))
     for (count, plan), (more, next_plan) in pairwise(by_count.items()):
         even_split_s = plan.ranked_s * (more - count) / more
         if plan.ranked_s - next_plan.ranked_s < WORTHWHILE_SHARE * even_split_s:
             return plan
     return list(by_count.values())[-1]
-
-
-def _find_cheapest(by_count: Mapping[int, PlanResult]) -> PlanResult:
-    """The cheapest plan, of those that cost as much within the error of the model that with the fewest tractors."""
-    least = min(by_count.values(), key=attrgetter("ranked_cost"))
-    return next(plan for plan in by_count.values() if not is_dearer(plan, least))
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,11 @@ class FittedTable:
         column = self.columns[number]
         cells = [row[number] for row in self.rows]
         if column.is_text and not column.is_unbroken:
-            pieces = [piece for cell in cells for piece in _split_pieces(cell, column.break_marks)]
+            # Pieces that cannot be broken further: a mark other than a space stays with its piece.
+            marks = column.break_marks
+            separators, trailing_marks = re.escape(marks + " "), re.escape(marks.replace(" ", ""))
+            pattern = f"[^{separators}]+[{trailing_marks}]?" if trailing_marks else f"[^{separators}]+"
+            pieces = [piece for cell in cells for piece in re.findall(pattern, cell)]
             return max(
                 [
                     *map(cell_len, pieces),
@@ -224,33 +228,24 @@ class AnswerLines:
         while count_lines([first], width) > room:
             first = f"{first.removesuffix(' ...').rpartition(' ')[0]} ..."
         sentences = [first, *others]
-        alternatives, note = self._choose_rest(width, most - count_lines(sentences, width))
+        room, count, notes = most - count_lines(sentences, width), len(self.faults), [" ".join(self.faults)]
+        if count > 1:
+            more = translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count - 1)
+            notes += [more, self.faults[0]]
+        counted = translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count) if count else ""
+        first_ones = [self.alternatives[:count] for count in range(len(self.alternatives), -1, -1)]
+        choices = [(alternatives, note) for alternatives in first_ones for note in notes]
+        choices += [(self.alternatives, counted)] if count and room > 0 else []
+        alternatives, note = next(
+            ((some, note) for some, note in choices if count_lines([*some, note], width) <= room),
+            ((), counted if room > 0 else ""),
+        )
         if self.title and count_lines([*sentences, *alternatives, note], width) < most:
             yield format_title(self.title)
         for place, text in enumerate(filter(None, (*sentences, *alternatives))):
             yield format_sentence(text, style="" if place else "bold")
         if note:
             yield format_sentence(note, style="yellow")
-
-    def _choose_rest(self, width: int, room: int) -> tuple[tuple[str, ...], str]:
-        """The first alternatives; of the remarks all, the first with a count or alone, or a count; in so many lines."""
-        notes = [" ".join(self.faults)]
-        if self.faults:
-            count = len(self.faults) - 1
-            notes += (
-                [translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count), self.faults[0]]
-                if count
-                else []
-            )
-            counted = translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count + 1)
-        for alternatives in (self.alternatives[:count] for count in range(len(self.alternatives), -1, -1)):
-            for note in notes:
-                if count_lines([*alternatives, note], width) <= room:
-                    return alternatives, note
-        if not self.faults or room < 1:
-            return (), ""
-        has_room = count_lines([*self.alternatives, counted], width) <= room
-        return self.alternatives if has_room else (), counted
 
 
 def count_lines(sentences: Iterable[str], width: int) -> int:
@@ -313,12 +308,6 @@ def break_text_at_marks(text: str, width: int, marks: str = BREAK_MARKS) -> list
             lines += break_text_at_marks(bare, width, marks[1:])
             lines[-1] += piece[len(bare) :]
     return [line.rstrip() for line in lines if line]
-
-
-def _split_pieces(text: str, marks: str) -> list[str]:
-    """The pieces of a text that cannot be broken further; a mark other than a space stays with its piece."""
-    separators, trailing_marks = re.escape(marks + " "), re.escape(marks.replace(" ", ""))
-    return re.findall(rf"[^{separators}]+[{trailing_marks}]?" if trailing_marks else rf"[^{separators}]+", text)
 
 
 def _measure_widest(cells: Sequence[str]) -> int:

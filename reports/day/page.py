@@ -21,7 +21,7 @@ from reports.common.rendering import (
     render_template,
 )
 from reports.common.wording import format_number, format_percent, format_price
-from reports.day.results import DayResult, MapPlace, format_end_of_day, format_time_of_day, list_day_sentences
+from reports.day.results import DayResult, format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.tables import (
     build_job_table,
     build_machine_table,
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 ROW_INCHES, HEAD_INCHES = 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
 MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
 WINDOW_COLOUR, ROAD_COLOUR, BREAK_COLOUR, RAIN_COLOUR = "#E4E8DA", "#9A9A8E", "#F0EFEA", "#0072B2"
-QUARTER_HOURS_S = TIME_STEPS_S[TIME_STEPS_S.index(900) :]
 LONGEST_NAME_CHARS = 22  # letters of a name beside a row
 GANTT_LEGEND = (
     "Grey: road, folding and unfolding. Thin line: end in 95 % of the samples. "
@@ -77,14 +76,6 @@ def draw_gantt(result: DayResult) -> Figure:
     return figure
 
 
-def draw_machine_day(axes: Axes, result: DayResult) -> None:
-    """The work of every machine over the day on given axes, as in the upper part of `draw_gantt`."""
-    span_start_s, span_end_s = _compute_time_span(result)
-    names = [fleet.name for fleet in result.fleets]
-    _draw_time_grid(axes, names, "By machine", result, (span_start_s, span_end_s))
-    _draw_machines(axes, result, span_end_s - span_start_s)
-
-
 def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
     """Fields, yard and the roads driven, north up, in metres; None where fewer than two places are known.
 
@@ -101,17 +92,33 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
     size = max(box.size, LEAST_MAP_M)
     axes.set_xlim(box.west - 0.12 * size, box.east + 0.12 * size)
     axes.set_ylim(box.south - 0.16 * size, box.north + 0.1 * size)
+    machines = {job.field: job.machine for job in result.jobs}
+    names = [fleet.name for fleet in result.fleets]
+    ink = palette.INK_COLOUR
     for place in result.places:
-        _draw_place(axes, place, result)
+        name, top = place.name, place.y_m
+        if place.outline is None:  # the yard
+            axes.plot(place.x_m, place.y_m, marker="s", markersize=8, color=ink, zorder=6)
+        else:
+            colour, top = palette.UNWORKED_COLOUR, float(place.outline[:, 1].max())
+            if name in machines:
+                colour = palette.get_tractor_colour(names.index(machines[name]))
+            axes.fill(*place.outline.T, facecolor=palette.FIELD_COLOUR, edgecolor=colour, linewidth=1.6, zorder=3)
+            axes.plot(place.x_m, place.y_m, marker="o", markersize=3, color=colour, zorder=6)
+            name += "" if name in machines else " (not done)"
+        axes.annotate(
+            escape_figure_formula(name), (place.x_m, top), (0, 6), textcoords="offset points", ha="center",
+            fontsize=9, color=ink, zorder=7,
+        )  # fmt: skip
     _draw_roads(axes, result)
     x, y, bar_m = box.west, box.south - 0.12 * size, choose_round_length_m(size / 4)
-    axes.plot([x, x + bar_m], [y, y], color=palette.INK_COLOUR, linewidth=2)
+    axes.plot([x, x + bar_m], [y, y], color=ink, linewidth=2)
     axes.annotate(
         f"{bar_m / 1000.0:g} km" if bar_m >= 1000.0 else f"{bar_m:g} m", (x + 0.5 * bar_m, y), (0, 4),
-        textcoords="offset points", ha="center", fontsize=8, color=palette.INK_COLOUR,
+        textcoords="offset points", ha="center", fontsize=8, color=ink,
     )  # fmt: skip
     if has_title:
-        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=palette.INK_COLOUR, va="center")
+        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=ink, va="center")
     return figure
 
 
@@ -132,7 +139,7 @@ def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult,
     shown = [name if len(name) <= most else f"{name[: most - 1]}…" for name in names]
     labels = [escape_figure_formula(name) for name in shown]
     axes.set_yticks(range(len(names)), labels, fontsize=9, color=palette.INK_COLOUR)
-    ticks = ChartAxis(*span, *span).list_ticks(QUARTER_HOURS_S, format_time_of_day, most=12)
+    ticks = ChartAxis(*span, *span).list_ticks(TIME_STEPS_S[TIME_STEPS_S.index(900) :], format_time_of_day, most=12)
     axes.set_xticks(*zip(*ticks, strict=True), fontsize=8, color=palette.INK_COLOUR)
     axes.tick_params(length=0, labelbottom=True)
     axes.grid(axis="x", color="#DCDCCF", linewidth=0.6)
@@ -189,26 +196,6 @@ def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str,
         axes.annotate(escape_figure_formula(shown), (0.5 * (start + end), row), **look)
 
 
-def _draw_place(axes: Axes, place: MapPlace, result: DayResult) -> None:
-    """A field with its outline and name, or the yard."""
-    done = {job.field: job.machine for job in result.jobs}
-    names = [fleet.name for fleet in result.fleets]
-    if place.outline is None:
-        axes.plot(place.x_m, place.y_m, marker="s", markersize=8, color=palette.INK_COLOUR, zorder=6)
-    else:
-        colour = (
-            palette.get_tractor_colour(names.index(done[place.name])) if place.name in done else palette.UNWORKED_COLOUR
-        )
-        axes.fill(*place.outline.T, facecolor=palette.FIELD_COLOUR, edgecolor=colour, linewidth=1.6, zorder=3)
-        axes.plot(place.x_m, place.y_m, marker="o", markersize=3, color=colour, zorder=6)
-    suffix = "" if place.name in done or place.outline is None else " (not done)"
-    top = place.y_m if place.outline is None else float(place.outline[:, 1].max())
-    axes.annotate(
-        escape_figure_formula(place.name + suffix), (place.x_m, top), (0, 6), textcoords="offset points", ha="center",
-        fontsize=9, color=palette.INK_COLOUR, zorder=7,
-    )  # fmt: skip
-
-
 def _draw_roads(axes: Axes, result: DayResult) -> None:
     """The roads of every machine in order, where both ends are known."""
     spots = {place.name: (place.x_m, place.y_m) for place in result.places}
@@ -234,11 +221,21 @@ def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
     jobs, machines = build_job_table(sort_by_field(result)), build_machine_table(result)
     road_map = draw_road_map(result, has_title=False)
+    facts = [
+        ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
+        ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
+    ]
+    if result.jobs:
+        facts.append(("All done", format_end_of_day(result.stated_end_s)))
+        facts.append(("95 %", format_end_of_day(result.stated_late_end_s)))
+    if result.finish_probability is not None:
+        facts.append(("All in time", f"{format_percent(result.finish_probability)} %"))
+    facts += [(f"{label}, {result.currency}", money) for label, money in list_money_rows(result)]
     content: dict[str, Any] = {
         "title": f"A day of {len(result.fields)} fields",
         "advice": " ".join(list_day_sentences(result)),
         "gap": describe_optimality_gap(result),
-        "facts": _list_day_facts(result),
+        "facts": facts,
         "gantt": encode_svg_base64(draw_gantt(result)),
         "map": None if road_map is None else encode_svg_base64(road_map),
         "machine_header": [column.heading for column in machines.columns],
@@ -255,31 +252,32 @@ def render_day_page(result: DayResult) -> str:
     return render_template("day.html.j2", content)
 
 
-def _list_day_facts(result: DayResult) -> list[tuple[str, str]]:
-    """The figures of the day, label and value."""
-    probability, ends = result.finish_probability, []
-    if result.jobs:
-        ends = [
-            ("All done", format_end_of_day(result.stated_end_s)),
-            ("95 %", format_end_of_day(result.stated_late_end_s)),
-        ]
-    return [
-        ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
-        ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
-        *ends,
-        *([("All in time", f"{format_percent(probability)} %")] if probability is not None else []),
-        *((f"{label}, {result.currency}", money) for label, money in list_money_rows(result)),
-    ]
-
-
 @build_view.register
 def build_day_view(day: DayResult) -> ResultView:
-    """A day: its answer, work over time, and the jobs."""
+    """A day: its answer, work over time, the jobs in the order of the fields, and what is not done."""
+
+    def render() -> str:
+        jobs = sort_by_field(day)
+        left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
+        tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
+        if day.unworked_fields:
+            rows = [(one.field, one.reason) for one in day.unworked_fields]
+            tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
+        first, *others = list_day_sentences(day)
+        sentences = [*others, describe_optimality_gap(day), *day.remarks]
+        return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
+
+    def draw(axes: Axes) -> None:
+        """The work of every machine over the day, as in the upper part of `draw_gantt`."""
+        first_s, last_s = _compute_time_span(day)
+        _draw_time_grid(axes, [fleet.name for fleet in day.fleets], "By machine", day, (first_s, last_s))
+        _draw_machines(axes, day, last_s - first_s)
+
     return ResultView(
         summary=lambda: " ".join(list_day_sentences(day)),
-        html=lambda: render_day_fragment(day),
+        html=render,
         table=lambda: [flatten_entry(make_json_safe(job, EXPORT_DECIMALS)) for job in day.jobs],
-        draw=lambda axes: draw_machine_day(axes, day),
+        draw=draw,
         figure_inches=DAY_INCHES,
         files={
             ".json": lambda: format_day_json(day),
@@ -288,16 +286,3 @@ def build_day_view(day: DayResult) -> ResultView:
             ".png": lambda: render_png(draw_gantt(day)),
         },
     )
-
-
-def render_day_fragment(day: DayResult) -> str:
-    """The answer, work over time, the jobs in the order of the fields, and what is not done."""
-    jobs = sort_by_field(day)
-    left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
-    tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
-    if day.unworked_fields:
-        rows = [(one.field, one.reason) for one in day.unworked_fields]
-        tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
-    first, *others = list_day_sentences(day)
-    sentences = [*others, describe_optimality_gap(day), *day.remarks]
-    return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")

@@ -12,17 +12,8 @@ from dataclasses import dataclass
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_records import Points
 from reports.common.rendering import ShownResult
-from reports.common.text_tables import (
-    MOST_NAMED,
-)
-from reports.common.wording import (
-    LEAST_COST,
-    NO_VALUE,
-    SURE_SHARE,
-    format_percent,
-    format_price,
-    round_up_to_minute,
-)
+from reports.common.text_tables import MOST_NAMED
+from reports.common.wording import LEAST_COST, NO_VALUE, SURE_SHARE, format_percent, format_price, round_up_to_minute
 
 
 @dataclass(frozen=True)

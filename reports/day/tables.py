@@ -13,22 +13,8 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
-from reports.common.text_tables import (
-    AnswerLines,
-    FittedTable,
-    TableColumn,
-    build_table,
-    format_sentence,
-    format_title,
-)
-from reports.common.wording import (
-    LEAST_COST,
-    NO_VALUE,
-    format_duration,
-    format_number,
-    format_percent,
-    format_price,
-)
+from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, build_table, format_sentence, format_title
+from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.day.results import (
     DayJob,
     DayResult,
@@ -93,7 +79,15 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
     )
     machines = [fleet.name for fleet in result.fleets]
     jobs = sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
-    parts: list[RenderableType] = [lines, Text(""), _build_screen_table(result, jobs[:MOST_ROWS])]
+    figures = [
+        (replace(column, is_unbroken=column.is_text), write)
+        for column, write in map(
+            _JOB_FIGURES.__getitem__, ("machine", "field", "begin", "end", "late end", "share", "cost")
+        )
+    ]
+    figures[-1] = TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3), figures[-1][1]
+    table = build_table(jobs[:MOST_ROWS], figures, more_hint=translate("--explain shows more"))
+    parts: list[RenderableType] = [lines, Text(""), table]
     roads, hidden = result.paid_cost - sum(job.cost for job in result.jobs), len(jobs) - MOST_ROWS
     notes = [translate("Times are medians of the samples, costs means.")]
     if roads >= LEAST_COST:
@@ -104,16 +98,6 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
     if with_next:
         notes.append(translate("Add --explain (roads, costs, how), --html day.html (chart and map)."))
     return Group(*parts, *(format_sentence(text, style="dim") for text in notes))
-
-
-def _build_screen_table(result: DayResult, jobs: Sequence[DayJob]) -> FittedTable:
-    figures = [
-        (replace(column, is_unbroken=column.is_text), write)
-        for column, write in (_JOB_FIGURES[key] for key in _SCREEN_KEYS)
-    ]
-    cost = TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3)
-    figures[-1] = cost, figures[-1][1]
-    return build_table(jobs, figures, more_hint=translate("--explain shows more"))
 
 
 def build_day_table(result: DayResult) -> RenderableType:
@@ -201,7 +185,6 @@ _JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {
     "cost": (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
     "lost": (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
 }
-_SCREEN_KEYS = ("machine", "field", "begin", "end", "late end", "share", "cost")
 
 
 def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:

@@ -16,7 +16,6 @@ from reports.common.wording import format_number, get_effect_label
 from vehicle.identification.diagnosis.results import (
     Diagnosis,
     ParameterCorrelations,
-    PathPair,
     PieceErrors,
     PlaceErrors,
     ReplayEvidence,
@@ -216,28 +215,26 @@ def _draw_paths(evidence: ReplayEvidence) -> dict[str, Any] | None:
     """Paths as numbers for the page's script, and which of them gains most."""
     if not evidence.paths:
         return None
-    off_m = [
-        [float(np.mean(np.linalg.norm(line - path.measured_m, axis=1))) for line in (path.before_m, path.after_m)]
-        for path in evidence.paths
-    ]
-    shown = int(np.argmax([before - after for before, after in off_m]))
-    paths = [_convert_path(path) for path in evidence.paths]
-    lines = {name: " ".join(f"{x},{y}" for x, y in paths[shown][name]) for name in ("measured", "before", "after")}
-    return {"shown": shown, "paths": paths, "box": paths[shown]["box"], "lines": lines}
-
-
-def _convert_path(path: PathPair) -> dict[str, Any]:
-    lines = {name: getattr(path, f"{name}_m") for name in ("measured", "before", "after")}
-    finite = np.concatenate(list(lines.values()))
-    low, high = np.nanmin(finite, axis=0), np.nanmax(finite, axis=0)
-    margin = PATH_MARGIN_SHARE * max(float((high - low).max()), 1.0)
-    drawn = {name: np.column_stack([line[:, 0] - low[0], high[1] - line[:, 1]]) for name, line in lines.items()}
-    return {
-        "name": path.name,
-        "time_s": make_json_safe(path.time_s - path.time_s[0], 2),
-        **{name: make_json_safe(line, 2) for name, line in drawn.items()},
-        "box": " ".join(f"{value:.2f}" for value in (-margin, -margin, *(high - low + 2.0 * margin))),
-    }
+    names, gains_m, paths = ("measured", "before", "after"), [], []
+    for path in evidence.paths:
+        measured, before, after = lines = [getattr(path, f"{name}_m") for name in names]
+        before_off_m, after_off_m = (float(np.mean(np.linalg.norm(one - measured, axis=1))) for one in (before, after))
+        gains_m.append(before_off_m - after_off_m)
+        finite = np.concatenate(lines)
+        low, high = np.nanmin(finite, axis=0), np.nanmax(finite, axis=0)
+        margin = PATH_MARGIN_SHARE * max(float((high - low).max()), 1.0)
+        drawn = [np.column_stack([line[:, 0] - low[0], high[1] - line[:, 1]]) for line in lines]
+        paths.append(
+            {
+                "name": path.name,
+                "time_s": make_json_safe(path.time_s - path.time_s[0], 2),
+                **{name: make_json_safe(line, 2) for name, line in zip(names, drawn, strict=True)},
+                "box": " ".join(f"{value:.2f}" for value in (-margin, -margin, *(high - low + 2.0 * margin))),
+            }
+        )
+    shown = int(np.argmax(gains_m))
+    texts = {name: " ".join(f"{x},{y}" for x, y in paths[shown][name]) for name in names}
+    return {"shown": shown, "paths": paths, "box": paths[shown]["box"], "lines": texts}
 
 
 def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:

@@ -55,21 +55,34 @@ ERROR_COLOURS = {
 
 def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
     """Render the page as HTML; `hidden` describes the hidden effect of a demonstration."""
-    return render_template("diagnosis.html.j2", _build_diagnosis_content(diagnosis, hidden))
-
-
-def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
-    discrepancy = diagnosis.tractor.discrepancy_model
-    return {
+    discrepancy, drive, findings = diagnosis.tractor.discrepancy_model, diagnosis.next_drive, diagnosis.findings
+    holdout, horizon = diagnosis.holdout, diagnosis.holdout and find_shown_horizon_s(diagnosis.holdout)
+    content = {
         "headline": replace_effect_ids(diagnosis.causes_sentence),
         "faults": [fault.sentence for fault in diagnosis.faults],
         "columns": describe_columns(diagnosis),
         "column_rows": list_column_rows(diagnosis),
         "hints": describe_hints(diagnosis),
         "unlike": describe_unlike_runs(diagnosis),
-        "runs": _list_run_rows(diagnosis),
+        "runs": [
+            {
+                "name": run.name,
+                "before": format_number(run.error_before_cm, 1),
+                "after": format_number(run.error_after_cm, 1),
+                "words": end_sentence(run.words) or ("Unlike the other runs." if run.unlike else ""),
+                "unlike": run.unlike,
+            }
+            for run in (sort_runs(diagnosis) if len(diagnosis.runs) > 1 else ())
+        ],
         "run_horizon": f"{SHOWN_HORIZON_S:g}",
-        "holdout": _build_holdout_content(diagnosis),
+        "holdout": holdout
+        and {
+            "sentences": describe_holdout(diagnosis),
+            "rows": list_error_rows(holdout.before, holdout.after, by_kind=True),
+            "runs": list_holdout_rows(diagnosis),
+            "horizon": None if horizon is None else f"{horizon:g}",
+            "unsaved": describe_unsaved_finds(diagnosis),
+        },
         "left_out": list(diagnosis.rows_gated_by_reason.items()),
         "tractor": diagnosis.tractor.name,
         "ground": diagnosis.ground,
@@ -85,18 +98,15 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "shown_by": _describe_curve_cause(diagnosis),
         "evidence": build_evidence_content(diagnosis),
         "correlations": build_correlation_table(diagnosis.correlations),
-        "effects": [_describe_effect(one) for one in sort_findings(diagnosis.findings)],
+        "effects": [_describe_effect(one) for one in sort_findings(findings)],
         "smallest_visible": SMALLEST_VISIBLE,
         "interval_note": end_sentence(diagnosis.interval_note),
-        "likely": explain_likely_verdict() if any(one.status == LIKELY for one in diagnosis.findings) else None,
-        "discrepancy_model": None
-        if discrepancy is None
-        else {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
-        "drive": diagnosis.next_drive,
+        "likely": explain_likely_verdict() if any(one.status == LIKELY for one in findings) else None,
+        "discrepancy_model": discrepancy
+        and {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
+        "drive": drive,
         "drive_plan": diagnosis.next_drive_plan and quote(diagnosis.next_drive_plan),
-        "alternatives": join_list(map(get_effect_label, diagnosis.next_drive.separates))
-        if diagnosis.next_drive
-        else "",
+        "alternatives": join_list(map(get_effect_label, drive.separates)) if drive else "",
         "exchanges": describe_confusable_effects(diagnosis),
         "left": describe_remaining_error(diagnosis),
         "plan": describe_plan_change(diagnosis),
@@ -104,37 +114,16 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "before_colour": palette.TRACTOR_COLOURS[1],
         "after_colour": palette.TRACTOR_COLOURS[0],
     }
+    return render_template("diagnosis.html.j2", content)
 
 
-def _list_run_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """The error of every run, worst first; none with a single run."""
-    if len(diagnosis.runs) < 2:
-        return []
-    return [
-        {
-            "name": run.name,
-            "before": format_number(run.error_before_cm, 1),
-            "after": format_number(run.error_after_cm, 1),
-            "words": end_sentence(run.words) or ("Unlike the other runs." if run.unlike else ""),
-            "unlike": run.unlike,
-        }
-        for run in sort_runs(diagnosis)
-    ]
-
-
-def _build_holdout_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
-    """Sentences, errors by length of the pieces, and errors by run of what was held out."""
-    holdout = diagnosis.holdout
-    if holdout is None:
-        return None
-    horizon = find_shown_horizon_s(holdout)
-    return {
-        "sentences": describe_holdout(diagnosis),
-        "rows": list_error_rows(holdout.before, holdout.after, by_kind=True),
-        "runs": list_holdout_rows(diagnosis),
-        "horizon": None if horizon is None else f"{horizon:g}",
-        "unsaved": describe_unsaved_finds(diagnosis),
-    }
+def _describe_curve_cause(diagnosis: Diagnosis) -> str:
+    """Return whose curve is drawn, and what it depends on."""
+    equivalents = [one.id for one in diagnosis.findings if one.status == EQUIVALENT and one.interval]
+    names = list(diagnosis.named[:1]) or (equivalents if len(equivalents) == 1 else [])
+    if names:
+        return f"The error from {get_effect_label(names[0])} depends on: {get_effect(names[0]).regressor}."
+    return "" if equivalents or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
 
 
 def _get_errors_before_after_noise(diagnosis: Diagnosis, horizon: float, kind: ErrorKind) -> list[float]:
@@ -215,33 +204,19 @@ def _describe_effect(finding: Finding) -> dict[str, Any]:
     }
 
 
-def _describe_curve_cause(diagnosis: Diagnosis) -> str:
-    """Return whose curve is drawn, and what it depends on."""
-    equivalents = [one.id for one in diagnosis.findings if one.status == EQUIVALENT and one.interval]
-    names = list(diagnosis.named[:1]) or (equivalents if len(equivalents) == 1 else [])
-    if names:
-        return f"The error from {get_effect_label(names[0])} depends on: {get_effect(names[0]).regressor}."
-    return "" if equivalents or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
-
-
 @build_view.register
 def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
     """A diagnosis: verdict, errors before and after, and the effects."""
+    is_requested = diagnosis.holdout is not None and diagnosis.holdout.is_requested
     return ResultView(
-        summary=lambda: _summarize(diagnosis),
+        summary=lambda: " ".join(
+            [replace_effect_ids(diagnosis.headline), *(describe_holdout(diagnosis)[1:] if is_requested else [])]
+        ),
         html=lambda: render_diagnosis_fragment(diagnosis),
         table=lambda: [_flatten_effect(entry) for entry in build_diagnosis_dict(diagnosis)["effects"]],
         draw=(lambda axes: draw_errors(axes, diagnosis)) if diagnosis.before else None,
         not_drawn=f"{NOT_DRAWN}: the logs are too short for errors.",
         files={".json": lambda: format_diagnosis_json(diagnosis), ".html": lambda: render_diagnosis_page(diagnosis)},
-    )
-
-
-def _summarize(diagnosis: Diagnosis) -> str:
-    """The verdict, and what runs that were held out on request say of it."""
-    is_requested = diagnosis.holdout is not None and diagnosis.holdout.is_requested
-    return " ".join(
-        [replace_effect_ids(diagnosis.headline), *(describe_holdout(diagnosis)[1:] if is_requested else [])]
     )
 
 

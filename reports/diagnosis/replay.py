@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -86,11 +86,25 @@ def draw_replay(replayed: ReplayResult) -> Figure:
     path = figure.add_subplot(grid[:, 0])
     wheel = figure.add_subplot(grid[0, 1])
     speed, error = (figure.add_subplot(grid[row, 1], sharex=wheel) for row in (1, 2))
+    commanded: dict[str, Any] = {"color": _MEASURED_COLOUR, "linestyle": "dotted", "label": "commanded"}
+    measured_look: dict[str, Any] = {"color": _MEASURED_COLOUR, "linewidth": 1.2}
+    simulated: dict[str, Any] = {"color": _SIMULATED_COLOUR, "linewidth": 0.9, "label": "simulated"}
     for segment in replayed.segments:
         _draw_path(path, segment)
-        _draw_wheel(wheel, segment)
-        _draw_speed(speed, segment)
-        time = segment.measured.start_s + segment.measured.time
+        measured = segment.measured
+        time = measured.start_s + measured.time
+        if measured.command is not None:
+            wheel.plot(time, np.degrees(measured.command), linewidth=1.4, zorder=3, **commanded)
+        if measured.wheel is not None:
+            wheel.plot(time, np.degrees(measured.wheel), label="measured", **measured_look)
+        wheel.plot(time, np.degrees(segment.wheel), **simulated)
+        source = "measured" if measured.speed_measured else "from the positions"
+        if measured.target is None:  # the measured speed is replayed, so there is no simulated one to show
+            speed.plot(time, measured.speed, label=f"{source}, replayed: no command was logged", **measured_look)
+        else:
+            speed.plot(time, measured.speed, label=source, **measured_look)
+            speed.plot(time, measured.target, linewidth=1.2, **commanded)
+            speed.plot(time, segment.speed, **simulated)
         for piece, errors in segment.pieces:
             error.plot(time[piece], 100.0 * errors[:, 0], color=palette.INK_COLOUR, linewidth=0.8)
     path.set_aspect("equal", adjustable="datalim")
@@ -142,29 +156,6 @@ def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
     axes.plot(*start, color=palette.INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
 
 
-def _draw_wheel(axes: Axes, segment: ReplayedSegment) -> None:
-    time = segment.measured.start_s + segment.measured.time
-    if segment.measured.command is not None:
-        command = np.degrees(segment.measured.command)
-        axes.plot(time, command, color=_MEASURED_COLOUR, linestyle="dotted", linewidth=1.4, label="commanded", zorder=3)
-    if segment.measured.wheel is not None:
-        axes.plot(time, np.degrees(segment.measured.wheel), color=_MEASURED_COLOUR, linewidth=1.2, label="measured")
-    axes.plot(time, np.degrees(segment.wheel), color=_SIMULATED_COLOUR, linewidth=0.9, label="simulated")
-
-
-def _draw_speed(axes: Axes, segment: ReplayedSegment) -> None:
-    """Draw the speed; without a commanded speed the measured one is replayed, so there is no simulated one to show."""
-    time = segment.measured.start_s + segment.measured.time
-    replayed = "" if segment.measured.target is not None else ", replayed: no command was logged"
-    source = "measured" if segment.measured.speed_measured else "from the positions"
-    axes.plot(time, segment.measured.speed, color=_MEASURED_COLOUR, linewidth=1.2, label=source + replayed)
-    if segment.measured.target is not None:
-        axes.plot(
-            time, segment.measured.target, color=_MEASURED_COLOUR, linestyle="dotted", linewidth=1.2, label="commanded"
-        )
-        axes.plot(time, segment.speed, color=_SIMULATED_COLOUR, linewidth=0.9, label="simulated")
-
-
 def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
     """The picture, the errors and the remarks on the log as one self-contained page."""
     content = {
@@ -181,10 +172,23 @@ def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> s
 
 def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultView:
     """A replayed run with the remarks on its log: errors by length of the pieces, and the two paths."""
+    title = f"{replayed.name} against {replayed.tractor}"
+
+    def render() -> str:
+        table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows(replayed.errors))
+        sentences, words = [describe_replay(replayed), *remarks], "Measured and simulated path, angle and speed"
+        return render_fragment(title, sentences, [table], encode_figure(draw_replay(replayed)), words)
+
+    def tabulate() -> DataFrame:
+        import pandas as pd
+
+        rows = [{"horizon_s": horizon, **make_json_safe(vars(error))} for horizon, error in replayed.errors.items()]
+        return pd.DataFrame(rows, columns=["horizon_s", "cross_cm", "along_cm", "heading_deg"], dtype="float64")
+
     return ResultView(
-        summary=lambda: f"{replayed.name} against {replayed.tractor}. {describe_replay(replayed)}",
-        html=lambda: _render_replay_fragment(replayed, remarks),
-        table=lambda: build_errors_frame(replayed),
+        summary=lambda: f"{title}. {describe_replay(replayed)}",
+        html=render,
+        table=tabulate,
         draw=lambda axes: draw_replayed_path(axes, replayed),
         files={
             ".json": lambda: format_replay_json(replayed, remarks),
@@ -192,20 +196,3 @@ def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultV
             ".png": lambda: render_png(draw_replay(replayed)),
         },
     )
-
-
-def _render_replay_fragment(replayed: ReplayResult, remarks: Sequence[str]) -> str:
-    table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows(replayed.errors))
-    title = f"{replayed.name} against {replayed.tractor}"
-    picture = encode_figure(draw_replay(replayed))
-    return render_fragment(
-        title, [describe_replay(replayed), *remarks], [table], picture, "Measured and simulated path, angle and speed"
-    )
-
-
-def build_errors_frame(replayed: ReplayResult) -> DataFrame:
-    """A row per length of the pieces: `horizon_s`, `cross_cm`, `along_cm`, `heading_deg`."""
-    import pandas as pd
-
-    rows = [{"horizon_s": horizon, **make_json_safe(vars(error))} for horizon, error in replayed.errors.items()]
-    return pd.DataFrame(rows, columns=["horizon_s", "cross_cm", "along_cm", "heading_deg"], dtype="float64")

@@ -29,7 +29,6 @@ from vehicle.identification.diagnosis.results import (
     Finding,
     HoldoutResult,
     HoldoutRun,
-    PlanGain,
     RunCheck,
 )
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
@@ -340,7 +339,7 @@ def describe_remaining_error(diagnosis: Diagnosis) -> list[str]:
     """Describe the remaining error: its size against the noise, its effect on a plan, what it depends on."""
     if diagnosis.undiagnosed_reason:
         return ["No error was measured."]
-    lines = [f"{_compare_with_noise(diagnosis)}{_describe_unexplained_share(diagnosis)}"]
+    lines = [_compare_with_noise(diagnosis)]
     if not diagnosis.along_judged:
         lines.append("The error along the path is not judged, because not every log has a measured speed.")
     if diagnosis.is_noise_only:
@@ -352,58 +351,35 @@ def describe_remaining_error(diagnosis: Diagnosis) -> list[str]:
     return [*lines, *_describe_remaining_in_plan(diagnosis), f"It depends on: {depends}."]
 
 
-def _list_remaining_errors(diagnosis: Diagnosis) -> tuple[float, list[tuple[ErrorKind, float, float]]]:
-    """The length of pieces that errors are told of (5 s, or the shortest there is), and per kind that is judged what
-    remains and noise alone; there must be errors."""
-    over_s = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
-    kinds = [kind for kind in ERROR_KINDS if diagnosis.along_judged or kind is not ALONG]
-    both = diagnosis.after[over_s], diagnosis.noise_floor[over_s]
-    return over_s, [(kind, *(getattr(error, kind.key) for error in both)) for kind in kinds]
-
-
 def _compare_with_noise(diagnosis: Diagnosis) -> str:
-    """Compare the remaining error with noise alone."""
-    if not diagnosis.after:
-        return "The remaining error"
-    over_s, errors = _list_remaining_errors(diagnosis)
-    parts = [
-        f"{kind.format(after)} {kind.full_unit} (noise {kind.format(noise)})"
-        for kind, after, noise in errors
-        if math.isfinite(after)
-    ]
-    return f"The remaining error over pieces of {over_s:g} s, {', '.join(parts)},"
-
-
-def _describe_unexplained_share(diagnosis: Diagnosis) -> str:
-    exceeding = _list_exceeding_kinds(diagnosis)
+    """Compare the remaining error with noise alone, over pieces of 5 s or the shortest there are."""
+    text, exceeding = "The remaining error", ""
+    if diagnosis.after:
+        over_s = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
+        parts, clearly_more = [], []
+        for kind in ERROR_KINDS:
+            if kind is ALONG and not diagnosis.along_judged:
+                continue
+            after, noise = (getattr(each[over_s], kind.key) for each in (diagnosis.after, diagnosis.noise_floor))
+            if math.isfinite(after):
+                parts.append(f"{kind.format(after)} {kind.full_unit} (noise {kind.format(noise)})")
+            clearly_more += [kind.place] if after > CLEARLY_MORE * noise else []
+        text = f"The remaining error over pieces of {over_s:g} s, {', '.join(parts)},"
+        exceeding = join_list(clearly_more) if clearly_more else ""
     if diagnosis.is_noise_only:
-        return f" is above the noise {exceeding}, but not in all together." if exceeding else " is no more than noise."
-    if diagnosis.unexplained_share == 0.0:
-        return f" is {_describe_noisy_horizons(diagnosis)}."
-    share = 100.0 * diagnosis.unexplained_share
-    amount = f"{share:.0f} %" if share >= 0.5 else "less than 1 %"
-    return f" is above the noise: no effect explains {amount} of the error beyond it."
-
-
-def _describe_noisy_horizons(diagnosis: Diagnosis) -> str:
-    """Describe the remaining error where nothing is unexplained over 5 s, but not every horizon is within the noise."""
-    above = diagnosis.above_noise_s
-    pieces = f"over pieces of {join_list([f'{one:g}' for one in above])} s"
-    exceeding = _list_exceeding_kinds(diagnosis)
-    if SHOWN_HORIZON_S in above:
-        return f"hardly above the noise {pieces}"
+        within = f"is above the noise {exceeding}, but not in all together" if exceeding else "is no more than noise"
+        return f"{text} {within}."
+    if diagnosis.unexplained_share != 0.0:
+        share = 100.0 * diagnosis.unexplained_share
+        amount = f"{share:.0f} %" if share >= 0.5 else "less than 1 %"
+        return f"{text} is above the noise: no effect explains {amount} of the error beyond it."
+    # Nothing is unexplained over 5 s, but not every length is within the noise.
+    pieces = f"over pieces of {join_list([f'{one:g}' for one in diagnosis.above_noise_s])} s"
+    if SHOWN_HORIZON_S in diagnosis.above_noise_s:
+        return f"{text} is hardly above the noise {pieces}."
     if exceeding:
-        return f"above the noise {exceeding}, but in all together only {pieces}"
-    return f"no more than noise, but above it {pieces}"
-
-
-def _list_exceeding_kinds(diagnosis: Diagnosis) -> str:
-    """List the kinds of error that are told as clearly larger than their noise, "" where none is."""
-    if not diagnosis.after:
-        return ""
-    errors = _list_remaining_errors(diagnosis)[1]
-    exceeding = [kind.place for kind, after, noise in errors if after > CLEARLY_MORE * noise]
-    return join_list(exceeding) if exceeding else ""
+        return f"{text} is above the noise {exceeding}, but in all together only {pieces}."
+    return f"{text} is no more than noise, but above it {pieces}."
 
 
 def _describe_remaining_in_plan(diagnosis: Diagnosis) -> list[str]:
@@ -452,16 +428,15 @@ def describe_plan_change(diagnosis: Diagnosis) -> list[str]:
         return first
     unsure = [name for name, one in diagnosis.tractor.effects.items() if one.equivalent_to]
     doubt = [f"That holds if it is {join_list(map(get_effect_label, unsure))}."] if unsure else []
-    return [*first, *_describe_driven_plan(diagnosis.plan), *doubt]
-
-
-def _describe_driven_plan(plan: PlanGain) -> list[str]:
+    plan = diagnosis.plan
     by_file = _format_drive_result(plan.time_before_s, plan.lateral_before_cm)
     by_logs = _format_drive_result(plan.time_after_s, plan.lateral_after_cm)
     return [
+        *first,
         f"A plan for one tractor on the field {plan.field}, made with the old file. Simulated with the old file: "
         f"{by_file}. Simulated as these logs say the tractor drives: {by_logs}.",
         "The second is what to expect on the field; planning with the new file takes it into account.",
+        *doubt,
     ]
 
 

@@ -80,7 +80,10 @@ def format_diagnosis_json(diagnosis: Diagnosis, hidden: HiddenEffect | None = No
 
 def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = None) -> dict[str, Any]:
     """Return the diagnosis as plain values, most of them as Diagnosis has them."""
-    drive = diagnosis.next_drive
+    drive, remaining = diagnosis.next_drive, diagnosis.residual_error
+    residual_error = {} if remaining is None else make_json_safe(remaining)
+    if residual_error and not diagnosis.along_judged:
+        residual_error["late_s"] = None
     content = {
         "runs": diagnosis.runs or [RunCheck(name, None, None) for name in diagnosis.names],
         **pick_values(diagnosis, ("rows_used", "rows_gated", "rows_gated_by_reason")),
@@ -96,7 +99,11 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         ],
         "interval_note": diagnosis.interval_note or None,
         **pick_values(diagnosis, ("named", "unexplained_share")),
-        "residual_error": _convert_remaining_error_to_dict(diagnosis),
+        "residual_error": {
+            "as_good_as_noise": diagnosis.is_noise_only,
+            "above_noise_s": list(diagnosis.above_noise_s),
+            **residual_error,
+        },
         "unexplained_depends_on": diagnosis.depends_on,
         **pick_values(diagnosis, ("hints", "holdout")),
         "unsaved_reason": describe_unsaved(diagnosis) or None,
@@ -111,19 +118,6 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
     }
     plain: dict[str, Any] = make_json_safe(content)
     return plain
-
-
-def _convert_remaining_error_to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
-    """Export the remaining error: whether it is only noise, and its size above the noise.
-
-    `late_s` is null where the error along the path is not judged.
-    """
-    remaining = diagnosis.residual_error
-    values = {} if remaining is None else make_json_safe(remaining)
-    if values and not diagnosis.along_judged:
-        values["late_s"] = None
-    above = list(diagnosis.above_noise_s)
-    return {"as_good_as_noise": diagnosis.is_noise_only, "above_noise_s": above, **values}
 
 
 _EFFECT_KEYS = (
@@ -274,50 +268,36 @@ def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
         parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
     else:
         parts += build_holdout_parts(diagnosis, by_run=False)
-    parts += [Text(""), *_list_effect_parts(diagnosis)]
+    findings = sort_findings(diagnosis.findings)
+    found = list_found(findings)
+    counts = [f"{len(found) - MOST_EFFECTS} more found"] if len(found) > MOST_EFFECTS else []
+    for status in (REFUTED, NOT_VISIBLE):
+        count = sum(one.status == status and one not in found for one in findings)
+        counts += [f"{count} {status}"] if count else []
+    table = build_effect_table(found[:MOST_EFFECTS], ("Id in files", "Smallest visible"))
+    parts += [Text(""), *([table] if found else [])]
+    if counts:
+        others = "Other effects" if found else "Effects"
+        parts.append(format_sentence(f"{others}: {', '.join(counts)}."))
     parts += [format_sentence(line) for line in _list_last_sentences(diagnosis)]
     parts.append(format_sentence(MORE_HINT, style="dim"))
     return Group(*parts)  # type: ignore[arg-type]
 
 
-def _list_effect_parts(diagnosis: Diagnosis) -> list[object]:
-    """The effects with a value, and how many others there are."""
-    findings = sort_findings(diagnosis.findings)
-    found = list_found(findings)
-    counts = [
-        f"{count} {status}"
-        for status in (REFUTED, NOT_VISIBLE)
-        if (count := sum(one.status == status and one not in found for one in findings))
-    ]
-    if len(found) > MOST_EFFECTS:
-        counts.insert(0, f"{len(found) - MOST_EFFECTS} more found")
-    table = build_effect_table(found[:MOST_EFFECTS], ("Id in files", "Smallest visible"))
-    parts: list[object] = [table] if found else []
-    if counts:
-        others = "Other effects" if found else "Effects"
-        parts.append(format_sentence(f"{others}: {', '.join(counts)}."))
-    return parts
-
-
 def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:
     """The worst runs, what remains, the next drive, what is saved, and how many notes there are."""
-    lines = [_describe_worst_runs(diagnosis), describe_remaining_error(diagnosis)[0], describe_next_drive(diagnosis)]
+    runs, worst_runs = sort_runs(diagnosis), ""
+    if len(runs) > 1:
+        parts = [
+            f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
+            for run in runs[:MOST_NAMED]
+        ]
+        parts += [f"{len(runs) - MOST_NAMED} more"] if len(runs) > MOST_NAMED else []
+        worst_runs = f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(parts)}."
+    lines = [worst_runs, describe_remaining_error(diagnosis)[0], describe_next_drive(diagnosis)]
     if diagnosis.holdout is not None and not diagnosis.holdout.is_requested:
         lines.append(diagnosis.holdout.words)
     lines.append(describe_saved_effects(diagnosis) if diagnosis.is_savable else describe_unsaved_finds(diagnosis))
     if diagnosis.notes:
         lines.append(f"{format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
     return [line for line in lines if line]
-
-
-def _describe_worst_runs(diagnosis: Diagnosis) -> str:
-    """The error of the worst runs in one sentence; empty with one run."""
-    runs = sort_runs(diagnosis)
-    if len(runs) < 2:
-        return ""
-    parts = [
-        f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
-        for run in runs[:MOST_NAMED]
-    ]
-    parts += [f"{len(runs) - MOST_NAMED} more" if len(runs) > MOST_NAMED else ""]
-    return f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(part for part in parts if part)}."

@@ -55,7 +55,6 @@ UNCOUNTED_STOPS = {
 }
 """What is left out of the time of operations with a load, where the implement tells none."""
 DOSED_OPERATIONS = ("sow", "spray")  # what is worked twice gets twice as much
-LEAST_STATED_OVERLAP_PCT = 5.0
 
 
 @dataclass(frozen=True)
@@ -95,13 +94,25 @@ def write_answer(ranking: PlanRanking) -> Answer:
     if best is None:
         return Answer(explain_no_plan(ranking), "", question=question)
     verdict = list_shortfall_sentences(ranking)
+    # As ``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line.
+    done = format_stated_end(ranking, best.stated_end_s)
+    has_start = parse_start_time(ranking.start) is not None
+    figures = [translate("done {time}", time=done) if has_start else translate("done in {time}", time=done)]
+    figures += [] if best.stated_cost is None else [format_stated_cost(ranking, best)]
+    figures += filter(None, [format_energy(best)])
+    counting = ""
+    if ranking.priced_tractors is not None:
+        count = format_tractor_count(ranking.priced_tractors)
+        counting = translate(
+            "By time alone; by the assumed price it would be {tractors} (--price-per-hour).", tractors=count
+        )
     return Answer(
         " ".join(verdict),
-        _describe_decision(ranking, best),
+        translate("{plan}: {figures}", plan=name_plan(best), figures=", ".join(figures)),
         _describe_work(ranking, best),
         _describe_certainty(ranking, best),
         _describe_alternatives(ranking, best),
-        _describe_counting(ranking),
+        counting,
         tuple(_list_faults(ranking, best)),
         "" if question in verdict else question,
     )
@@ -125,18 +136,6 @@ def name_plan(plan: PlanResult) -> str:
     return translate("{tractors}, {strategy}", tractors=name_fleet(plan), strategy=plan.strategy)
 
 
-def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
-    """``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line."""
-    done = format_stated_end(ranking, plan.stated_end_s)
-    has_start = parse_start_time(ranking.start) is not None
-    parts = [translate("done {time}", time=done) if has_start else translate("done in {time}", time=done)]
-    if plan.stated_cost is not None:
-        parts.append(format_stated_cost(ranking, plan))
-    if energy := format_energy(plan):
-        parts.append(energy)
-    return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
-
-
 def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     """``98.4 % worked (0.08 ha left: 12 min, 9 EUR more), headland last, 95 % sure by 15:02.``
 
@@ -154,11 +153,18 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
                 money=format_money(money, ranking.currency),
             )
         parts.append(_describe_share(plan) + rest)
-    parts += _describe_overlap(ranking, plan)
+    scenario, overlap_pct = ranking.scenario, plan.overlap_pct or 0.0
+    operation = str(scenario.get("operation"))
+    if overlap_pct >= 5.0 and operation in DOSED_OPERATIONS:  # where it costs seed or product
+        share = format_number(overlap_pct, 0)
+        has_sections = scenario.get("sections", 1) > 1
+        twice = translate("{share} % twice (less with --sections)", share=share)
+        parts.append(translate("{share} % twice", share=share) if has_sections else twice)
     if plan.left_out_m2 is not None:
         parts.append(describe_left_out(plan.left_out_m2))
-    if plan.headland_order is not None:
-        parts.append(_describe_headland(ranking, plan.headland_order))
+    if plan.headland_order is not None:  # the operation asks for it where it allows no other and nobody asked
+        by_operation = None if scenario.get("headland_order") is not None else REQUIRED_ORDERS.get(operation)
+        parts.append(translate(by_operation or HEADLAND_ORDERS[plan.headland_order]))
     if (late_s := plan.stated_late_end_s) is not None:
         late = format_stated_end(ranking, late_s)
         has_start = parse_start_time(ranking.start) is not None
@@ -167,8 +173,8 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
         )
     if plan.refills is not None:
         parts.append(count_service_stops(ranking, plan.refills))
-    elif uncounted := UNCOUNTED_STOPS.get(str(ranking.scenario.get("operation"))):
-        parts.append(translate(uncounted))
+    elif operation in UNCOUNTED_STOPS:
+        parts.append(translate(UNCOUNTED_STOPS[operation]))
     if plan.charges:
         parts.append(translate_count("{count} stop to charge", "{count} stops to charge", plan.charges))
     return f"{', '.join(parts)}." if parts else ""
@@ -176,24 +182,6 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
 
 def _describe_share(plan: PlanResult) -> str:
     return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
-
-
-def _describe_overlap(ranking: PlanRanking, plan: PlanResult) -> list[str]:
-    """``18 % twice (less with --sections)``, where that costs seed or product."""
-    overlap_pct, scenario = plan.overlap_pct or 0.0, ranking.scenario
-    if overlap_pct < LEAST_STATED_OVERLAP_PCT or scenario.get("operation") not in DOSED_OPERATIONS:
-        return []
-    share = format_number(overlap_pct, 0)
-    if scenario.get("sections", 1) > 1:
-        return [translate("{share} % twice", share=share)]
-    return [translate("{share} % twice (less with --sections)", share=share)]
-
-
-def _describe_headland(ranking: PlanRanking, order: str) -> str:
-    """``headland last``, and that the operation asks for it where it allows no other and nobody asked."""
-    is_requested = ranking.scenario.get("headland_order") is not None
-    by_operation = None if is_requested else REQUIRED_ORDERS.get(str(ranking.scenario.get("operation")))
-    return translate(by_operation or HEADLAND_ORDERS[order])
 
 
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -226,9 +214,24 @@ def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
     others, sentences = ranking.neighbours, []
     if others and ranking.has_knee and others[-1].tractors > best.tractors:
         sentences.append(_describe_next(ranking, others.pop(), best))
-    if others:
-        alternatives = "; ".join(_describe_alternative(ranking, plan, best) for plan in others)
-        sentences.append(translate("Or {alternatives}.", alternatives=alternatives))
+    alternatives = []
+    for plan in others:
+        figures, sureness = [format_stated_end(ranking, plan.stated_end_s)], plan.finish_probability
+        if sureness is not None and min(sureness, best.finish_probability or 0.0) < SURE_SHARE:
+            figures.append(translate("{share} % sure", share=format_percent(sureness)))
+        change = _compute_cost_change(plan, best)
+        if change is None:
+            figures.append(translate("same cost"))
+        elif change.startswith("-"):  # a minus alone would be read as a dash
+            figures.append(translate("{money} cheaper", money=_add_currency(ranking, change[1:])))
+        else:
+            figures.append(_add_currency(ranking, change))
+        if is_share_different(plan.worked_pct, best.worked_pct):
+            figures.append(_describe_share(plan))
+        name = format_tractor_count(plan.tractors)
+        alternatives.append(translate("{plan}: {figures}", plan=name, figures=", ".join(figures)))
+    if alternatives:
+        sentences.append(translate("Or {alternatives}.", alternatives="; ".join(alternatives)))
     return " ".join(sentences)
 
 
@@ -252,37 +255,10 @@ def _describe_next(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> 
     return translate("{tractors}; {more} saves {time} for {money}{worked}.", **values)
 
 
-def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
-    figures = [format_stated_end(ranking, plan.stated_end_s)]
-    if plan.finish_probability is not None and (
-        min(plan.finish_probability, best.finish_probability or 0.0) < SURE_SHARE
-    ):
-        figures.append(translate("{share} % sure", share=format_percent(plan.finish_probability)))
-    change = _compute_cost_change(plan, best)
-    figures.append(translate("same cost") if change is None else _describe_cost_change(ranking, change))
-    if is_share_different(plan.worked_pct, best.worked_pct):
-        figures.append(_describe_share(plan))
-    return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
-
-
-def _describe_counting(ranking: PlanRanking) -> str:
-    if ranking.priced_tractors is None:
-        return ""
-    count = format_tractor_count(ranking.priced_tractors)
-    return translate("By time alone; by the assumed price it would be {tractors} (--price-per-hour).", tractors=count)
-
-
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
     """The difference as printed, with its sign; None where it is none or not known."""
     more_ground = plan.finishing_cost - best.finishing_cost
     return format_price_change(plan.stated_cost, best.stated_cost, more_ground)
-
-
-def _describe_cost_change(ranking: PlanRanking, change: str) -> str:
-    """``+3 EUR``, ``1 EUR cheaper``: a minus alone would be read as a dash."""
-    if not change.startswith("-"):
-        return _add_currency(ranking, change)
-    return translate("{money} cheaper", money=_add_currency(ranking, change[1:]))
 
 
 def _add_currency(ranking: PlanRanking, money: str) -> str:
@@ -292,13 +268,11 @@ def _add_currency(ranking: PlanRanking, money: str) -> str:
 def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
     """What is wrong with the plan to take, the worst first."""
     cut_off_m2 = sum(part.ground.m2 for part in ranking.parts) or ranking.cut_off_m2
-    faults = []
+    faults, area = [], format_area(cut_off_m2)
     if ranking.parts:
-        faults.append(
-            translate("{area} of the field are cut off and planned on their own.", area=format_area(cut_off_m2))
-        )
+        faults.append(translate("{area} of the field are cut off and planned on their own.", area=area))
     elif cut_off_m2:
-        faults.append(translate("Obstacles cut off {area}, which no plan works.", area=format_area(cut_off_m2)))
+        faults.append(translate("Obstacles cut off {area}, which no plan works.", area=area))
     is_late = ranking.allowed_s is not None and best.stated_finished_end_s > ranking.allowed_s
     if best.meets_deadline and is_late and best.finished_done_s is not None:
         area = format_area(best.due_missed_m2)

@@ -358,30 +358,29 @@ def list_missing(comparison: HeadlandComparison) -> list[str]:
 
 
 def list_cut_off(comparison: HeadlandComparison) -> list[str]:
-    """A sentence for every part of a field that is cut off, at every width by its best way, and where nothing is."""
+    """A sentence for every part of a field that is cut off, why and what would work it, and where nothing is.
+
+    It is said at every width by its best way.
+    """
     sentences = []
     for name, totals in comparison.totals_by_field.items():
         best_by_width = {one.label.width_m or 0.0: one for one in reversed(totals) if one.driven}
         texts_by_label = {}
         for _, one in sorted(best_by_width.items()):
             label = ", ".join(filter(None, (comparison.field_names[name], _name_width(one))))
-            texts_by_label[label] = _describe_cut_off(one.rows[0])
+            each = one.rows[0]
+            parts = () if each.ranking is None else each.ranking.parts
+            cut_off = None if each.layout is None else each.layout.cut_off
+            texts_by_label[label] = [translate_sentence(describe_part(part)) for part in parts]
+            if cut_off is not None and not parts:
+                text = translate(
+                    "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A "
+                    "smaller --margin may open a way.",
+                    area=format_area(cut_off.m2),
+                    place=format_ground_place(cut_off),
+                )
+                texts_by_label[label].append(text)
         if any(texts_by_label.values()):
             whole = [translate("nothing is cut off.")]
             sentences += [f"{label}: {text}" for label, texts in texts_by_label.items() for text in texts or whole]
     return sentences
-
-
-def _describe_cut_off(each: HeadlandRow) -> list[str]:
-    """Where ground is cut off, why, and what would work it."""
-    parts = () if each.ranking is None else each.ranking.parts
-    cut_off = None if each.layout is None else each.layout.cut_off
-    if parts or cut_off is None:
-        return [translate_sentence(describe_part(part)) for part in parts]
-    sentence = translate(
-        "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A smaller "
-        "--margin may open a way.",
-        area=format_area(cut_off.m2),
-        place=format_ground_place(cut_off),
-    )
-    return [sentence]

@@ -217,18 +217,13 @@ def place_swath_numbers(swaths: Sequence[Points], beyond_m: float, apart_m: floa
             along = ends - np.array([track[before] for track in swaths])
             length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
             places = ends + along / length[:, None] * beyond_m
-            numbers += [(index, places[index]) for index in choose_places_apart(places, apart_m)]
+            chosen = list[int]()
+            for index, place in enumerate(places):
+                near = places[chosen] - place
+                if not chosen or float((near[:, 0] ** 2 + near[:, 1] ** 2).min()) >= apart_m**2:
+                    chosen.append(index)
+            numbers += [(index, places[index]) for index in chosen]
     return numbers
-
-
-def choose_places_apart(places: Points, apart_m: float) -> list[int]:
-    """Indices of places (n, 2), chosen in order so that no two are nearer than `apart_m`."""
-    chosen: list[int] = []
-    for index, place in enumerate(places):
-        near = places[chosen] - place
-        if not chosen or float((near[:, 0] ** 2 + near[:, 1] ** 2).min()) >= apart_m**2:
-            chosen.append(index)
-    return chosen
 
 
 def build_arrow_head(line: Points, length_m: float) -> Points | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -12,7 +12,7 @@ from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
 from reports.common.language import translate, translate_sentence
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import FittedTable, TableColumn, build_table, format_sentence, format_title
 from reports.common.wording import NO_VALUE, capitalize_first, format_number, format_yes_no
 
 _UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
@@ -24,9 +24,6 @@ _HEADINGS = {
 }
 _DEGREE_KEYS, _METRE_KEYS = {"lon", "lat"}, {"x_m", "y_m"}
 _PRINTED_KEYS = {"reason", "kind", "crs"}  # whose values are words of Headland, not names
-_FITTING_TURNS_KEY, _TURN_SECONDS_KEY, _ESTIMATED_SECONDS_KEY = (
-    "fitting_pct_by_swaths", "turn_s_by_swaths", "estimated_turn_s_by_swaths"
-)  # fmt: skip
 
 
 def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
@@ -42,27 +39,25 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
             format_title(_HEADINGS.get(key, _format_fact_label(key)), style="bold"),
             _build_facts_table(rows),
         ]
-    if turns:
-        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(list_turn_rows(turns))]
+    if turns:  # a row per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds
+        fitting, seconds, estimated_s = (
+            turns[f"{name}_by_swaths"] for name in ("fitting_pct", "turn_s", "estimated_turn_s")
+        )
+        kinds = dict.fromkeys(kind for shares in fitting.values() for kind in shares)
+        rows = [
+            {
+                "over_swaths": swaths_over,
+                **{f"{kind}_pct": fitting.get(swaths_over, {}).get(kind) for kind in kinds},
+                "takes_s": seconds.get(swaths_over),
+                "estimated_s": estimated_s.get(swaths_over),
+            }
+            for swaths_over in dict.fromkeys([*fitting, *seconds, *estimated_s])
+        ]
+        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(rows)]
         parts.append(format_sentence("Percent of track ends where such a turn fits.", style="dim"))
-        if turns[_ESTIMATED_SECONDS_KEY]:
+        if estimated_s:
             parts.append(format_sentence("Estimated: two full circles, where no turn fits.", style="dim"))
     return Group(*parts)
-
-
-def list_turn_rows(turns: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """A row per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds."""
-    kinds = list(dict.fromkeys(kind for shares in turns[_FITTING_TURNS_KEY].values() for kind in shares))
-    counts = dict.fromkeys([*turns[_FITTING_TURNS_KEY], *turns[_TURN_SECONDS_KEY], *turns[_ESTIMATED_SECONDS_KEY]])
-    return [
-        {
-            "over_swaths": swaths_over,
-            **{f"{kind}_pct": turns[_FITTING_TURNS_KEY].get(swaths_over, {}).get(kind) for kind in kinds},
-            "takes_s": turns[_TURN_SECONDS_KEY].get(swaths_over),
-            "estimated_s": turns[_ESTIMATED_SECONDS_KEY].get(swaths_over),
-        }
-        for swaths_over in counts
-    ]
 
 
 def build_field_table(info: Mapping[str, Any]) -> RenderableType:
@@ -128,24 +123,17 @@ def _format_fact(value: Any, separator: str = "\n") -> str:
 
 def build_parcels_table(parcels: Sequence[FieldSummary]) -> RenderableType:
     """Position, id, area in hectares and holes of every field, what it lies inside, and why it cannot be used."""
-    columns = [TableColumn("#"), TableColumn("ID", is_text=True), TableColumn("Area (ha)"), TableColumn("Holes")]
-    rows = [
-        [
-            str(parcel.position),
-            parcel.key,
-            format_number(parcel.area_ha, 2),
-            NO_VALUE if parcel.holes is None else str(parcel.holes),
-        ]
-        for parcel in parcels
+    figures: list[tuple[TableColumn, Callable[[FieldSummary], str]]] = [
+        (TableColumn("#"), lambda one: str(one.position)),
+        (TableColumn("ID", is_text=True), lambda one: one.key),
+        (TableColumn("Area (ha)"), lambda one: format_number(one.area_ha, 2)),
+        (TableColumn("Holes"), lambda one: NO_VALUE if one.holes is None else str(one.holes)),
     ]
-    for heading, texts in (
-        ("Inside", [parcel.inside or "" for parcel in parcels]),
-        ("Not usable", [parcel.fault for parcel in parcels]),
-    ):
-        if any(texts):
-            columns.append(TableColumn(heading, is_text=True))
-            rows = [[*row, text] for row, text in zip(rows, texts, strict=True)]
-    return FittedTable(tuple(columns), tuple(map(tuple, rows)))
+    if any(one.inside for one in parcels):
+        figures.append((TableColumn("Inside", is_text=True), lambda one: one.inside or ""))
+    if any(one.fault for one in parcels):
+        figures.append((TableColumn("Not usable", is_text=True), lambda one: one.fault))
+    return build_table(parcels, figures)
 
 
 def format_parcels_json(parcels: Sequence[FieldSummary]) -> str:

@@ -294,11 +294,20 @@ def build_figure_table(
     plans: Sequence[PlanResult],
     figures: Sequence[Figure],
     drops: Mapping[str, int],
-    mark: Callable[[PlanResult], str],
     more_hint: str,
+    *,
+    stars: bool = False,
 ) -> FittedTable:
-    """A line per plan, the best in bold, whose first cell is that of `mark`; `drops` are by key of the figures."""
-    writers = [mark, *(figure.format for figure in figures[1:])]
+    """A line per plan, the best in bold and marked; with `stars` those of the Pareto front have one.
+
+    `drops` are by key of the figures.
+    """
+
+    def write_first(plan: PlanResult) -> str:
+        star = ("*" if plan.on_pareto_front else " ") if stars else ""
+        return f"{'>' if plan is ranking.best else ''}{figures[0].format(plan)}{star}"
+
+    writers = [write_first, *(figure.format for figure in figures[1:])]
     columns = [figure.build_column(drops[figure.key]) for figure in figures]
     cells = list(zip(columns, writers, strict=True))
     return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint)

@@ -21,7 +21,7 @@ from fields.formats.guidance import (
     simplify_to_ascii,
 )
 from fields.geometry.arithmetic import CURVE_M
-from reports.common.rendering import ReportError, format_json
+from reports.common.rendering import ReportError, format_json, pick_values
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 
 GUIDANCE_FORMATS = list_records(GuidanceFormat, first=("isoxml", "agopengps", "kml", "shapefile"))
@@ -86,18 +86,14 @@ def _write_files(guidance: PlanGuidance, guidance_format: GuidanceFormat) -> Fil
     return contents
 
 
-NOT_GUIDANCE_REASON = "not for guidance; headland show lists them"
-CURVES_REASON = (
-    f"some terminals refuse curves, and these have more than {MAX_SEGMENTS} straight segments; --curves writes them"
-)
-OLDER_REASON = "{title} has straight lines only; --to {name} writes what its terminals read"
-CURVES_WARNING = "The files have curves, which some terminals refuse; keep a version without them at hand."
-
-
 def list_unwritten_content(guidance: PlanGuidance, written: GuidanceFiles) -> list[dict[str, Any]]:
     """What is not in the files: kind, number and reason, of lines their length (m) too."""
     guidance_format = written.format
-    entries = _list_curves(written.unwritten_curves, CURVES_REASON)
+    entries = _list_curves(
+        written.unwritten_curves,
+        f"some terminals refuse curves, and these have more than {MAX_SEGMENTS} straight segments; --curves writes "
+        "them",
+    )
     parts = {
         "headland": len(guidance.headland_interior),
         "entrance": int(guidance.entrance is not None),
@@ -107,7 +103,8 @@ def list_unwritten_content(guidance: PlanGuidance, written: GuidanceFiles) -> li
     for part, count in parts.items():
         if part in guidance_format.unsupported_parts and count:
             entries.append({"what": part, "count": count, "why": f"{guidance_format.title} cannot hold it"})
-    return entries + [{"what": part, "count": count, "why": NOT_GUIDANCE_REASON} for part, count in guidance.left_out]
+    reason = "not for guidance; headland show lists them"
+    return entries + [{"what": part, "count": count, "why": reason} for part, count in guidance.left_out]
 
 
 def list_content_for_newer_terminals(written: GuidanceFiles) -> list[dict[str, Any]]:
@@ -116,7 +113,8 @@ def list_content_for_newer_terminals(written: GuidanceFiles) -> list[dict[str, A
     if older is None:
         return []
     curves = tuple(line for line in written.lines if not line.is_straight)
-    return _list_curves(curves, OLDER_REASON.format(title=older.title, name=older.name))
+    reason = f"{older.title} has straight lines only; --to {older.name} writes what its terminals read"
+    return _list_curves(curves, reason)
 
 
 def _list_curves(curves: Sequence[GuidedLine], reason: str) -> list[dict[str, Any]]:
@@ -142,7 +140,7 @@ def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]
             f"{CURVE_M * 100:.0f} cm (letters after their numbers); --curves writes them whole."
         )
     if not written.format.takes_curves and not all(line.is_straight for line in written.lines):
-        sentences.append(CURVES_WARNING)
+        sentences.append("The files have curves, which some terminals refuse; keep a version without them at hand.")
     is_long = len(simplify_to_ascii(guidance.field)) > MAX_DESIGNATOR_BYTES
     if is_long and written.format.name.startswith("isoxml"):
         sentences.append(
@@ -192,22 +190,18 @@ def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[
         "field": guidance.field,
         "area_ha": None if guidance.boundary is None else round(guidance.area_m2 / 1e4, 6),
         "files": list(files),
-        "lines": [_build_line_entry(line, line.driving_position in written_positions) for line in guidance.lines],
+        "lines": [
+            {
+                **pick_values(line, ("name", "tractor", "order", "kind")),
+                "what": line.description,
+                "straight": line.is_straight,
+                "bearing_deg": round(line.bearing_deg, 6),
+                "length_m": round(line.length_m, 3),
+                "written": line.driving_position in written_positions,
+            }
+            for line in guidance.lines
+        ],
         "left_out": list_unwritten_content(guidance, written),
         "not_for_older": list_content_for_newer_terminals(written),
     }
     return format_json(content, is_ascii=False)
-
-
-def _build_line_entry(line: GuidedLine, is_written: bool) -> dict[str, Any]:
-    return {
-        "name": line.name,
-        "tractor": line.tractor,
-        "order": line.order,
-        "kind": line.kind,
-        "what": line.description,
-        "straight": line.is_straight,
-        "bearing_deg": round(line.bearing_deg, 6),
-        "length_m": round(line.length_m, 3),
-        "written": is_written,
-    }

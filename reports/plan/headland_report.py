@@ -76,6 +76,13 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
         *([] if energy is None else [f"{format_number(energy, 0)} {_get_energy_unit(comparison)}"]),
         format_money(best.year["cost_per_year"], comparison.currency),
     ]
+    missing, unmet = [comparison.field_names[one.requested_field] for one in best.rows if not one.meets_request], []
+    if missing:
+        names = ", ".join(missing) if len(missing) <= MOST_NAMED_FIELDS else _count_fields(len(missing))
+        text = translate(
+            "It is no recommendation on {fields} (deadline, rain, budget, share worked or pull).", fields=names
+        )
+        unmet.append(text)
     return [
         _describe_worth(comparison, best),
         translate_count(
@@ -84,7 +91,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
             best.operations_per_year,
             figures=", ".join(figures),
         ),
-        *_describe_unmet(comparison, best),
+        *unmet,
         *_describe_places(comparison, best),
         *_describe_ground_left(comparison, best),
     ]
@@ -160,16 +167,6 @@ def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: He
 def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
     """The cost of a worked hectare with its currency."""
     return f"{_format_rate(totals)} {comparison.currency or ''}/{FIELD_AREA.unit}"
-
-
-def _describe_unmet(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
-    """Where the best way is no recommendation."""
-    missing = [comparison.field_names[each.requested_field] for each in best.rows if not each.meets_request]
-    if missing:
-        names = ", ".join(missing) if len(missing) <= MOST_NAMED_FIELDS else _count_fields(len(missing))
-        yield translate(
-            "It is no recommendation on {fields} (deadline, rain, budget, share worked or pull).", fields=names
-        )
 
 
 def _count_fields(count: int) -> str:
@@ -369,22 +366,28 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
             }
             for one in comparison.totals
         ],
-        "fields": [_build_field_entry(each) for each in comparison.rows],
+        "fields": [
+            {
+                **_describe_row(each),
+                "plan": None if each.best is None else build_plan_entry(each.best),
+                "meets_request": None if each.best is None else each.meets_request,
+                "parts": [build_part_entry(part) for part in (() if each.ranking is None else each.ranking.parts)],
+                "refusal": each.reason,
+            }
+            for each in comparison.rows
+        ],
     }
     return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
-def _build_field_entry(each: HeadlandRow) -> dict[str, Any]:
+def _describe_row(each: HeadlandRow) -> dict[str, Any]:
+    """The field and the way, as JSON and CSV have them."""
     return {
         "requested_field": each.requested_field,
         "field": None if each.ranking is None else each.field_name,
         "area_ha": each.area_ha or None,
         **make_json_safe(each.label),
         "headland_m": None if each.layout is None else each.layout.headland_m,
-        "plan": None if each.best is None else build_plan_entry(each.best),
-        "meets_request": None if each.best is None else each.meets_request,
-        "parts": [build_part_entry(part) for part in (() if each.ranking is None else each.ranking.parts)],
-        "refusal": each.reason,
     }
 
 
@@ -398,12 +401,8 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
     rows = []
     for each in comparison.rows:
         (totals,) = comparison.sum_over_fields([each])
-        values: dict[str, Any] = {
-            "requested_field": each.requested_field,
-            "field": None if each.ranking is None else each.field_name,
-            "area_ha": each.area_ha or None,
-            **make_json_safe(each.label),
-            "headland_m": None if each.layout is None else each.layout.headland_m,
+        values = {
+            **_describe_row(each),
             "currency": comparison.currency,
             "reason": each.reason,
             "operations_per_year": comparison.operations_per_year,
@@ -468,21 +467,21 @@ def _build_section(comparison: HeadlandComparison, field: str) -> dict[str, Any]
                 "name": name_choice(one),
                 "best": one is best,
                 "map": one.rows[0].map,
-                "text": insert_non_breaking_spaces(", ".join(_list_card_figures(one, comparison))),
+                "text": insert_non_breaking_spaces(
+                    ", ".join(
+                        [
+                            format_duration(one.time_s),
+                            format_cost_per_ha(one, comparison),
+                            *([] if one.fuel_l is None else [f"{one.fuel_l:.0f} l"]),
+                            *([] if one.energy_kwh is None else [f"{one.energy_kwh:.0f} kWh"]),
+                            f"missed {one.missed_m2:.0f} m2",
+                            f"overlap {one.overlap_m2:.0f} m2",
+                            f"driven over {one.over_finished_m2:.0f} m2",
+                        ]
+                    )
+                ),
             }
             for one in driven
             if one.rows[0].map is not None
         ],
     }
-
-
-def _list_card_figures(totals: HeadlandTotals, comparison: HeadlandComparison) -> list[str]:
-    return [
-        format_duration(totals.time_s),
-        format_cost_per_ha(totals, comparison),
-        *([] if totals.fuel_l is None else [f"{totals.fuel_l:.0f} l"]),
-        *([] if totals.energy_kwh is None else [f"{totals.energy_kwh:.0f} kWh"]),
-        f"missed {totals.missed_m2:.0f} m2",
-        f"overlap {totals.overlap_m2:.0f} m2",
-        f"driven over {totals.over_finished_m2:.0f} m2",
-    ]

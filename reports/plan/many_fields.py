@@ -232,33 +232,31 @@ def list_many_sentences(records: Sequence[FieldRow]) -> list[str]:
     fields = len({record.requested_field for record in records})
     is_assumed = any(record.ranking is not None and record.ranking.prices_assumed for record in records)
     currency = Comparison(tuple(records)).currency
-    sentences = [_describe_total(total, fields, currency, is_assumed) for total in sum_over_fields(records)]
+    sentences = []
+    for total in sum_over_fields(records):
+        cost = format_money(total.paid_cost, currency)
+        cost = translate("{money} (assumed prices)", money=cost) if is_assumed else cost
+        if total.risked_cost >= LEAST_COST:
+            risked = format_money(total.risked_cost, currency)
+            cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
+        text = translate(
+            "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % "
+            "worked.",
+            width=format_width(total.label),
+            count=len(total.driven),
+            fields=fields,
+            area=FIELD_AREA.format(total.area_ha, 2),
+            time=format_duration(total.time_s),
+            cost=cost,
+            rate=f"{format_money(FIELD_AREA.convert_rate(total.cost_per_ha), currency)}/{FIELD_AREA.unit}",
+            worked=format_number(total.worked_pct, 1),
+        )
+        sentences.append(text)
     lacking = sum(record.ranking is not None and bool(record.ranking.shortfalls) for record in records)
     if lacking:
         text = translate_count("{count} plan is no recommendation.", "{count} plans are no recommendation.", lacking)
         sentences.insert(0, text)
     return sentences or [translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)]
-
-
-def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: bool) -> str:
-    """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
-    cost = format_money(total.paid_cost, currency)
-    if is_assumed:
-        cost = translate("{money} (assumed prices)", money=cost)
-    if total.risked_cost >= LEAST_COST:
-        risked = format_money(total.risked_cost, currency)
-        cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
-    return translate(
-        "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % worked.",
-        width=format_width(total.label),
-        count=len(total.driven),
-        fields=fields,
-        area=FIELD_AREA.format(total.area_ha, 2),
-        time=format_duration(total.time_s),
-        cost=cost,
-        rate=f"{format_money(FIELD_AREA.convert_rate(total.cost_per_ha), currency)}/{FIELD_AREA.unit}",
-        worked=format_number(total.worked_pct, 1),
-    )
 
 
 def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:

@@ -46,7 +46,6 @@ from reports.plan.leg_list import describe_leg, format_leg_heading, format_leg_m
 from reports.plan.map_labels import (
     LegMark,
     MapLabel,
-    list_leg_numbers,
     name_swaths,
     place_cell_labels,
     place_cut_off_labels,
@@ -148,6 +147,15 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
     ]
     driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
+    lanes = []
+    for number, path in enumerate(thinned[0]):
+        lines = {"work": "", "turn": "", "back": ""}
+        for status, begin, end in list_status_runs(path.status):
+            lines[{WORKING: "work", REVERSING: "back"}.get(status, "turn")] += frame.format_path(
+                path.xy[begin : end + 1]
+            )
+        start = frame.convert_points(path.xy[:1])[0]
+        lanes.append({"number": number + 1, "colour": number % len(palette.TRACTOR_COLOURS), "start": start, **lines})
     return {
         "width": round((box.width + 2 * margin) * 100),
         "height": round((height + 0.06 * size) * 100),
@@ -166,7 +174,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "headland_pass_labels": _place_labels(place_headland_pass_labels(first, size), frame),
         "cell_labels": _place_labels(place_cell_labels(first), frame),
         "cut_off_labels": _place_labels(place_cut_off_labels(first), frame),
-        "lanes": [_draw_path_lines(path, frame, number) for number, path in enumerate(thinned[0])],
+        "lanes": lanes,
         "entrance": None if first.entrance is None else frame.convert_points(np.array([first.entrance]))[0],
         "bar": {"x": round(margin * 100), "y": round((height + 0.02 * size) * 100), "length": round(bar * 100)},
         "bar_text": f"{bar:g} m",
@@ -204,20 +212,6 @@ def _place_labels(labels: Sequence[MapLabel], viewport: Viewport) -> list[dict[s
     return [{"x": x, "y": y, "text": label.text} for (x, y), label in zip(places, labels, strict=True)]
 
 
-def _draw_path_lines(path: TimedPath, viewport: Viewport, number: int) -> dict[str, Any]:
-    """The whole path of a tractor: lines of working, turning and reversing."""
-    lines = {"work": "", "turn": "", "back": ""}
-    for status, first, last in list_status_runs(path.status):
-        line_kind = {WORKING: "work", REVERSING: "back"}.get(status, "turn")
-        lines[line_kind] += viewport.format_path(path.xy[first : last + 1])
-    return {
-        "number": number + 1,
-        "colour": number % len(palette.TRACTOR_COLOURS),
-        "start": viewport.convert_points(path.xy[:1])[0],
-        **lines,
-    }
-
-
 def _build_plan_drawing(
     drive: PlanDrive,
     paths: Sequence[TimedPath],
@@ -236,8 +230,7 @@ def _build_plan_drawing(
         "step": drive.step_s,
         "end": round(longest * drive.step_s, 3),
         "lanes": [
-            _build_lane(drive, number, path, marks[number], viewport) | _list_legs(drive, number, lists_legs)
-            for number, path in enumerate(paths)
+            _build_lane(drive, number, path, marks[number], viewport, lists_legs) for number, path in enumerate(paths)
         ],
         "seconds": [[round(value, 1) for value in seconds] for seconds in _tabulate_seconds(drive, states)],
         "missed": {
@@ -249,12 +242,19 @@ def _build_plan_drawing(
 
 
 def _build_lane(
-    drive: PlanDrive, number: int, path: TimedPath, marks: Sequence[LegMark], viewport: Viewport
+    drive: PlanDrive,
+    number: int,
+    path: TimedPath,
+    marks: Sequence[LegMark],
+    viewport: Viewport,
+    lists_legs: bool,
 ) -> dict[str, Any]:
-    """The drive of a tractor: arrows with numbers, stops with their time, and knots.
+    """The drive of a tractor: arrows with numbers, stops with their time, knots, and its legs with their heading.
 
-    A knot is sample, x and y since the knot before, the first since 0.
+    A knot is sample, x and y since the knot before, the first since 0. A leg is its start and duration (s), length (m,
+    "" of a wait), description and start by the clock (s).
     """
+    steps = drive.steps[number] if drive.steps and lists_legs else None
     flat = np.column_stack([path.samples, np.asarray(viewport.convert_points(path.xy))])
     knots = np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int))
     waits, refills, folds = (
@@ -267,25 +267,18 @@ def _build_lane(
     return {
         "knots": [int(value) for value in knots.ravel()],
         "status": "".join(map(str, path.status.tolist())),
-        "arrows": viewport.format_rings(mark.head for mark in marks),
-        "numbers": [[*one.values()] for one in _place_labels(list_leg_numbers(marks), viewport)],
+        "arrows": viewport.format_rings(head for head, _ in marks),
+        "numbers": [[*one.values()] for one in _place_labels([label for _, label in marks if label.text], viewport)],
         "waits": waits,
         "refills": refills,
         "folds": folds,
-    }
-
-
-def _list_legs(drive: PlanDrive, number: int, lists_legs: bool) -> dict[str, Any]:
-    """Start and duration (s), length (m, "" of a wait), description and start by the clock (s) of every leg of a
-    tractor, and the heading."""
-    if not drive.steps or not lists_legs:
-        return {"legs": [], "heading": ""}
-    steps = drive.steps[number]
-    legs = [
-        [round(one.from_s, 1), round(one.seconds, 1), format_leg_metres(one), describe_leg(one), round(one.clock_s, 1)]
-        for one in steps
-    ]
-    return {"legs": legs, "heading": format_leg_heading(number + 1, steps)}
+        "legs": [
+            [round(one.from_s, 1), round(one.seconds, 1), format_leg_metres(one), describe_leg(one),
+             round(one.clock_s, 1)]
+            for one in steps or ()
+        ],
+        "heading": "" if steps is None else format_leg_heading(number + 1, steps),
+    }  # fmt: skip
 
 
 def _tabulate_seconds(drive: PlanDrive, states: Sequence[str]) -> list[list[float]]:

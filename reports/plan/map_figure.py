@@ -7,7 +7,6 @@ import io
 import math
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,7 @@ import shapely
 
 from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
-from reports.common.plan_records import PlanDrive, Points, Relief
+from reports.common.plan_records import PlanDrive, Points
 from reports.common.rendering import create_figure
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
@@ -38,7 +37,6 @@ from reports.plan.leg_list import format_leg_heading, format_leg_rows
 from reports.plan.map_labels import (
     MapLabel,
     count_tracks,
-    list_leg_numbers,
     place_cell_labels,
     place_ground_labels,
     place_headland_pass_labels,
@@ -58,13 +56,22 @@ _BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
 
 def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
     """The field, the bands of its headland passes, its swaths, obstacles, outline and fences."""
-    from matplotlib.collections import PolyCollection
+    from matplotlib.collections import LineCollection, PolyCollection
 
     outline = [drive.boundary, *drive.holes]
     field_patch = build_patch(outline, facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1)
     axes.add_patch(field_patch)
-    if drive.relief is not None:
-        _draw_relief(axes, drive.relief, field_patch)
+    if drive.relief is not None:  # shading and contours
+        west, south, east, north = drive.relief.bounds_m
+        picture = axes.imshow(
+            drive.relief.shade, cmap="gray", vmin=0.0, vmax=1.0, alpha=palette.SHADE_OPACITY,
+            extent=(west, east, south, north), origin="lower", interpolation="bilinear", zorder=1.2, aspect="equal",
+        )  # fmt: skip
+        contours = [points for _, points in drive.relief.contours]
+        lines = LineCollection(contours, colors=palette.CONTOUR_COLOUR, linewidths=0.5, zorder=1.8)
+        axes.add_collection(lines, autolim=False)
+        for artist in (picture, lines):
+            artist.set_clip_path(field_patch)
     for headland_pass in drive.headland_passes:
         band = shapely.LineString(headland_pass.points).buffer(0.5 * drive.width_m, **_BUFFER_STYLE)
         parts = shapely.get_parts(band)
@@ -84,23 +91,6 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
         axes.plot(*line.T, color=palette.INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
 
 
-def _draw_relief(axes: Axes, relief: Relief, field_patch: PathPatch) -> None:
-    """Shading and contours inside the patch of a field."""
-    from matplotlib.collections import LineCollection
-
-    west, south, east, north = relief.bounds_m
-    picture = axes.imshow(
-        relief.shade, cmap="gray", vmin=0.0, vmax=1.0, alpha=palette.SHADE_OPACITY, extent=(west, east, south, north),
-        origin="lower", interpolation="bilinear", zorder=1.2, aspect="equal",
-    )  # fmt: skip
-    lines = LineCollection(
-        [points for _, points in relief.contours], colors=palette.CONTOUR_COLOUR, linewidths=0.5, zorder=1.8
-    )
-    axes.add_collection(lines, autolim=False)
-    for artist in (picture, lines):
-        artist.set_clip_path(field_patch)
-
-
 def build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
     """Closed rings as one shape, holes left out."""
     from matplotlib.patches import PathPatch
@@ -108,29 +98,6 @@ def build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
 
     outlines = (Outline(np.vstack([ring, ring[:1]]), closed=True) for ring in rings)
     return PathPatch(Outline.make_compound_path(*outlines), **look)
-
-
-def draw_unworked(axes: Axes, drive: PlanDrive, box: MapExtent) -> None:
-    """Hatching over unworked ground, and the area of its largest piece."""
-    from matplotlib.collections import LineCollection
-
-    if drive.unworked:
-        lines = [*build_hatching(drive.unworked, HATCH_SHARE * (box.size or 1.0))]
-        lines += [np.vstack([ring, ring[:1]]) for ring in drive.unworked]
-        hatching = LineCollection(lines, colors=palette.UNWORKED_COLOUR, linewidths=0.5, zorder=2.4)
-        axes.add_collection(hatching, autolim=False)
-    _write_labels(axes, place_ground_labels(drive, box), palette.UNWORKED_COLOUR, 9, 9, bold=True)
-
-
-def draw_tractors(axes: Axes, drive: PlanDrive, size: float) -> None:
-    """The path of every tractor with its start and stops, and its worked legs with direction and number."""
-    from matplotlib.collections import PolyCollection
-
-    for number, marks in enumerate(place_leg_marks(drive, size)):
-        _draw_path(axes, drive, number)
-        heads, colour = [mark.head for mark in marks], palette.get_tractor_colour(number)
-        axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
-        _write_labels(axes, list_leg_numbers(marks), colour, 5.5, 5.5, bold=True)
 
 
 def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
@@ -156,16 +123,6 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
     axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
     look = {"color": "white", "fontsize": 7, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 8}
     axes.annotate(str(number + 1), xy[0], **look)
-
-
-def draw_cells_and_labels(axes: Axes, drive: PlanDrive, size: float) -> None:
-    """Numbers of tracks and headland passes, outlines of cells with their number and bearing."""
-    for cell in drive.cells:
-        look = {"edgecolor": palette.INK_COLOUR, "linewidth": 1.0, "linestyle": (0, (6, 3)), "zorder": 5.8}
-        axes.add_patch(build_patch(cell.rings, facecolor="none", **look))
-    _write_labels(axes, place_swath_labels(drive, size), palette.INK_COLOUR, 6.5, 6)
-    _write_labels(axes, place_headland_pass_labels(drive, size), palette.EDGE_COLOUR, 6.5, 6.2, bold=True)
-    _write_labels(axes, place_cell_labels(drive), palette.INK_COLOUR, 9, 6.4, bold=True)
 
 
 def _write_labels(
@@ -196,7 +153,6 @@ def draw_scale_and_north(axes: Axes, box: MapExtent) -> None:
     axes.annotate("N", top, (box.east, y), ha="center", va="center", fontsize=10, arrowprops=arrow)
 
 
-_HASH_SALT = "headland"
 _FAULT_LOOK: dict[str, Any] = {
     "marker": "o", "markersize": 16, "markerfacecolor": "none", "markeredgecolor": palette.UNWORKED_COLOUR,
     "markeredgewidth": 2.5, "linestyle": "none", "zorder": 9,
@@ -224,26 +180,71 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
         ReportError: the drive cannot be drawn.
     """
     check_drive(drive, least_tractors=0)
-    sheet = _plan_layout(drive, field_name)
-    figure = create_figure(sheet.width, sheet.height)
-    left_edge = _EDGE_INCHES if sheet.has_lists_beside else 0.5 * (sheet.width - sheet.map_width)
-    bottom, across = (sheet.legend_height + sheet.lists_height) / sheet.height, sheet.map_width / sheet.width
-    place = (left_edge / sheet.width, bottom, across, sheet.map_height / sheet.height)
-    draw_map_layers(figure.add_axes(place), drive)
-    _write_title_and_lists(figure, drive, sheet)
+    across, up = measure_map(compute_extent(drive))
+    lists = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
+    width = across + 3 * _EDGE_INCHES + _measure_list_inches(lists) * len(lists)
+    has_lists_beside = bool(lists) and width <= _WIDEST_WITH_LISTS_INCHES
+    if not has_lists_beside:
+        lists, width = _format_leg_columns(drive, _MOST_LIST_ROWS), max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
+        has_room = len(lists) * _measure_list_inches(lists) + _EDGE_INCHES <= width
+        lists = lists if has_room else []
+    rows = 0 if has_lists_beside else max((text.count("\n") + 1 for text in lists), default=0)
+    lists_height = _ROW_INCHES * rows + _EDGE_INCHES if rows else 0.0
+    title = _wrap_title(drive, field_name, width)
+    title_height = _EDGE_INCHES + LINE_INCHES * len(title)
+    entries, legend_columns = build_legend_entries(drive), max(2, int(width / _MARK_INCHES))
+    legend_height = _MARKS_INCHES * math.ceil(len(entries) / legend_columns) + _EDGE_INCHES
+    height = title_height + up + legend_height + lists_height
+    figure = create_figure(width, height)
+    left_edge, bottom = _EDGE_INCHES if has_lists_beside else 0.5 * (width - across), legend_height + lists_height
+    draw_map_layers(figure.add_axes((left_edge / width, bottom / height, across / width, up / height)), drive)
+    look: dict[str, Any] = {"ha": "left", "va": "top", "color": palette.INK_COLOUR}
+    heading, heading_y = escape_figure_formula("\n".join(title)), 1.0 - 0.5 * _EDGE_INCHES / height
+    figure.suptitle(heading, x=_EDGE_INCHES / width, y=heading_y, fontsize=11, linespacing=1.4, **look)
+    figure.legend(
+        handles=entries, loc="upper center", bbox_to_anchor=(0.5, bottom / height), ncols=legend_columns,
+        frameon=False, fontsize=9, borderaxespad=0.0,
+    )  # fmt: skip
+    left_edge = across + 2 * _EDGE_INCHES if has_lists_beside else _EDGE_INCHES
+    top = height - title_height if has_lists_beside else lists_height
+    look |= {"fontsize": _LIST_POINTS, "family": "monospace", "linespacing": _LIST_SPACING}
+    for column, text in enumerate(lists):
+        left = (left_edge + column * _measure_list_inches(lists)) / width
+        figure.text(left, top / height, escape_figure_formula(text), **look)
     return figure
 
 
 def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
-    """Everything on the ground, with scale and north arrow, but without title, legend and leg lists."""
-    box = compute_extent(drive)
+    """Everything on the ground, with scale and north arrow, but without title, legend and leg lists.
+
+    Hatching lies over unworked ground, with the area of its largest piece; every tractor has its path with its start
+    and stops, and its worked legs with direction and number.
+    """
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    box, ink = compute_extent(drive), palette.INK_COLOUR
+    size = box.size
     frame_map(axes, box)
     draw_field_ground(axes, drive)
-    draw_unworked(axes, drive, box)
-    draw_tractors(axes, drive, box.size)
+    if drive.unworked:
+        lines = [*build_hatching(drive.unworked, HATCH_SHARE * (size or 1.0))]
+        lines += [np.vstack([ring, ring[:1]]) for ring in drive.unworked]
+        hatching = LineCollection(lines, colors=palette.UNWORKED_COLOUR, linewidths=0.5, zorder=2.4)
+        axes.add_collection(hatching, autolim=False)
+    _write_labels(axes, place_ground_labels(drive, box), palette.UNWORKED_COLOUR, 9, 9, bold=True)
+    for number, marks in enumerate(place_leg_marks(drive, size)):
+        _draw_path(axes, drive, number)
+        heads, colour = [head for head, _ in marks], palette.get_tractor_colour(number)
+        axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
+        _write_labels(axes, [label for _, label in marks if label.text], colour, 5.5, 5.5, bold=True)
     if drive.entrance is not None:
-        axes.plot(*drive.entrance, marker="v", color=palette.INK_COLOUR, markersize=8, linestyle="none", zorder=6)
-    draw_cells_and_labels(axes, drive, box.size)
+        axes.plot(*drive.entrance, marker="v", color=ink, markersize=8, linestyle="none", zorder=6)
+    for cell in drive.cells:
+        look = {"edgecolor": ink, "linewidth": 1.0, "linestyle": (0, (6, 3)), "zorder": 5.8}
+        axes.add_patch(build_patch(cell.rings, facecolor="none", **look))
+    _write_labels(axes, place_swath_labels(drive, size), ink, 6.5, 6)
+    _write_labels(axes, place_headland_pass_labels(drive, size), palette.EDGE_COLOUR, 6.5, 6.2, bold=True)
+    _write_labels(axes, place_cell_labels(drive), ink, 9, 6.4, bold=True)
     for place in drive.fault_places:
         axes.plot(*place, **_FAULT_LOOK)
     draw_scale_and_north(axes, box)
@@ -278,7 +279,7 @@ def render_svg(figure: Figure) -> str:
     import matplotlib as mpl
 
     buffer = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": _HASH_SALT, "svg.fonttype": "none"}):
+    with mpl.rc_context({"svg.hashsalt": "headland", "svg.fonttype": "none"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return buffer.getvalue()
 
@@ -288,75 +289,10 @@ def encode_svg_base64(figure: Figure) -> str:
     return base64.b64encode(render_svg(figure).encode()).decode("ascii")
 
 
-@dataclass(frozen=True)
-class _FigureLayout:
-    """Sizes in inches: the map, the title above it, the legend below it, and leg lists below or beside it."""
-
-    map_width: float
-    map_height: float
-    width: float
-    title: list[str]
-    legend_height: float
-    columns: int
-    list_columns: list[str]
-    has_lists_beside: bool
-
-    @property
-    def title_height(self) -> float:
-        """Height of the title."""
-        return _EDGE_INCHES + LINE_INCHES * len(self.title)
-
-    @property
-    def lists_height(self) -> float:
-        """Height of the lists below the legend."""
-        rows = max((text.count("\n") + 1 for text in self.list_columns), default=0)
-        return 0.0 if self.has_lists_beside or not rows else _ROW_INCHES * rows + _EDGE_INCHES
-
-    @property
-    def height(self) -> float:
-        """Height of the whole figure."""
-        return self.title_height + self.map_height + self.legend_height + self.lists_height
-
-
-def _plan_layout(drive: PlanDrive, field_name: str) -> _FigureLayout:
-    """The map, as large as there is room, with leg lists beside it or below it, or none where they have no room."""
-    across, up = measure_map(compute_extent(drive))
-    width_without_lists = max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
-    lists_beside = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
-    width_with_lists = across + 3 * _EDGE_INCHES + _measure_list_inches(lists_beside) * len(lists_beside)
-    lists_below = _format_leg_columns(drive, _MOST_LIST_ROWS)
-    is_beside = bool(lists_beside) and width_with_lists <= _WIDEST_WITH_LISTS_INCHES
-    width = width_with_lists if is_beside else width_without_lists
-    has_room_below = len(lists_below) * _measure_list_inches(lists_below) + _EDGE_INCHES <= width
-    lists = lists_beside if is_beside else lists_below if has_room_below else []
-    columns = max(2, int(width / _MARK_INCHES))
-    legend = _MARKS_INCHES * math.ceil(len(build_legend_entries(drive)) / columns) + _EDGE_INCHES
-    return _FigureLayout(across, up, width, _wrap_title(drive, field_name, width), legend, columns, lists, is_beside)
-
-
 def _measure_list_inches(columns: list[str]) -> float:
     """Width of a column of the leg lists: at least that of usual ones, else of the longest row with a gap."""
     longest = max((len(row) for text in columns for row in text.split("\n")), default=0)
     return max(_LIST_INCHES, _LETTER_INCHES * (longest + 2))
-
-
-def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayout) -> None:
-    """Title, legend and leg lists."""
-    edge = _EDGE_INCHES / layout.width
-    look: dict[str, Any] = {"ha": "left", "va": "top", "color": palette.INK_COLOUR}
-    title, title_y = escape_figure_formula("\n".join(layout.title)), 1.0 - 0.5 * _EDGE_INCHES / layout.height
-    figure.suptitle(title, x=edge, y=title_y, fontsize=11, linespacing=1.4, **look)
-    figure.legend(
-        handles=build_legend_entries(drive), loc="upper center",
-        bbox_to_anchor=(0.5, (layout.legend_height + layout.lists_height) / layout.height),
-        ncols=layout.columns, frameon=False, fontsize=9, borderaxespad=0.0,
-    )  # fmt: skip
-    left_edge = layout.map_width + 2 * _EDGE_INCHES if layout.has_lists_beside else _EDGE_INCHES
-    top = layout.height - layout.title_height if layout.has_lists_beside else layout.lists_height
-    for column, text in enumerate(layout.list_columns):
-        left = (left_edge + column * _measure_list_inches(layout.list_columns)) / layout.width
-        look |= {"fontsize": _LIST_POINTS, "family": "monospace", "linespacing": _LIST_SPACING}
-        figure.text(left, top / layout.height, escape_figure_formula(text), **look)
 
 
 def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
@@ -371,27 +307,19 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
         order = "" if drive.headland_order is None else f" {drive.headland_order}"
         second.append(f"{passes} headland pass{'es' if passes > 1 else ''}{order}")
     if count:
-        second += [
-            *([] if format_tractor_count(count) in first else [format_tractor_count(count)]),
-            _describe_end(drive),
-        ]
+        second += [] if format_tractor_count(count) in first else [format_tractor_count(count)]
+        drawn_s = max(drive.finish_s)
+        stated_s = drawn_s if drive.stated_end_s is None else drive.stated_end_s
+        drawn, stated = format_duration(drawn_s), format_duration(stated_s)
+        without = ", without late starts, stops and breakdowns" if drive.has_delays else ""
+        differs = "" if stated == drawn else f" (the drive as drawn{without}: {drawn})"
+        second.append(f"done in {stated}{differs}")
     if drive.worked_pct is not None:
         second.append(f"{drive.worked_pct:.1f} % worked")
     if drive.cut_off:
         second.append(f"{format_area(math.fsum(one.m2 for one in drive.cut_off))} cut off by obstacles")
     room = int(width * _LETTERS_PER_INCH)
     return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
-
-
-def _describe_end(drive: PlanDrive) -> str:
-    """When the plan is done as it is stated, and what the drive on the map takes where that is not the same."""
-    drawn_s = max(drive.finish_s)
-    stated_s = drawn_s if drive.stated_end_s is None else drive.stated_end_s
-    text = f"done in {format_duration(stated_s)}"
-    if format_duration(stated_s) == format_duration(drawn_s):
-        return text
-    without = ", without late starts, stops and breakdowns" if drive.has_delays else ""
-    return f"{text} (the drive as drawn{without}: {format_duration(drawn_s)})"
 
 
 def _format_leg_columns(drive: PlanDrive, most_rows: int) -> list[str]:

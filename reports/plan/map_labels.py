@@ -44,12 +44,8 @@ class MapLabel:
     place: Points
 
 
-@dataclass(frozen=True, eq=False)
-class LegMark:
-    """The head (3, 2) of an arrow on a worked leg, tip first, and behind it the number of the leg."""
-
-    head: Points
-    label: MapLabel | None
+LegMark = tuple[Points, MapLabel]
+"""The head (3, 2) of an arrow on a worked leg, tip first, and behind it the number of the leg, "" without one."""
 
 
 def name_swaths(drive: PlanDrive) -> tuple[str, ...]:
@@ -214,7 +210,7 @@ def place_leg_marks(drive: PlanDrive, size: float) -> list[list[LegMark]]:
                 if _is_apart(head[0], arrow_places, _ARROW_DISTANCE_PCT * size / 100) and all(clear) and all(beside):
                     arrow_places = np.concatenate([arrow_places, head[:1]])
                     number_places = np.concatenate([number_places, place[None]])
-                    tractor_marks.append(LegMark(head, MapLabel(text, place) if text else None))
+                    tractor_marks.append((head, MapLabel(text, place)))
                     break
     return marks
 
@@ -252,8 +248,3 @@ def _iterate_arrow_heads(line: Points, length_m: float) -> Iterator[Points]:
         head = build_arrow_head(line[inside], length_m) if inside.sum() > 1 else None
         if head is not None:
             yield head
-
-
-def list_leg_numbers(marks: Sequence[LegMark]) -> list[MapLabel]:
-    """The numbers of the marks that have one."""
-    return [mark.label for mark in marks if mark.label is not None]

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 MOST_ROWS = 12  # of plans in a fragment; to_pandas has all
 MOST_TITLE_CHARS = 80  # above a drawing
 LEAST_MAP_INCHES = 3.0  # width of a map, and its least height
-TEXT_COLUMNS = ("field", "strategy", "turn", "reason", "remark")
 Files = Mapping[str, Callable[[], str | bytes]]
 
 
@@ -50,17 +49,44 @@ def build_ranking_view(
     Without a `picture` it is drawn as time by number of tractors; `files` are by default those that need no drive.
     """
 
+    def summarise() -> str:
+        answer = write_answer(ranking)
+        decision = f"{answer.decision}." if answer.decision else ""
+        sentences = " ".join(filter(None, (answer.verdict, decision, answer.work, answer.certainty)))
+        return f"{ranking.field_name}, {format_number(ranking.area_ha, 2)} ha. {sentences}"
+
+    def render() -> str:
+        """Answer, map, and the table of the first screen with its legend; the best plan is the first row."""
+        area, tables = f"{format_number(ranking.area_ha, 2)} ha", []
+        heading = ", ".join(filter(None, (ranking.field_name, area, describe_machines(ranking))))
+        drawing = None if picture is None else _encode_map(picture())
+        if list_feasible(ranking):
+            plans = choose_first_plans(ranking, MOST_ROWS)
+            note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
+            table = build_answer_table(ranking, plans)
+            tables.append(table.convert_for_notebook(0 if ranking.best else None, note))
+        sentences = write_answer(ranking).list_sentences()
+        return render_fragment(heading, sentences, tables, drawing, "Map of the field and the best plan")
+
+    def tabulate() -> DataFrame:
+        """A row per plan with the columns, order and values of the CSV."""
+        import pandas as pd
+
+        types = dict.fromkeys(("field", "strategy", "turn", "reason", "remark"), "str")
+        text = io.StringIO(format_ranking_csv(ranking))
+        return pd.read_csv(text, dtype=types, keep_default_na=False, na_values=[""])
+
     def draw(axes: Axes) -> None:
         if picture is None:
-            draw_times(axes, ranking)
+            _draw_times(axes, ranking)
         else:
             drive = picture()
             draw_drive(axes, drive, f"{ranking.field_name}: {drive.title}")
 
     return ResultView(
-        summary=lambda: summarise_ranking(ranking),
-        html=lambda: render_ranking_fragment(ranking, None if picture is None else picture()),
-        table=lambda: build_ranking_frame(ranking),
+        summary=summarise,
+        html=render,
+        table=tabulate,
         draw=draw if picture is not None or list_feasible(ranking) else None,
         not_drawn=f"{NOT_DRAWN}, as no plan works.",
         figure_inches=FIGURE_INCHES if picture is None else (COLUMN_INCHES, COLUMN_INCHES),
@@ -71,6 +97,25 @@ def build_ranking_view(
             ".html": lambda: render_plan_page(ranking, None, {}),
         },
     )
+
+
+def _draw_times(axes: Axes, ranking: PlanRanking) -> None:
+    """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
+    plans = list_feasible(ranking)
+    for place, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
+        points = sorted((plan.tractors, plan.ranked_s / 60.0) for plan in plans if plan.strategy == name)
+        counts, minutes = zip(*points, strict=True)
+        axes.plot(counts, minutes, marker="o", linestyle="none", color=palette.get_tractor_colour(place), label=name)
+    best = ranking.best
+    if best is not None:
+        axes.plot(
+            best.tractors, best.ranked_s / 60.0, marker="o", markersize=13, markerfacecolor="none",
+            markeredgecolor="black", linestyle="none", label="best plan",
+        )  # fmt: skip
+    axes.set_xticks(sorted({plan.tractors for plan in plans}))
+    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=_shorten_title(ranking.field_name))
+    axes.legend(frameon=False, fontsize=8)
 
 
 @build_view.register
@@ -108,14 +153,6 @@ def build_drive_view(drive: PlanDrive) -> ResultView:
     )
 
 
-def summarise_ranking(ranking: PlanRanking) -> str:
-    """Field and answer in a few sentences: the plan to take, when it is done, its cost, and how sure that is."""
-    answer = write_answer(ranking)
-    decision = f"{answer.decision}." if answer.decision else ""
-    sentences = " ".join(filter(None, (answer.verdict, decision, answer.work, answer.certainty)))
-    return f"{ranking.field_name}, {format_number(ranking.area_ha, 2)} ha. {sentences}"
-
-
 def summarise_plan(plan: PlanResult) -> str:
     """One plan in a sentence: who, how long, what it costs, or why it cannot be driven."""
     name = f"{name_plan(plan)}, turns {plan.turn}"
@@ -127,34 +164,6 @@ def summarise_plan(plan: PlanResult) -> str:
     parts += [] if cost is None else [f"cost {format_price(cost)}"]
     parts += [] if plan.worked_pct is None else [f"{format_number(plan.worked_pct, 1)} % worked"]
     return ", ".join(parts)
-
-
-def build_ranking_frame(ranking: PlanRanking) -> DataFrame:
-    """A row per plan with the columns, order and values of the CSV."""
-    import pandas as pd
-
-    types = dict.fromkeys(TEXT_COLUMNS, "str")
-    text = io.StringIO(format_ranking_csv(ranking))
-    return pd.read_csv(text, dtype=types, keep_default_na=False, na_values=[""])
-
-
-def render_ranking_fragment(ranking: PlanRanking, drive: PlanDrive | None) -> str:
-    """Answer, map and table of a ranking for a notebook."""
-    heading = ", ".join(
-        filter(None, (ranking.field_name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking)))
-    )
-    picture = None if drive is None else _encode_map(drive)
-    tables = [_build_plans_table(ranking)] if list_feasible(ranking) else []
-    sentences = write_answer(ranking).list_sentences()
-    return render_fragment(heading, sentences, tables, picture, "Map of the field and the best plan")
-
-
-def _build_plans_table(ranking: PlanRanking) -> ShownTable:
-    """The table of the first screen, with its legend; the best plan is the first row."""
-    plans = choose_first_plans(ranking, MOST_ROWS)
-    table = build_answer_table(ranking, plans)
-    note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
-    return table.convert_for_notebook(0 if ranking.best else None, note)
 
 
 def draw_drive(axes: Axes, drive: PlanDrive, title: str = "") -> None:
@@ -178,22 +187,3 @@ def _encode_map(drive: PlanDrive) -> str:
     box = compute_extent(drive)
     height = COLUMN_INCHES * min(box.height / (box.width or 1.0), 1.3) + 1.4
     return encode_picture(lambda axes: draw_drive(axes, drive), (COLUMN_INCHES, max(height, LEAST_MAP_INCHES)))
-
-
-def draw_times(axes: Axes, ranking: PlanRanking) -> None:
-    """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
-    plans = list_feasible(ranking)
-    for place, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
-        points = sorted((plan.tractors, plan.ranked_s / 60.0) for plan in plans if plan.strategy == name)
-        counts, minutes = zip(*points, strict=True)
-        axes.plot(counts, minutes, marker="o", linestyle="none", color=palette.get_tractor_colour(place), label=name)
-    best = ranking.best
-    if best is not None:
-        axes.plot(
-            best.tractors, best.ranked_s / 60.0, marker="o", markersize=13, markerfacecolor="none",
-            markeredgecolor="black", linestyle="none", label="best plan",
-        )  # fmt: skip
-    axes.set_xticks(sorted({plan.tractors for plan in plans}))
-    axes.set_ylim(bottom=0.0)
-    axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=_shorten_title(ranking.field_name))
-    axes.legend(frameon=False, fontsize=8)

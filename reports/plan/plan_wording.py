@@ -41,11 +41,6 @@ BY_COUNT_HELP = (
 )
 
 
-def is_interval_wide(interval: tuple[float, float] | None) -> bool:
-    """Whether there are too few samples for a probability in whole percent."""
-    return interval is not None and interval[1] - interval[0] > 2.0 * WIDE_HALF_INTERVAL
-
-
 def format_in_time_probability(plan: PlanResult) -> str:
     """The probability of being in time in percent, a range where samples are few; a dash when it is not known."""
     interval = format_wide_interval(plan)
@@ -55,7 +50,7 @@ def format_in_time_probability(plan: PlanResult) -> str:
 def format_wide_interval(plan: PlanResult) -> list[str] | None:
     """The ends of the interval of the probability of being in time in percent; None where there are samples enough."""
     interval = plan.finish_probability_interval
-    if interval is None or not is_interval_wide(interval):
+    if interval is None or interval[1] - interval[0] <= 2.0 * WIDE_HALF_INTERVAL:
         return None
     return [f"{100.0 * end:.0f}" for end in interval]
 
@@ -150,9 +145,11 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     best = ranking.best
     if best is None:
         return [explain_no_plan(ranking)]
-    priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
+    plans = list_feasible(ranking)
+    priced = [plan for plan in plans if plan.cost is not None]
     cheapest = min(priced, key=lambda plan: plan.ranked_cost, default=None)
     best_is_cheapest = len(priced) > 1 and cheapest is not None and cheapest.ranked_cost == best.ranked_cost
+    fastest = min((plan for plan in plans if plan.time_s is not None), key=lambda plan: plan.ranked_s, default=best)
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.shortfalls:
@@ -168,7 +165,45 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     sentences += [describe_part(part) for part in ranking.parts]
     if ranking.cut_off_m2 and not ranking.parts:
         sentences.append(f"Obstacles cut off {format_area(ranking.cut_off_m2)} of the field, which no plan works.")
-    return sentences + _describe_other_plans(ranking, best, cheapest, best_is_cheapest)
+    others = {}
+    if fastest is not best and fastest.ranked_s != best.ranked_s:
+        others[translate("Fastest")] = fastest
+    if cheapest is not None and cheapest is not best and not best_is_cheapest:
+        others[translate("Cheapest")] = cheapest
+    if len(others) == 2 and fastest is cheapest:
+        others = {translate("Fastest and cheapest"): fastest}
+    sentences += [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in others.items()]
+    if best_is_cheapest and not best.meets_deadline:
+        best_too = translate("The best plan is also the cheapest.")
+        sentences.append(translate("This plan is also the cheapest.") if ranking.shortfalls else best_too)
+    return sentences
+
+
+def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
+    """Who, how long by the time driven and the clock (named where it is not that of the last tractor's end), cost."""
+    unworked, end_s = format_unworked(plan), plan.stated_end_s
+    clock = format_end_clock(ranking, end_s)
+    driven_s = plan.stated_s if clock else end_s
+    is_done = abs(driven_s - end_s) < SAME_TIME_S
+    when = format_duration(driven_s)
+    if clock and is_done:
+        when = translate("{time} (at {clock})", time=when, clock=clock)
+    elif clock:
+        when = translate("{time} (field work done at {clock})", time=when, clock=clock)
+    done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
+    if plan.charges:
+        done += translate_count(" with {count} stop to charge", " with {count} stops to charge", plan.charges)
+    elif plan.refills:
+        done += translate(" with {stops}", stops=count_service_stops(ranking, plan.refills))
+    elif plan.refills is not None:
+        done += translate(" with no stops to unload") if ranking.unloads else translate(" with no refills")
+    leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
+    tractors = name_fleet(plan)
+    name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
+    left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
+    money = format_money(plan.stated_cost, ranking.currency)
+    cost = None if plan.stated_cost is None else translate("cost {cost}", cost=money)
+    return ", ".join(part for part in (name, done, cost, leaves, left_out) if part)
 
 
 def describe_part(part: FieldPartPlan) -> str:
@@ -183,28 +218,6 @@ def describe_part(part: FieldPartPlan) -> str:
         time = format_duration(part.plan.time_s)
         own = f"Planned on its own (part {part.number}) it takes {time}{worked}; tractors go round by road."
     return f"{format_area(part.ground.m2)} at {format_ground_place(part.ground)} are cut off: {way}. {own}"
-
-
-def _describe_other_plans(
-    ranking: PlanRanking, best: PlanResult, cheapest: PlanResult | None, best_is_cheapest: bool
-) -> list[str]:
-    """The fastest and the cheapest plan where they are not the best, or that the best is the cheapest too."""
-    plans = list_feasible(ranking)
-    driven = [plan for plan in plans if plan.time_s is not None]
-    fastest = min(driven, key=lambda plan: plan.ranked_s, default=best)
-    plans_by_name = {}
-    if fastest is not best and fastest.ranked_s != best.ranked_s:
-        plans_by_name[translate("Fastest")] = fastest
-    if cheapest is not None and cheapest is not best and not best_is_cheapest:
-        plans_by_name[translate("Cheapest")] = cheapest
-    if len(plans_by_name) == 2 and fastest is cheapest:
-        plans_by_name = {translate("Fastest and cheapest"): fastest}
-    sentences = [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in plans_by_name.items()]
-    if not best_is_cheapest or best.meets_deadline:
-        return sentences
-    if ranking.shortfalls:
-        return [*sentences, translate("This plan is also the cheapest.")]
-    return [*sentences, translate("The best plan is also the cheapest.")]
 
 
 def _list_money_sentences(ranking: PlanRanking) -> list[str]:
@@ -237,37 +250,11 @@ def name_fleet(plan: PlanResult) -> str:
     return f"{text} ({rest})"
 
 
-def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
-    unworked, end_s = format_unworked(plan), plan.stated_end_s
-    driven_s = plan.stated_s if format_end_clock(ranking, end_s) else end_s
-    when = _describe_time(ranking, driven_s, end_s)
-    is_done = abs(driven_s - end_s) < SAME_TIME_S
-    done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
-    leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
-    tractors = name_fleet(plan)
-    name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
-    left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
-    money = format_money(plan.stated_cost, ranking.currency)
-    cost = None if plan.stated_cost is None else translate("cost {cost}", cost=money)
-    parts = (name, done + _describe_service_stops(ranking, plan), cost, leaves, left_out)
-    return ", ".join(part for part in parts if part)
-
-
 def count_service_stops(ranking: PlanRanking, count: int) -> str:
     """``3 refills``; ``3 stops to unload`` where implements collect."""
     if ranking.unloads:
         return translate_count("{count} stop to unload", "{count} stops to unload", count)
     return translate_count("{count} refill", "{count} refills", count)
-
-
-def _describe_service_stops(ranking: PlanRanking, plan: PlanResult) -> str:
-    """`` with 3 refills``, `` with 2 stops to charge``; nothing where nothing is carried and no battery charged."""
-    if plan.charges:
-        return translate_count(" with {count} stop to charge", " with {count} stops to charge", plan.charges)
-    if not plan.refills:
-        none = translate(" with no stops to unload") if ranking.unloads else translate(" with no refills")
-        return "" if plan.refills is None else none
-    return translate(" with {stops}", stops=count_service_stops(ranking, plan.refills))
 
 
 def get_charged_traffic_m2(plan: PlanResult) -> float | None:
@@ -305,17 +292,6 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
         piece = plan.largest_missed
         sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
     return sentences
-
-
-def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
-    """The time driven, and the clock time; named where it is not that of the last tractor's end."""
-    clock_text = format_end_clock(ranking, by_clock_s)
-    values = {"time": format_duration(seconds), "clock": clock_text}
-    if not clock_text:
-        return values["time"] or ""
-    if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S:
-        return translate("{time} (at {clock})", **values)
-    return translate("{time} (field work done at {clock})", **values)
 
 
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:

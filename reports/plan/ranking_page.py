@@ -81,7 +81,8 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     if limit is not None:
         deadline = {"y": axis.place(limit), "text": f"deadline {format_deadline(ranking)}"}
     return {
-        "box": _build_box(axis),
+        # The band of the picture that an upward axis is of: its south is the upper edge, as y is down.
+        "box": MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first),
         "width": TIME_FRAME.width,
         "height": TIME_FRAME.height,
         "points": _place_points(plans, names, [(places[one.tractors], axis.place(one.ranked_s)) for one in plans]),
@@ -91,11 +92,6 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         "times": axis.list_ticks(TIME_STEPS_S, lambda time_s: format_duration(time_s).removesuffix(":00")),
         "names": [{"text": name, "colour": index % len(TRACTOR_COLOURS)} for index, name in enumerate(names)],
     }
-
-
-def _build_box(axis: ChartAxis) -> MapExtent:
-    """The band of the picture that an upward axis is of; its south is the upper edge, as y is down."""
-    return MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first)
 
 
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
@@ -149,7 +145,7 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
                      "text": texts[plan.tractors]}
                     for plan, value in points
                 ],
-                "box": _build_box(axis),
+                "box": MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first),
             }
         )  # fmt: skip
     counts = [{"x": x, "text": str(count)} for count, x in places.items()]
@@ -178,7 +174,13 @@ def render_plan_page(
     Raises:
         ReportError: a drive cannot be drawn.
     """
-    shown = _choose_drives(ranking, drive, drives or {})
+    best, shown = ranking.best, dict[PlanKey | None, PlanDrive]()
+    if drive is not None:
+        shown[(best.strategy, best.tractors) if best else None] = drive
+    for plan in list_feasible(ranking):  # the others as they are ranked
+        key = plan.strategy, plan.tractors
+        if drives and key in drives:
+            shown.setdefault(key, drives[key])
     for plan_drive in shown.values():
         check_drive(plan_drive)
     content = _build_page_content(ranking, shown)
@@ -191,37 +193,20 @@ def render_plan_page(
     return render_template("plan.html.j2", content)
 
 
-def _choose_drives(
-    ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[PlanKey, PlanDrive]
-) -> dict[PlanKey | None, PlanDrive]:
-    """Drives to choose from: the best plan's first, the others as they are ranked."""
-    best = ranking.best
-    shown: dict[PlanKey | None, PlanDrive] = {}
-    if drive is not None:
-        shown[_get_plan_key(best) if best else None] = drive
-    for plan in list_feasible(ranking):
-        if _get_plan_key(plan) in drives:
-            shown.setdefault(_get_plan_key(plan), drives[_get_plan_key(plan)])
-    return shown
-
-
-def _get_plan_key(plan: PlanResult) -> PlanKey:
-    return plan.strategy, plan.tractors
-
-
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
     plans, refused, effects = list_feasible(ranking), list_refused(ranking), describe_simulated_effects(ranking)
     columns = [(figure, False) for figure in choose_figures(ranking, plans, PAGE_KEYS)]
     columns += [(figure, True) for figure in choose_figures(ranking, plans, PAGE_EXTRA_KEYS)]
     details = [*describe_ranking(ranking), *describe_physics(ranking)] if plans else []
-    names, states = _build_drive_labels(plans, shown), list_states(shown.values())
+    labels = {  # to choose a drive by, such as ``6. split-field, 3 tractors, u, 0:25:57``
+        (plan.strategy, plan.tractors): f"{plan.rank}. {plan.strategy}, {name_fleet(plan)}, {plan.turn}, "
+        f"{format_duration(plan.stated_end_s)}"
+        for plan in reversed(plans)
+    }
+    names = [labels.get(key, drive.title) if key else drive.title for key, drive in shown.items()]
+    states = list_states(shown.values())
     rare_colours = {state: colour for state, colour in palette.RARE_STATE_COLOURS.items() if state in states}
     order_remark = describe_order_optimality(plans)
-    service = {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
-    if ranking.unloads:
-        service = {"state": "unloading", "stop": "unload", "verb": "unloads"}
-    if any(plan.charges for plan in ranking.plans) and all(plan.refills is None for plan in ranking.plans):
-        service = {"state": "charging", "stop": "charge or change of the battery", "verb": "charges"}
     first = next(iter(shown.values()), None)
     places = {key: number for number, key in enumerate(shown)}
     return {
@@ -235,24 +220,24 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else build_time_bars(first, states),
         "states": states,
-        "service": service,
+        "service": _choose_service_words(ranking),
         "state_colours": {**palette.STATE_COLOURS, **rare_colours},
-        "cards": [] if first is None else _build_leg_cards(first, ranking.start),
+        "cards": [
+            {
+                "number": tractor,
+                "colour": (tractor - 1) % len(TRACTOR_COLOURS),
+                "heading": format_leg_heading(tractor, steps),
+                "rows": [build_leg_cells(place, step, ranking.start) for place, step in enumerate(steps, start=1)],
+            }
+            for tractor, steps in enumerate(() if first is None else first.steps, start=1)
+        ],
         "headings": LEG_HEADINGS,
         "begin_s": get_start_time_of_day_s(ranking.start),
         "front": build_time_chart(ranking),
         "risk": build_risk_chart(ranking),
-        "columns": [
-            {
-                "heading": _insert_soft_hyphens(figure.heading),
-                "title": capitalize_first(figure.help or figure.note),
-                "is_text": figure.is_text,
-                "is_extra": is_extra,
-            }
-            for figure, is_extra in columns
-        ],
+        "columns": [_build_page_column(figure, is_extra) for figure, is_extra in columns],
         "rows": [
-            _build_page_row(plan, columns, plan is ranking.best, places.get(_get_plan_key(plan)))
+            _build_page_row(plan, columns, plan is ranking.best, places.get((plan.strategy, plan.tractors)))
             for plan in choose_first_plans(ranking, math.inf)
         ],
         "remarks": [
@@ -263,50 +248,30 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
             *ranking.check_sentences,
         ],
         "refusals": [
-            _build_refusal_section("Refused", [plan for plan in refused if plan.is_simulated]),
-            _build_refusal_section("Not simulated", [plan for plan in refused if not plan.is_simulated]),
+            {"heading": heading, "count": len(some), "groups": group_refusals(some)}
+            for heading, is_simulated in (("Refused", True), ("Not simulated", False))
+            for some in [[plan for plan in refused if plan.is_simulated == is_simulated]]
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }
 
 
-def _build_refusal_section(heading: str, plans: Sequence[PlanResult]) -> dict[str, Any]:
-    """The plans that were refused, or not simulated, by reason."""
-    return {
-        "heading": heading,
-        "count": len(plans),
-        "groups": group_refusals(plans),
-    }
+def _choose_service_words(ranking: PlanRanking) -> dict[str, str]:
+    """What stops at the service point are called."""
+    if any(plan.charges for plan in ranking.plans) and all(plan.refills is None for plan in ranking.plans):
+        return {"state": "charging", "stop": "charge or change of the battery", "verb": "charges"}
+    if ranking.unloads:
+        return {"state": "unloading", "stop": "unload", "verb": "unloads"}
+    return {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
 
 
-def _build_leg_cards(drive: PlanDrive, start: str | None) -> list[dict[str, Any]]:
-    """The list of legs of every tractor: heading, colour and rows of text."""
-    return [
-        {
-            "number": tractor,
-            "colour": (tractor - 1) % len(TRACTOR_COLOURS),
-            "heading": format_leg_heading(tractor, steps),
-            "rows": [build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)],
-        }
-        for tractor, steps in enumerate(drive.steps, start=1)
-    ]
-
-
-def _insert_soft_hyphens(heading: str) -> str:
-    """A heading that may be broken at soft hyphens."""
+def _build_page_column(figure: Figure, is_extra: bool) -> dict[str, Any]:
+    """The heading of a figure, which may be broken at soft hyphens, and what it holds."""
+    heading = figure.heading
     for parted in _PARTED_WORDS:
         heading = heading.replace(parted.replace("|", ""), parted.replace("|", SOFT_HYPHEN))
-    return heading
-
-
-def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | None, PlanDrive]) -> list[str]:
-    """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
-    labels = {
-        _get_plan_key(plan): f"{plan.rank}. {plan.strategy}, {name_fleet(plan)}, {plan.turn}, "
-        f"{format_duration(plan.stated_end_s)}"
-        for plan in reversed(plans)
-    }
-    return [labels.get(key, drive.title) if key else drive.title for key, drive in shown.items()]
+    title = capitalize_first(figure.help or figure.note)
+    return {"heading": heading, "title": title, "is_text": figure.is_text, "is_extra": is_extra}
 
 
 def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tuple[str, str]]:

@@ -19,15 +19,7 @@ from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_r
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
 from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
 from reports.plan.answer import write_answer
-from reports.plan.figures import (
-    COUNT_DROPS,
-    FIGURES,
-    SCREEN_DROPS,
-    TABLE_DROPS,
-    Figure,
-    build_figure_table,
-    choose_figures,
-)
+from reports.plan.figures import COUNT_DROPS, SCREEN_DROPS, TABLE_DROPS, Figure, build_figure_table, choose_figures
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     SAME_TIME_S,
@@ -74,9 +66,15 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
             format_sentence(write_legend(ranking, plans), style="dim"),
         ]
     parts += [format_sentence(text, style="dim") for text in count_other_plans(ranking, plans)]
+    if with_next and ranking.best is None:
+        hints = [translate("Add --explain (all reasons), --html plan.html (map of the places that fail).")]
+    elif with_next:
+        hints = [translate("Add --explain (why and how), --html plan.html (map), --save plan.json (drive).")]
+        if not ranking.samples and not ranking.start:
+            hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
     if with_next:
         parts += [] if plans else [Text("")]
-        parts += [format_sentence(text, style="dim") for text in _suggest_commands(ranking)]
+        parts += [format_sentence(text, style="dim") for text in hints]
     return Group(*parts)
 
 
@@ -111,85 +109,62 @@ def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> Fit
         del figures["waiting_s"]
     kept = sorted(figures, key=SCREEN_DROPS.__getitem__)[:MOST_COLUMNS]
     figures = {key: figure for key, figure in figures.items() if key in kept}
-    shows_front = _is_front_part(plans)
-
-    def mark_count(plan: PlanResult) -> str:
-        star = ("*" if plan.on_pareto_front else " ") if shows_front else ""
-        return f"{'>' if plan is ranking.best else ''}{plan.tractors}{star}"
-
-    return build_figure_table(ranking, plans, list(figures.values()), SCREEN_DROPS, mark_count, _MORE_HINT)
-
-
-def _is_front_part(plans: Sequence[PlanResult]) -> bool:
-    """Whether some of the plans are on the Pareto front and some are not; a mark on all would tell nothing."""
-    return len({plan.on_pareto_front for plan in plans}) > 1
+    shown = list(figures.values())
+    return build_figure_table(ranking, plans, shown, SCREEN_DROPS, _MORE_HINT, stars=_shows_front(plans))
 
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
-    """What the marks in the table mean, and what its times and costs are."""
+    """What the marks in the table mean, and what its times and costs are.
+
+    The first has what decided against quicker plans with as many tractors, where one reason holds for all.
+    """
+    best = ranking.best
     mark = translate("> recommended") if ranking.is_recommended else translate("> the best, but no recommendation")
-    mark = _add_deciding_reason(mark, ranking, plans)
+    if best is not None and ranking.chosen is None:  # samples decide by cost, or by what was asked for
+        limit_s = best.stated_end_s - SAME_TIME_S
+        quicker = [plan for plan in plans if plan.tractors == best.tractors and plan.stated_end_s < limit_s]
+        reasons = {find_deciding_reason(best, plan) for plan in quicker}
+        reason = reasons.pop() if len(reasons) == 1 else None
+        if reason is not None:
+            mark += f", {translate(reason, distance=format_width(ranking.scenario['clearance_m']))}"
     has_samples = any(plan.p50_s is not None for plan in plans)
     figures = (
         translate("times are medians, costs are means")
         if has_samples
         else translate("times and costs are as simulated, without late starts, stops and breakdowns")
     )
-    front = [translate("* the fastest with so many tractors or fewer")] if _is_front_part(plans) else []
+    front = [translate("* the fastest with so many tractors or fewer")] if _shows_front(plans) else []
     return f"{'; '.join([mark, *front, figures])}."
 
 
-def _add_deciding_reason(mark: str, ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
-    """The mark with what decided against quicker plans with as many tractors, where one reason holds for all."""
-    best = ranking.best
-    if best is None or ranking.chosen is not None:  # samples decide by cost, or by what was asked for
-        return mark
-    limit_s = best.stated_end_s - SAME_TIME_S
-    quicker = [plan for plan in plans if plan.tractors == best.tractors and plan.stated_end_s < limit_s]
-    reasons = {find_deciding_reason(best, plan) for plan in quicker}
-    reason = reasons.pop() if len(reasons) == 1 else None
-    if reason is None:
-        return mark
-    return f"{mark}, {translate(reason, distance=format_width(ranking.scenario['clearance_m']))}"
+def _shows_front(plans: Sequence[PlanResult]) -> bool:
+    """Whether some of the plans are on the Pareto front and some are not; a mark on all would tell nothing."""
+    return len({plan.on_pareto_front for plan in plans}) > 1
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
-    """How many plans the table leaves out, were refused, or were not simulated."""
+    """How many plans the table leaves out, were refused, or were not simulated for which reason."""
     refused = list_refused(ranking)
     simulated_count = sum(plan.is_simulated for plan in refused)
+    near_count = sum(not plan.is_simulated and not plan.keeps_clearance for plan in refused)
+    worse_count = len(refused) - simulated_count - near_count
     hidden = len(list_feasible(ranking)) - len(plans)
-    counts = [
-        translate_count("{count} more plan", "{count} more plans", hidden) if hidden else "",
-        translate("{count} refused", count=simulated_count) if simulated_count else "",
-        _describe_not_simulated(ranking, [plan for plan in refused if not plan.is_simulated]),
-    ]
-    listed = ", ".join(filter(None, counts))
+    counts = [translate_count("{count} more plan", "{count} more plans", hidden)] if hidden else []
+    if simulated_count:
+        counts.append(translate("{count} refused", count=simulated_count))
+    if near_count:
+        values = {"near": near_count, "distance": format_width(ranking.scenario["clearance_m"])}
+        text = translate(
+            "{count} not simulated as others are better, {near} as tractors may come nearer than {distance} (--all)",
+            count=worse_count,
+            **values,
+        )
+        near_only = translate("{near} other plans, whose tractors may come nearer than {distance} (--all)", **values)
+        counts.append(text if worse_count else near_only)
+    elif worse_count:
+        counts.append(translate("{count} not simulated as others are better (--all)", count=worse_count))
+    listed = ", ".join(counts)
     return [translate("Not shown: {counts}.", counts=listed)] if listed and ranking.best is not None else []
-
-
-def _describe_not_simulated(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
-    """How many plans were not simulated for which reason; "" without any."""
-    near_count = sum(not plan.keeps_clearance for plan in plans)
-    worse_count = len(plans) - near_count
-    if not near_count:
-        return translate("{count} not simulated as others are better (--all)", count=worse_count) if plans else ""
-    values = {"near": near_count, "distance": format_width(ranking.scenario["clearance_m"])}
-    if not worse_count:
-        return translate("{near} other plans, whose tractors may come nearer than {distance} (--all)", **values)
-    return translate(
-        "{count} not simulated as others are better, {near} as tractors may come nearer than {distance} (--all)",
-        count=worse_count,
-        **values,
-    )
-
-
-def _suggest_commands(ranking: PlanRanking) -> list[str]:
-    if ranking.best is None:
-        return [translate("Add --explain (all reasons), --html plan.html (map of the places that fail).")]
-    first = translate("Add --explain (why and how), --html plan.html (map), --save plan.json (drive).")
-    if ranking.samples or ranking.start:
-        return [first]
-    return [first, translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be.")]
 
 
 def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> RenderableType:
@@ -203,18 +178,17 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
         for place, plan in enumerate(plans)
         if most_plans is None or place < most_plans or plan.on_pareto_front or plan is ranking.best
     ]
-
-    def mark_rank(plan: PlanResult) -> str:
-        return (
-            f"{'>' if plan is ranking.best else ''}{FIGURES['rank'].format(plan)}{'*' if plan.on_pareto_front else ' '}"
-        )
-
     parts: list[RenderableType] = [*map(format_sentence, (*describe_ranking(ranking), *describe_physics(ranking)))]
     if shown:
         figures = choose_figures(ranking, shown, TABLE_DROPS, names_currency=False)
-        parts += [Text(""), build_figure_table(ranking, shown, figures, TABLE_DROPS, mark_rank, _ALL_HINT)]
+        parts += [Text(""), build_figure_table(ranking, shown, figures, TABLE_DROPS, _ALL_HINT, stars=True)]
         parts += [format_sentence(text, style="dim") for text in _list_table_notes(ranking, shown, figures)]
-        parts += _build_count_table(ranking)
+        counted = choose_plan_per_count(ranking)
+        if len(counted) > 1:
+            figures = choose_figures(ranking, counted, COUNT_DROPS, names_currency=False)
+            parts += [Text(""), format_title(f"By number of tractors, money in {ranking.currency}")]
+            parts.append(build_figure_table(ranking, counted, figures, COUNT_DROPS, _ALL_HINT))
+            parts.append(format_sentence(BY_COUNT_HELP, style="dim"))
     effects = describe_simulated_effects(ranking)
     remarks = [*ranking.check_sentences, *([effects] if effects else [])]
     parts += [format_sentence(text, style="dim") for text in remarks]
@@ -248,20 +222,6 @@ def _list_table_notes(ranking: PlanRanking, shown: Sequence[PlanResult], figures
     money = [] if has_risk else [f"{text[:-1]}, in {ranking.currency}." for text in ranking.money_sentences]
     proven = describe_order_optimality(shown)
     return [legend, f"{explained}.", *money, *([proven] if proven else []), *list_plan_remarks(shown)]
-
-
-def _build_count_table(ranking: PlanRanking) -> list[RenderableType]:
-    """Probability, time and cost of the best plan of every number of tractors; nothing without samples."""
-    plans = choose_plan_per_count(ranking)
-    if len(plans) < 2:
-        return []
-    figures = choose_figures(ranking, plans, COUNT_DROPS, names_currency=False)
-    heading = format_title(f"By number of tractors, money in {ranking.currency}")
-    table = build_figure_table(
-        ranking, plans, figures, COUNT_DROPS, lambda plan: f"{'>' if plan is ranking.best else ''}{plan.tractors}",
-        _ALL_HINT,
-    )  # fmt: skip
-    return [Text(""), heading, table, format_sentence(BY_COUNT_HELP, style="dim")]
 
 
 def _list_refusal_reasons(heading: str, plans: list[PlanResult]) -> list[RenderableType]:

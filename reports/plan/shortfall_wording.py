@@ -47,7 +47,29 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
     """Asks whether the tractor can pull the implement where it seems too weak, or says that it cannot; else ""."""
     if pull is None or not pull.is_questioned:
         return ""
-    needs, ways = _describe_power(pull), _list_ways(pull, suggests_options)
+
+    def format_speed(speed_kmh: float) -> str:
+        return SPEED.format(speed_kmh, 1).replace(".0 ", " ")
+
+    width = format_width(round(pull.width_m, 1))
+    if pull.implement == "drill":
+        subject = translate("The {width} drill", width=width)
+    elif pull.implement == "cultivator":
+        subject = translate("The {width} cultivator", width=width)
+    else:
+        subject = translate("The implement of {width}", width=width)
+    needs = translate(
+        "{subject} needs about {needed} kW at the drawbar at {speed}; this tractor has about {available} kW",
+        subject=subject,
+        needed=format_number(pull.needed_kw, 0),
+        speed=format_speed(pull.speed_kmh),
+        available=format_number(pull.available_kw, 0),
+    )
+    ways = []  # the speed and the width that the tractor can pull, with the options that ask for them
+    if (speed_kmh := pull.possible_speed_kmh) is not None:
+        ways.append(format_speed(speed_kmh) + (f" (--speed-kmh {speed_kmh:g})" if suggests_options else ""))
+    if (width_m := pull.possible_width_m) is not None:
+        ways.append(format_width(width_m) + (f" (--width {width_m:g})" if suggests_options else ""))
     if not pull.is_infeasible:
         if not ways:
             return translate("{needs}: check it.", needs=needs)
@@ -63,36 +85,6 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
             else translate("A cultivator is assumed; --draft names another implement.")
         )
     return " ".join(sentences)
-
-
-def _list_ways(pull: PullFigures, suggests_options: bool) -> list[str]:
-    """The speed and the width that the tractor can pull, with the options that ask for them."""
-    speed_kmh, width_m = pull.possible_speed_kmh, pull.possible_width_m
-    ways = [] if speed_kmh is None else [(_format_speed(speed_kmh), f" (--speed-kmh {speed_kmh:g})")]
-    ways += [] if width_m is None else [(format_width(width_m), f" (--width {width_m:g})")]
-    return [way + option if suggests_options else way for way, option in ways]
-
-
-def _describe_power(pull: PullFigures) -> str:
-    """What the implement needs and the tractor has, without a full stop."""
-    width = format_width(round(pull.width_m, 1))
-    if pull.implement == "drill":
-        subject = translate("The {width} drill", width=width)
-    elif pull.implement == "cultivator":
-        subject = translate("The {width} cultivator", width=width)
-    else:
-        subject = translate("The implement of {width}", width=width)
-    return translate(
-        "{subject} needs about {needed} kW at the drawbar at {speed}; this tractor has about {available} kW",
-        subject=subject,
-        needed=format_number(pull.needed_kw, 0),
-        speed=_format_speed(pull.speed_kmh),
-        available=format_number(pull.available_kw, 0),
-    )
-
-
-def _format_speed(speed_kmh: float) -> str:
-    return SPEED.format(speed_kmh, 1).replace(".0 ", " ")
 
 
 @dataclass(frozen=True)
@@ -125,31 +117,23 @@ def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:
-    """Why no plan works, in a sentence."""
-    if not ranking.plans:
+    """Why no plan works, in a sentence: how many were refused, and how many for the reason that follows."""
+    count = len(ranking.plans)
+    if not count:
         return translate("No plan was tried: allow at least one strategy, turn and number of tractors.")
     first = group_refusals(ranking.plans)[0]
-    values = {
-        "refused": _describe_refused_count(len(ranking.plans), first),
-        "reason": translate_sentence(first.reason.rstrip(".")),
-    }
+    same_count = len(first.plans)
+    same = translate("one") if same_count == 1 else same_count
+    if count == 1:
+        refused = translate("the only one was refused because")
+    elif count == 2:
+        refused = translate("both were refused, {same} of them because", same=same)
+        refused = translate("both were refused because") if same_count == count else refused
+    elif same_count == count:
+        refused = translate("all {count} were refused because", count=count)
+    else:
+        refused = translate("all {count} were refused, {same} of them because", count=count, same=same)
+    values = {"refused": refused, "reason": translate_sentence(first.reason.rstrip("."))}
     if first.has_similar_reasons:
         return translate("No plan works: {refused}: {reason} (figures of the first).", **values)
     return translate("No plan works: {refused}: {reason}.", **values)
-
-
-def _describe_refused_count(count: int, first: RefusalGroup) -> str:
-    """How many were refused and how many for the reason that follows: ``both were refused because``."""
-    same_count = len(first.plans)
-    if count == 1:
-        return translate("the only one was refused because")
-    if same_count == count:
-        return (
-            translate("both were refused because")
-            if count == 2
-            else translate("all {count} were refused because", count=count)
-        )
-    same = translate("one") if same_count == 1 else same_count
-    if count == 2:
-        return translate("both were refused, {same} of them because", same=same)
-    return translate("all {count} were refused, {same} of them because", count=count, same=same)

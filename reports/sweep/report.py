@@ -12,7 +12,6 @@ from rich.console import Group, RenderableType
 from reports.common import palette
 from reports.common.drawing_sizes import SWEEP_FRAME, TIME_STEPS_S
 from reports.common.language import translate, translate_sentence
-from reports.common.plan_results import PlanResult
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     FIGURE_INCHES,
@@ -57,25 +56,25 @@ PLAN_KEYS = (
 
 def list_rows(result: SweepResult) -> list[dict[str, Any]]:
     """All plans as plain values: options as written, figures, `on_front`, `is_best`; with several fields each alone."""
-    keys = [option.key for option in result.options]
     on_front = {one.numbers for one in result.front}
     best = None if result.best is None else result.best.numbers
 
     def build_row(one: SweptPlan) -> dict[str, Any]:
-        options = dict(zip(keys, result.get_values(one), strict=True))
         marks = {"on_front": one.numbers in on_front, "is_best": one.numbers == best}
-        return {**options, **_list_figures(one.plan), **marks}
+        return {**list_values(result, one), **marks}
 
     if not result.by_field:
         return [build_row(one) for one in result.plans]
     return [{"field": name, **build_row(one)} for name, plans in result.by_field.items() for one in plans]
 
 
-def _list_figures(plan: PlanResult) -> dict[str, Any]:
-    figures = pick_values(plan, PLAN_KEYS)
-    if plan.feasible:
-        figures |= {"finished_s": plan.ranked_s, "finished_cost": plan.ranked_cost}
-    return figures
+def list_values(result: SweepResult, one: SweptPlan) -> dict[str, Any]:
+    """The options of a plan as written, and its figures, as plain values."""
+    figures = pick_values(one.plan, PLAN_KEYS)
+    if one.plan.feasible:
+        figures |= {"finished_s": one.plan.ranked_s, "finished_cost": one.plan.ranked_cost}
+    keys = [option.key for option in result.options]
+    return {**dict(zip(keys, result.get_values(one), strict=True)), **figures}
 
 
 def build_sweep_screen(result: SweepResult) -> RenderableType:
@@ -136,6 +135,10 @@ def format_sweep_csv(result: SweepResult) -> str:
 def format_sweep_json(result: SweepResult) -> str:
     """The sweep as JSON; the guide on sweeps lists the keys."""
     best = result.best
+
+    def build_entry(one: SweptPlan) -> dict[str, Any]:
+        return {**list_values(result, one), "command": build_command(result, one)}
+
     return format_json(
         {
             "field": result.field_name,
@@ -146,8 +149,8 @@ def format_sweep_json(result: SweepResult) -> str:
             "currency": result.currency,
             "prices_assumed": not result.is_priced,
             "options": {option.key: option.values for option in result.options},
-            "best": None if best is None else {"row": result.rows.index(best) + 1, **list_values(result, best)},
-            "front": [list_values(result, one) for one in result.front],
+            "best": None if best is None else {"row": result.rows.index(best) + 1, **build_entry(best)},
+            "front": [build_entry(one) for one in result.front],
             "influences": [
                 {"option": one.option.key, "time_share": one.time_share, "cost_share": one.cost_share}
                 for one in result.influences
@@ -158,13 +161,6 @@ def format_sweep_json(result: SweepResult) -> str:
         EXPORT_DECIMALS,
         is_ascii=False,
     )
-
-
-def list_values(result: SweepResult, one: SweptPlan) -> dict[str, Any]:
-    """A plan as plain values with its command."""
-    keys = [option.key for option in result.options]
-    options = dict(zip(keys, result.get_values(one), strict=True))
-    return {**options, **_list_figures(one.plan), "command": build_command(result, one)}
 
 
 def render_sweep_parquet(result: SweepResult) -> bytes:
@@ -179,10 +175,6 @@ def render_sweep_parquet(result: SweepResult) -> bytes:
             "Parquet needs pyarrow, which is not installed; install headland[parquet], or write CSV."
         ) from None
     return buffer.getvalue()
-
-
-WHOLE_MINUTES_S = TIME_STEPS_S[TIME_STEPS_S.index(60) :]
-ROOM = 0.04  # of the range of values, beside the first and the last
 
 
 def render_sweep_page(result: SweepResult) -> str:
@@ -223,7 +215,9 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
     assert result.best is not None
     return {
         "frame": SWEEP_FRAME,
-        "x_ticks": x_axis.list_ticks(WHOLE_MINUTES_S, lambda value: format_duration(value).removesuffix(":00")),
+        "x_ticks": x_axis.list_ticks(
+            TIME_STEPS_S[TIME_STEPS_S.index(60) :], lambda value: format_duration(value).removesuffix(":00")
+        ),
         "y_ticks": y_axis.list_ticks(),
         "groups": [
             {
@@ -269,7 +263,7 @@ def _build_chart(result: SweepResult, plans: Sequence[SweptPlan], places: dict[t
 def _widen_range(values: Sequence[float]) -> tuple[float, float]:
     """The least and the largest of values, and some room beyond."""
     low, high = min(values), max(values)
-    room = ROOM * (high - low) or 0.1 * abs(high) or 1.0
+    room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
     return low - room, high + room
 
 
@@ -331,9 +325,18 @@ def render_sweep_png(result: SweepResult) -> bytes:
 @build_view.register
 def build_sweep_view(result: SweepResult) -> ResultView:
     """A sweep: what to take, cost over time, and all plans as a table."""
+
+    def render() -> str:
+        sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
+        picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
+        best = next((place for place, one in enumerate(rows) if one is result.best), None)
+        tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
+        words = "Cost over time of all combinations"
+        return render_fragment(describe_title(result), sentences, tables, picture, words)
+
     return ResultView(
         summary=lambda: f"{describe_title(result)}. {describe_best(result)}",
-        html=lambda: render_sweep_fragment(result),
+        html=render,
         table=lambda: list_rows(result),
         draw=None if result.best is None else lambda axes: draw_sweep(axes, result),
         not_drawn=f"{NOT_DRAWN}, as no combination has a plan.",
@@ -345,12 +348,3 @@ def build_sweep_view(result: SweepResult) -> ResultView:
             ".parquet": lambda: render_sweep_parquet(result),
         },
     )
-
-
-def render_sweep_fragment(result: SweepResult) -> str:
-    """What to take and what matters, cost over time, and the table of what no other beats."""
-    sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
-    picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
-    best = next((place for place, one in enumerate(rows) if one is result.best), None)
-    tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
-    return render_fragment(describe_title(result), sentences, tables, picture, "Cost over time of all combinations")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -105,11 +105,14 @@ class SweepResult(ShownResult):
     def front(self) -> tuple[SweptPlan, ...]:
         """The usable plans that nothing beats in time, cost, tractors, ground worked and fuel together, quickest first.
 
-        Of plans alike in all of these the first is taken.
+        Of plans alike in all of these the first is taken. All are compared as they are printed.
         """
-        return tuple(
-            self.usable[number] for number in find_front(np.array([_list_aims(one.plan) for one in self.usable]))
-        )
+        aims = []
+        for plan in (one.plan for one in self.usable):
+            used = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
+            left = -round(plan.worked_pct or 0.0, 1)
+            aims.append((round(plan.ranked_s), round(plan.ranked_cost, 2), plan.tractors, left, round(used or 0.0, 1)))
+        return tuple(self.usable[number] for number in find_front(np.array(aims)))
 
     @cached_property
     def best(self) -> SweptPlan | None:
@@ -205,13 +208,6 @@ def _multiply_effects(values: Floats, numbers: npt.NDArray[np.int64]) -> tuple[F
     for option in range(options):
         sums += np.bincount(columns[:, option], values - values.mean(), minlength=begins[-1])
     return products - np.outer(counts, counts) / count, sums, np.repeat(np.arange(options), sizes)
-
-
-def _list_aims(plan: PlanResult) -> Sequence[float]:
-    """What a plan should have little of, as it is printed: seconds, cost, tractors, per mille left, litres or kWh."""
-    used = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
-    left = -round(plan.worked_pct or 0.0, 1)
-    return round(plan.ranked_s), round(plan.ranked_cost, 2), plan.tractors, left, round(used or 0.0, 1)
 
 
 ESTIMATED = mark_text(

@@ -13,7 +13,7 @@ from rich.console import Group, RenderableType
 from fields.units import KMH_PER_MPS
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
-from reports.common.rendering import create_figure, draw_legend, format_json, render_template
+from reports.common.rendering import create_figure, draw_legend, format_json, pick_values, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import (
     NO_VALUE,
@@ -48,51 +48,40 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_RUN_COLUMNS = (
-    TableColumn("Run", is_text=True), TableColumn("Date", is_unbroken=True),
-    TableColumn("Field", is_text=True, drop_order=1), TableColumn("Time", is_unbroken=True), TableColumn("ha"),
-    TableColumn("km"), TableColumn("Working (%)", "Work%"), TableColumn("Turns", drop_order=2),
-    TableColumn("Stops", drop_order=3), TableColumn("Lifts", drop_order=4),
-    TableColumn("Speed (km/h)", "km/h", drop_order=5), TableColumn("Fuel (l)", "l", drop_order=6),
-)  # fmt: skip
-
 
 def build_runs_table(runs: Sequence[ImportedRun]) -> RenderableType:
-    """One row per run, a row of totals where there are several, and remarks."""
-    rows = [_build_run_row(run) for run in runs]
+    """One row per run, a row of totals where there are several (speeds have none), and remarks."""
+    columns = (
+        TableColumn("Run", is_text=True), TableColumn("Date", is_unbroken=True),
+        TableColumn("Field", is_text=True, drop_order=1), TableColumn("Time", is_unbroken=True), TableColumn("ha"),
+        TableColumn("km"), TableColumn("Working (%)", "Work%"), TableColumn("Turns", drop_order=2),
+        TableColumn("Stops", drop_order=3), TableColumn("Lifts", drop_order=4),
+        TableColumn("Speed (km/h)", "km/h", drop_order=5), TableColumn("Fuel (l)", "l", drop_order=6),
+    )  # fmt: skip
+    rows, figures = list[tuple[str, ...]](), [run.figures for run in runs]
+    for run, one in zip(runs, figures, strict=True):
+        speed = None if one.working_mps is None else one.working_mps * KMH_PER_MPS
+        length = None if one.active_m is None or one.inactive_m is None else one.active_m + one.inactive_m
+        rows.append(
+            (run.name, run.start[:10] or NO_VALUE, run.field or NO_VALUE, format_duration(one.seconds),
+             format_number(None if one.area_m2 is None else one.area_m2 / 1e4, 2),
+             format_number((one.placed_m if length is None else length) / 1e3, 2), format_percent(one.share_working),
+             *(format_number(count, 0) for count in (one.turns, one.stops, one.lifts)),
+             format_number(speed, 1), format_number(one.fuel_l, 0))
+        )  # fmt: skip
     if len(runs) > 1:
-        rows.append(_build_total_row(runs))
-    return Group(FittedTable(_RUN_COLUMNS, tuple(rows)), *map(format_sentence, group_run_notes(runs)))
-
-
-def _build_run_row(run: ImportedRun) -> tuple[str, ...]:
-    figures = run.figures
-    speed = None if figures.working_mps is None else figures.working_mps * KMH_PER_MPS
-    length = None if figures.active_m is None or figures.inactive_m is None else figures.active_m + figures.inactive_m
-    return (
-        run.name, run.start[:10] or NO_VALUE, run.field or NO_VALUE, format_duration(figures.seconds),
-        NO_VALUE if figures.area_m2 is None else format_number(figures.area_m2 / 1e4, 2),
-        format_number((figures.placed_m if length is None else length) / 1e3, 2),
-        format_percent(figures.share_working),
-        *(format_number(count, 0) for count in (figures.turns, figures.stops, figures.lifts)),
-        format_number(speed, 1), format_number(figures.fuel_l, 0),
-    )  # fmt: skip
-
-
-def _build_total_row(runs: Sequence[ImportedRun]) -> tuple[str, ...]:
-    """The totals of all runs; speeds have none."""
-    figures = [run.figures for run in runs]
-    with_share = [one for one in figures if one.share_working is not None]
-    fuel = [one.fuel_l for one in figures if one.fuel_l is not None]
-    share = sum(one.by_kind_s["working"] for one in with_share) / max(sum(one.seconds for one in with_share), 1e-9)
-    length = sum(one.placed_m if one.counted_m is None else one.counted_m for one in figures)
-    return (
-        f"all {len(runs)}", "", "", format_duration(sum(one.seconds for one in figures)),
-        format_number(sum(one.area_m2 or 0.0 for one in figures) / 1e4, 2), format_number(length / 1e3, 2),
-        format_percent(share) if with_share else NO_VALUE, str(sum(one.turns or 0 for one in figures)),
-        str(sum(one.stops for one in figures)), str(sum(one.lifts or 0 for one in figures)), "",
-        format_number(sum(fuel), 0) if fuel else NO_VALUE,
-    )  # fmt: skip
+        with_share = [one for one in figures if one.share_working is not None]
+        fuel = [one.fuel_l for one in figures if one.fuel_l is not None]
+        share = sum(one.by_kind_s["working"] for one in with_share) / max(sum(one.seconds for one in with_share), 1e-9)
+        length = sum(one.placed_m if one.counted_m is None else one.counted_m for one in figures)
+        rows.append(
+            (f"all {len(runs)}", "", "", format_duration(sum(one.seconds for one in figures)),
+             format_number(sum(one.area_m2 or 0.0 for one in figures) / 1e4, 2), format_number(length / 1e3, 2),
+             format_percent(share) if with_share else NO_VALUE, str(sum(one.turns or 0 for one in figures)),
+             str(sum(one.stops for one in figures)), str(sum(one.lifts or 0 for one in figures)), "",
+             format_number(sum(fuel), 0) if fuel else NO_VALUE)
+        )  # fmt: skip
+    return Group(FittedTable(columns, tuple(rows)), *map(format_sentence, group_run_notes(runs)))
 
 
 def group_run_notes(runs: Sequence[ImportedRun]) -> Iterator[str]:
@@ -117,14 +106,6 @@ def format_runs_json(runs: Sequence[ImportedRun], notes: Sequence[str]) -> str:
     return format_json({"runs": entries, "notes": list(notes)})
 
 
-_LEARNED_COLUMNS = (
-    TableColumn("Value of the farm file", "Value", is_text=True),
-    TableColumn("Learned", is_unbroken=True),
-    TableColumn("95 %", is_unbroken=True),
-    TableColumn("In the file", is_text=True, is_unbroken=True),
-)
-
-
 def build_learned_table(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> RenderableType:
     """One row per value, then the origin of each, then the remarks."""
     rows = []
@@ -132,20 +113,22 @@ def build_learned_table(learned: Sequence[LearnedOutcome], notes: Sequence[str])
         value = one.value if isinstance(one.value, str) else f"{one.value:g}"
         interval = NO_VALUE if one.low is None or one.high is None else f"{one.low:g} to {one.high:g}"
         rows.append((one.key, value, interval, one.done))
+    columns = (
+        TableColumn("Value of the farm file", "Value", is_text=True), TableColumn("Learned", is_unbroken=True),
+        TableColumn("95 %", is_unbroken=True), TableColumn("In the file", is_text=True, is_unbroken=True),
+    )  # fmt: skip
     origins = (f"{one.key.rpartition('.')[2]}: {one.measured}." for one in learned)
-    return Group(FittedTable(_LEARNED_COLUMNS, tuple(rows)), *map(format_sentence, (*origins, *notes)))
+    return Group(FittedTable(columns, tuple(rows)), *map(format_sentence, (*origins, *notes)))
 
 
 def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> str:
     """``learned``, values with interval, origin and what was done, and ``notes``, as JSON."""
-    content = {"learned": [asdict(one) for one in learned], "notes": list(notes)}
-    return format_json(content)
+    return format_json({"learned": [asdict(one) for one in learned], "notes": list(notes)})
 
 
 PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
 _NARROWEST_INCHES = 5.5  # three columns of the legend fit from COLUMN_INCHES on
-_MARKED_PIECES = 3
 _UNSHOWN_KEYS = ("area_counted", "width_m", "rows")  # of the figures of a side in JSON
 ComparisonRow = tuple[str, str, str, str]
 
@@ -236,8 +219,7 @@ def format_comparison_json(comparison: PlanComparison) -> str:
     """Both sides in SI units, the differences and the remarks; areas without their shapes."""
     content = {
         "field": comparison.name,
-        "field_m2": comparison.field_m2,
-        "width_m": comparison.width_m,
+        **pick_values(comparison, ("field_m2", "width_m")),
         "planned": _build_side_entry(comparison.planned),
         "driven": _build_side_entry(comparison.as_driven),
         "differences": [asdict(one) for one in comparison.differences],
@@ -247,8 +229,7 @@ def format_comparison_json(comparison: PlanComparison) -> str:
 
 
 def _build_side_entry(side: ComparisonSide) -> dict[str, Any]:
-    names = ("worked_m2", "overlap_m2", "missed_m2")
-    ground = None if side.ground is None else {name: getattr(side.ground, name) for name in names}
+    ground = side.ground and pick_values(side.ground, ("worked_m2", "overlap_m2", "missed_m2"))
     figures = {key: value for key, value in asdict(side.figures).items() if key not in _UNSHOWN_KEYS}
     return {"machines": side.machines, **figures, "ground": ground}
 
@@ -268,7 +249,13 @@ def draw_comparison(comparison: PlanComparison) -> Figure:
     if ground is not None:
         _draw_ground_pieces(axes, ground.overlaps, OVERLAP_COLOUR, "worked again when driven", None)
         _draw_ground_pieces(axes, ground.unworked, palette.UNWORKED_COLOUR, "missed when driven", "////")
-        _label_largest(axes, ground.unworked)
+        areas_m2 = [shapely.Polygon(ring).area for ring in ground.unworked]
+        for place in np.argsort([-area_m2 for area_m2 in areas_m2], kind="stable")[:3]:  # the largest have their areas
+            paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
+            axes.annotate(
+                format_area(areas_m2[place]), ground.unworked[place][:-1].mean(axis=0), xytext=(5, 5),
+                textcoords="offset points", fontsize=8, color=palette.UNWORKED_COLOUR, zorder=6, bbox=paper,
+            )  # fmt: skip
     _draw_lines(axes, comparison.planned, PLANNED_COLOUR, "planned", 2.2, 0.45)
     _draw_lines(axes, comparison.as_driven, DRIVEN_COLOUR, "driven", 0.9, 1.0)
     draw_scale_and_north(axes, box)
@@ -300,17 +287,6 @@ def _draw_ground_pieces(axes: Axes, rings: Sequence[Points], colour: str, name: 
         look: dict[str, Any] = {"facecolor": "none" if hatch else colour, "edgecolor": colour, "hatch": hatch}
         look |= {"linewidth": 0.6, "alpha": 0.8 if hatch else 0.45, "zorder": 2.5, "label": name}
         axes.add_patch(build_patch([ring[:-1] for ring in rings], **look))
-
-
-def _label_largest(axes: Axes, rings: Sequence[Points]) -> None:
-    """The areas of the largest missed pieces, beside them."""
-    areas_m2 = [shapely.Polygon(ring).area for ring in rings]
-    for place in np.argsort([-area_m2 for area_m2 in areas_m2], kind="stable")[:_MARKED_PIECES]:
-        paper = {"facecolor": "white", "edgecolor": "none", "alpha": 0.7, "pad": 0.8}
-        axes.annotate(
-            format_area(areas_m2[place]), rings[place][:-1].mean(axis=0), xytext=(5, 5), textcoords="offset points",
-            fontsize=8, color=palette.UNWORKED_COLOUR, zorder=6, bbox=paper,
-        )  # fmt: skip
 
 
 def render_comparison_page(comparison: PlanComparison) -> str:

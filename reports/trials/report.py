@@ -24,6 +24,7 @@ from reports.common.rendering import (
     create_figure,
     format_json,
     make_json_safe,
+    pick_values,
     render_fragment,
     render_template,
 )
@@ -33,7 +34,6 @@ from reports.plan.map_figure import encode_svg_base64
 from vehicle.trials.sheets.sheet import (
     ExperimentSheet,
     HeatMap,
-    PlotLine,
     PlotPanel,
     SteeredDrive,
     ThesisComparison,
@@ -49,7 +49,6 @@ _STAGE_STYLES = {
     2: ("follows (stage 2)", "#0072B2"),
     3: ("slews (stage 3)", "#D55E00"),
 }
-_MOST_LINE_POINTS = 1500
 _FIGURE_COLUMNS = 2
 
 
@@ -86,74 +85,53 @@ def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
     axes.set_ylabel(panel.y_label)
     axes.spines[["top", "right"]].set_visible(False)
     if isinstance(panel, HeatMap):
-        _draw_heat_map(axes, panel)
+        from matplotlib.colors import LogNorm
+        from matplotlib.patches import Patch
+
+        values = np.ma.masked_invalid(panel.values)
+        wide = values.count() and values.max() > 3.0 * values.min()
+        norm = LogNorm(float(values.min()), float(values.max())) if wide else None
+        mesh = axes.pcolormesh(panel.x, panel.y, values, cmap="viridis", norm=norm, shading="nearest")
+        axes.set_facecolor("#D9D9D9")
+        axes.set_xticks(panel.x)
+        bar = axes.figure.colorbar(mesh, ax=axes)
+        bar.set_label(panel.value_label)
+        if wide:
+            ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if values.min() <= tick <= values.max()]
+            bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
+            bar.minorticks_off()
+        patch = Patch(facecolor="#D9D9D9", edgecolor="#8A8A8A", label=panel.missing)
+        axes.legend(handles=[patch], fontsize=8, loc="upper right", framealpha=0.9, edgecolor="none")
         return
     axes.grid(color="#E4E4E4", linewidth=0.6)
     for line in panel.lines:
-        _draw_line(axes, line)
-    if panel.missing:
-        _draw_missing(axes, panel)
+        step = max(1, len(line.x) // 1500)
+        x, y = line.x[::step], line.y[::step]
+        if line.stages is None:
+            axes.plot(
+                x, y, color=palette.get_tractor_colour(line.colour), linestyle=(0, (5, 3)) if line.dashed else "solid",
+                linewidth=1.4, marker="o" if len(x) < 40 else None, markersize=4, label=line.label,
+            )  # fmt: skip
+            continue
+        stages = line.stages[::step]
+        for stage, (label, colour) in _STAGE_STYLES.items():
+            inside = stages[1:] == stage
+            if (stages == stage).any():
+                shown = np.where(np.concatenate([inside, [False]]) | np.concatenate([[False], inside]), y, np.nan)
+                axes.plot(x, shown, color=colour, linewidth=1.8, label=f"wheel angle {label}")
+    if panel.missing:  # crosses at the lower edge, a row per line, where a line has no value
+        low, high = axes.get_ylim()
+        axes.set_ylim(low - 0.03 * len(panel.lines) * (high - low), high)
+        style: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 5}
+        for row, line in enumerate(panel.lines):
+            x = line.x[np.isnan(line.y)]
+            edge, colour = np.full(len(x), 0.02 + 0.03 * row), palette.get_tractor_colour(line.colour)
+            axes.plot(x, edge, color=colour, transform=axes.get_xaxis_transform(), **style)
+        axes.plot([], [], color=palette.INK_COLOUR, label=panel.missing, **style)
     if panel.equal_axes:
         axes.set_aspect("equal", adjustable="datalim")
     if len(panel.lines) > 1 or panel.lines[0].stages is not None:
         axes.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
-
-
-def _draw_line(axes: Axes, line: PlotLine) -> None:
-    step = max(1, len(line.x) // _MOST_LINE_POINTS)
-    x, y = line.x[::step], line.y[::step]
-    colour = palette.get_tractor_colour(line.colour)
-    if line.stages is not None:
-        _draw_line_by_stage(axes, x, y, line.stages[::step])
-        return
-    style = (0, (5, 3)) if line.dashed else "solid"
-    marker = "o" if len(x) < 40 else None
-    axes.plot(x, y, color=colour, linestyle=style, linewidth=1.4, marker=marker, markersize=4, label=line.label)
-
-
-def _draw_missing(axes: Axes, panel: PlotPanel) -> None:
-    """Crosses at the lower edge, a row per line, where a line has no value."""
-    from matplotlib.lines import Line2D
-
-    low, high = axes.get_ylim()
-    axes.set_ylim(low - 0.03 * len(panel.lines) * (high - low), high)
-    style: dict[str, Any] = {"linestyle": "none", "marker": "x", "markersize": 5}
-    for row, line in enumerate(panel.lines):
-        x = line.x[np.isnan(line.y)]
-        edge = np.full(len(x), 0.02 + 0.03 * row)
-        colour = palette.get_tractor_colour(line.colour)
-        axes.plot(x, edge, color=colour, transform=axes.get_xaxis_transform(), **style)
-    axes.add_line(Line2D([], [], color=palette.INK_COLOUR, label=panel.missing, **style))
-
-
-def _draw_line_by_stage(axes: Axes, x: np.ndarray, y: np.ndarray, stages: np.ndarray) -> None:
-    """The line in pieces, each in the colour of its stage."""
-    for stage, (label, colour) in _STAGE_STYLES.items():
-        if not (stages == stage).any():
-            continue
-        inside = stages[1:] == stage
-        shown = np.where(np.concatenate([inside, [False]]) | np.concatenate([[False], inside]), y, np.nan)
-        axes.plot(x, shown, color=colour, linewidth=1.8, label=f"wheel angle {label}")
-
-
-def _draw_heat_map(axes: Axes, panel: HeatMap) -> None:
-    from matplotlib.colors import LogNorm
-    from matplotlib.patches import Patch
-
-    values = np.ma.masked_invalid(panel.values)
-    wide = values.count() and values.max() > 3.0 * values.min()
-    norm = LogNorm(float(values.min()), float(values.max())) if wide else None
-    mesh = axes.pcolormesh(panel.x, panel.y, values, cmap="viridis", norm=norm, shading="nearest")
-    axes.set_facecolor("#D9D9D9")
-    axes.set_xticks(panel.x)
-    bar = axes.figure.colorbar(mesh, ax=axes)
-    bar.set_label(panel.value_label)
-    if wide:
-        ticks = [tick for tick in (1, 2, 5, 10, 20, 50, 100, 200, 500) if values.min() <= tick <= values.max()]
-        bar.set_ticks(ticks, labels=[f"{tick:g}" for tick in ticks])
-        bar.minorticks_off()
-    patch = Patch(facecolor="#D9D9D9", edgecolor="#8A8A8A", label=panel.missing)
-    axes.legend(handles=[patch], fontsize=8, loc="upper right", framealpha=0.9, edgecolor="none")
 
 
 NEAR_PCT, FAR_PCT = 5.0, 15.0
@@ -211,35 +189,31 @@ def _count_agreement(rows: Iterable[ThesisComparison]) -> tuple[int, int, int, i
 def format_trials_json(sheets: Sequence[ExperimentSheet]) -> str:
     """Every number of the thesis beside the simulated one: the output of `headland validate --json`."""
     keys = ("experiment", "quantity", "unit", "thesis", "ours", "difference_pct", "note")
-    rows = [{key: getattr(row, key) for key in keys} for sheet in sheets for row in sheet.comparisons]
-    return format_json(rows)
+    return format_json([pick_values(row, keys) for sheet in sheets for row in sheet.comparisons])
 
 
 def format_drive_json(driven: SteeredDrive) -> str:
     """One drive: the output of `headland drive --json`; `radius_m` is null without a circle."""
-    content = {key: getattr(driven, key) for key in ("radius_m", "stable", "slip_front_deg", "slip_rear_deg")}
+    content = pick_values(driven, ("radius_m", "stable", "slip_front_deg", "slip_rear_deg"))
     content["track"] = [[round(float(value), 6) for value in row] for row in driven.trace_rows]
     return json.dumps(make_json_safe(content), allow_nan=False) + "\n"
 
 
 def format_experiment_json(sheet: ExperimentSheet) -> str:
     """A design study: sentences, tables and the numbers of its pictures; null is oversteer."""
-    content = {
-        "study": sheet.name,
-        "words": sheet.words,
-        "tables": [{"title": t.title, "header": t.header, "rows": t.rows} for t in sheet.tables],
-        "panels": [_build_panel_entry(panel) for panel in sheet.panels],
-    }
-    return format_json(content)
-
-
-def _build_panel_entry(panel: PlotPanel | HeatMap) -> dict[str, Any]:
-    names = {"title": panel.title, "x": panel.x_label, "y": panel.y_label}
-    if isinstance(panel, HeatMap):
-        axes = {"x_values": _round_numbers(panel.x), "y_values": _round_numbers(panel.y)}
-        return {**names, **axes, "value": panel.value_label, "values": [_round_numbers(row) for row in panel.values]}
-    lines = [{"label": line.label, "x": _round_numbers(line.x), "y": _round_numbers(line.y)} for line in panel.lines]
-    return {**names, "lines": lines}
+    panels = []
+    for panel in sheet.panels:
+        entry: dict[str, Any] = {"title": panel.title, "x": panel.x_label, "y": panel.y_label}
+        if isinstance(panel, HeatMap):
+            entry |= {"x_values": _round_numbers(panel.x), "y_values": _round_numbers(panel.y)}
+            entry |= {"value": panel.value_label, "values": [_round_numbers(row) for row in panel.values]}
+        else:
+            entry["lines"] = [
+                {"label": line.label, "x": _round_numbers(line.x), "y": _round_numbers(line.y)} for line in panel.lines
+            ]
+        panels.append(entry)
+    tables = [pick_values(table, ("title", "header", "rows")) for table in sheet.tables]
+    return format_json({"study": sheet.name, "words": sheet.words, "tables": tables, "panels": panels})
 
 
 def _round_numbers(values: np.ndarray) -> list[float | None]:
@@ -252,14 +226,10 @@ def format_tractor_check_json(verdict: TractorVerdict) -> str:
     `achieved` is null for a drive that did not end, `difference_pct` where the target is 0.
     """
     content = {
-        "tractor": verdict.tractor,
-        "holds_together": verdict.holds_together,
-        "words": verdict.words,
+        **pick_values(verdict, ("tractor", "holds_together", "words")),
         "drives": [
             {
-                "drive": check.drive,
-                "ground": check.ground,
-                "unit": check.unit,
+                **pick_values(check, ("drive", "ground", "unit")),
                 "target": check.expected,
                 "achieved": check.driven,
                 "difference": check.difference,
@@ -333,7 +303,18 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
         for table in sheet.tables:
             titled = Group(format_sentence(table.title), _build_text_table(table.header, table.rows))
             parts.append(Padding(titled, (1, 0, 0, 2)))
-        parts += _build_number_comparison(_list_compared_numbers(sheet))
+        numbers = _list_compared_numbers(sheet)
+        compared = [_build_comparison_cells(row) for row in numbers if row.ours is not None]
+        if compared:
+            figures = map(TableColumn, ("Thesis", "Here", "Difference"))
+            columns = (TableColumn("Experiment", is_text=True), TableColumn("Quantity", is_text=True), *figures)
+            names = ("experiment", "quantity", "thesis", "ours", "difference")
+            cells = tuple(tuple(str(entry[name]) for name in names) for entry in compared)
+            parts.append(Padding(FittedTable(columns, cells), (1, 0, 0, 2)))
+        if len(numbers) > len(compared):
+            missing = len(numbers) - len(compared)
+            note = f"{missing} further numbers cannot be simulated; --json gives the reasons."
+            parts.append(format_sentence(note, style="dim", indent=2))
         parts.append(Text(""))
     return Group(*parts)
 
@@ -341,22 +322,6 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
 def _build_text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> FittedTable:
     columns = tuple(TableColumn(name, is_text=not number) for number, name in enumerate(header))
     return FittedTable(columns, tuple(tuple(row) for row in rows))
-
-
-def _build_number_comparison(rows: Sequence[ThesisComparison]) -> list[RenderableType]:
-    computed = [row for row in rows if row.ours is not None]
-    if not rows:
-        return []
-    figures = map(TableColumn, ("Thesis", "Here", "Difference"))
-    columns = (TableColumn("Experiment", is_text=True), TableColumn("Quantity", is_text=True), *figures)
-    names = ("experiment", "quantity", "thesis", "ours", "difference")
-    cells = tuple(tuple(str(entry[name]) for name in names) for entry in map(_build_comparison_cells, computed))
-    parts: list[RenderableType] = [Padding(FittedTable(columns, cells), (1, 0, 0, 2))] if cells else []
-    missing = len(rows) - len(computed)
-    if missing:
-        note = f"{missing} further numbers cannot be simulated; --json gives the reasons."
-        parts.append(format_sentence(note, style="dim", indent=2))
-    return parts
 
 
 @dataclass(frozen=True)
@@ -423,39 +388,35 @@ def build_study_view(study: FleetStudy) -> ResultView:
     """The fleet study: rows beside the thesis, and its claims."""
     held = sum(claim.holds for claim in study.claims)
     summary = f"{held} of {len(study.claims)} claims of the thesis hold in the simulation"
+    named_rows = [(name, row) for name, table in study.tables.items() for row in table]
+
+    def render() -> str:
+        rows = [
+            (name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
+             format_number(row.difference_pct, 1), row.note)
+            for name, row in named_rows
+        ]  # fmt: skip
+        headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
+        claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
+        tables = (
+            ShownTable(headings, rows, frozenset({0, 1, 6})),
+            ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
+        )
+        return render_fragment(f"{summary}.", [], tables)
+
+    def draw(axes: Axes) -> None:
+        """Minutes of the thesis and of the simulation, two bars per row."""
+        for place, (_, row) in enumerate(named_rows):
+            axes.barh(place - 0.2, row.thesis_s / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[4])
+            axes.barh(place + 0.2, (row.time_s or 0.0) / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[0])
+        axes.set_yticks(range(len(named_rows)), [f"{name} {row.label}" for name, row in named_rows], fontsize=8)
+        axes.invert_yaxis()
+        axes.set(xlabel="minutes; pale: thesis, dark: simulated")
+
     return ResultView(
         summary=lambda: summary,
-        html=lambda: render_fragment(f"{summary}.", [], _list_study_tables(study)),
-        table=lambda: [{"table": name, **make_json_safe(row)} for name, rows in study.tables.items() for row in rows],
-        draw=lambda axes: _draw_study(axes, study),
+        html=render,
+        table=lambda: [{"table": name, **make_json_safe(row)} for name, row in named_rows],
+        draw=draw,
         files={".json": lambda: format_study_json(study)},
     )
-
-
-def _list_study_tables(study: FleetStudy) -> list[ShownTable]:
-    """The rows of all tables, and the claims."""
-    rows = [
-        (
-            name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-            format_number(row.difference_pct, 1), row.note,
-        )
-        for name, table in study.tables.items()
-        for row in table
-    ]  # fmt: skip
-    headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
-    claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
-    return [
-        ShownTable(headings, rows, frozenset({0, 1, 6})),
-        ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
-    ]
-
-
-def _draw_study(axes: Axes, study: FleetStudy) -> None:
-    """Minutes of the thesis and of the simulation, two bars per row."""
-    rows = [(f"{name} {row.label}", row) for name, table in study.tables.items() for row in table]
-    for place, (_, row) in enumerate(rows):
-        axes.barh(place - 0.2, row.thesis_s / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[4])
-        axes.barh(place + 0.2, (row.time_s or 0.0) / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[0])
-    axes.set_yticks(range(len(rows)), [label for label, _ in rows], fontsize=8)
-    axes.invert_yaxis()
-    axes.set(xlabel="minutes; pale: thesis, dark: simulated")

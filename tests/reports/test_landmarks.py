@@ -11,7 +11,6 @@ from reports.common.plan_results import PlanRanking
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.map_figure import draw_plan_map
 from reports.plan.map_labels import (
-    list_leg_numbers,
     place_cut_off_labels,
     place_headland_pass_labels,
     place_leg_marks,
@@ -56,7 +55,7 @@ def test_names_do_not_overprint_each_other(crowded: PlanDrive) -> None:
 
 def test_numbers_of_legs_keep_off_each_other(listed_drive: PlanDrive) -> None:
     size = 273.0
-    numbers = [label for marks in place_leg_marks(listed_drive, size) for label in list_leg_numbers(marks)]
+    numbers = [label for marks in place_leg_marks(listed_drive, size) for _, label in marks]
     assert len(numbers) > 3
     for one, other in combinations(numbers, 2):
         assert float(np.hypot(*(one.place - other.place))) >= 0.02 * size

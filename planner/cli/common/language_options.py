@@ -8,6 +8,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from types import FunctionType
 from typing import Any
 
@@ -75,12 +76,6 @@ RANGES = (
 
 def choose_reader(arguments: Sequence[str], environment: Mapping[str, str]) -> Reader:
     """The reader that options before the command ask for, else the environment; RequestError for what is unknown."""
-    options = read_leading_options(arguments)
-    return Reader(_choose_language(options, environment), _choose_units(options, environment))
-
-
-def read_leading_options(arguments: Sequence[str]) -> dict[str, str]:
-    """Values of --language and --units before the command."""
     options: dict[str, str] = {}
     words = iter(arguments)
     for word in words:
@@ -89,62 +84,43 @@ def read_leading_options(arguments: Sequence[str]) -> dict[str, str]:
             break
         if name in (LANGUAGE_OPTION, UNITS_OPTION):
             options[name] = value if equals else next(words, "")
-    return options
-
-
-def _choose_language(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
     name = LANGUAGE_OPTION if LANGUAGE_OPTION in options else LANGUAGE_VARIABLE
     tag = options.get(LANGUAGE_OPTION, environment.get(LANGUAGE_VARIABLE) or None)
-    if tag is None:
-        return choose_language(environment)
-    if get_tag_language(tag) not in LANGUAGE_NAMES:
+    if tag is not None and get_tag_language(tag) not in LANGUAGE_NAMES:
         raise RequestError(f"{name} {tag[:40]!r} has no catalogue; use one of {', '.join(LANGUAGE_NAMES)}.")
-    return get_tag_language(tag)
-
-
-def _choose_units(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
+    language = choose_language(environment) if tag is None else get_tag_language(tag)
     name = UNITS_OPTION if UNITS_OPTION in options else UNITS_VARIABLE
     units = options.get(UNITS_OPTION, environment.get(UNITS_VARIABLE) or METRIC)
     if units.lower() not in UNIT_SYSTEMS:
         raise RequestError(f"{name} {units[:40]!r} is unknown; use {' or '.join(UNIT_SYSTEMS)}.")
-    return units.lower()
+    return Reader(language, units.lower())
 
 
 def translate_help(command: Any) -> None:
-    """Put the texts of a command, its options and its subcommands in the language in use."""
-    _translate_titles()
+    """Put the texts of a command, its options and its subcommands in the language in use.
+
+    Headings of the help are kept by typer for all commands of a process.
+    """
+    if get_language() != ENGLISH or "typer.rich_utils" in sys.modules:
+        from typer import rich_utils
+
+        for name, text in HELP_TITLES.items():
+            setattr(rich_utils, name, translate(text))
+        if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
+            folded: Any = partial(FoldedText, rich_utils._make_rich_text)
+            rich_utils._make_rich_text = folded
     if get_language() != ENGLISH or hasattr(command, "english_texts"):
         _translate_command(command)
 
 
-def _translate_titles() -> None:
-    """Headings of the help, which typer keeps for all commands of a process."""
-    if get_language() == ENGLISH and "typer.rich_utils" not in sys.modules:
-        return
-    from typer import rich_utils
-
-    for name, text in HELP_TITLES.items():
-        setattr(rich_utils, name, translate(text))
-    if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
-        rich_utils._make_rich_text = FoldedTexts(rich_utils._make_rich_text)
-
-
-class FoldedTexts:
-    """Makes help texts as typer does, but wraps what has no spaces, such as Japanese, instead of cutting it off."""
-
-    def __init__(self, make_text: Callable[..., Any]) -> None:
-        self.make_text = make_text
-
-    def __call__(self, **options: Any) -> Any:
-        """The text as rich renders it in a column of any width."""
-        return FoldedText(self.make_text(**options))
-
-
 class FoldedText:
-    """A text of rich that is broken between letters where a word is longer than the line."""
+    """A help text as typer makes it, but wrapped where it has no spaces, such as Japanese, instead of cut off.
 
-    def __init__(self, text: Any) -> None:
-        self.text = text
+    It is broken between letters where a word is longer than the line.
+    """
+
+    def __init__(self, make_text: Callable[..., Any], **options: Any) -> None:
+        self.text = make_text(**options)
 
     def __rich_console__(self, console: Any, options: Any) -> Any:
         yield from console.render(self.text, options.update(overflow="fold"))

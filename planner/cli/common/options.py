@@ -18,23 +18,21 @@ from planner.cli.common.terminal import print_remarks
 from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.farm_choice import FarmChoice
 from planner.request.option_texts import parse_widths
-from planner.request.options import RequestOption, list_options
+from planner.request.options import list_options
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
 
 
-JsonOption = Annotated[
-    bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
-]
-CsvOption = Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)]
-ProcessesOption = Annotated[
-    Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
-]
-ClusterOption = Annotated[
-    Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
-]
+in_output, in_work, in_computing = (
+    functools.partial(typer.Option, rich_help_panel=panel) for panel in (OUTPUT, WORK, COMPUTING)
+)
+"""Options of a plan by their panel in its help."""
+JsonOption = Annotated[bool, in_output("--json", help="Print JSON for programs instead of the table.")]
+CsvOption = Annotated[bool, in_output("--csv", help="Print CSV instead of the table.")]
+ProcessesOption = Annotated[Optional[int], in_computing(help="Processes to use; by default one per core.")]
+ClusterOption = Annotated[Optional[str], in_computing(help="Plan on a Dask cluster: tcp://HOST:8786.")]
 FIELD_FORMS = "GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS"
 SAMPLES = "iwamizawa, denmark, netherlands, sweden"
 FieldArgument = Annotated[
@@ -55,10 +53,7 @@ NO_RESULT_STATUS = 3
 _HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 HeadlandOrderOption = Annotated[
-    Optional[str],
-    typer.Option(
-        help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
-    ),
+    Optional[str], in_work(help="When the headland is worked: first, last. By default what --operation allows.")
 ]
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
 PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
@@ -114,18 +109,6 @@ class ExecutorChoice:
         return create_executor(tasks, self.processes) if self.cluster is None else connect_cluster(self.cluster)
 
 
-def build_parameter(option: RequestOption, *, panel: bool = True, **changes: Any) -> inspect.Parameter:
-    """An option of a request as a parameter of a command; `changes` are of its fields, such as type or default."""
-    kind, default = changes.get("type", option.type), changes.get("default", option.default)
-    help_text = changes.get("help", option.format_help(get_option_name))
-    declaration = option.rules.declaration or get_option_name(option.name)
-    info = typer.Option(declaration, help=help_text, rich_help_panel=option.rules.panel if panel else None)
-    annotation = kind if default is not None else Optional[kind]
-    return inspect.Parameter(
-        option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, info]
-    )
-
-
 def inject_request_options(
     *,
     only: Collection[str] | None = None,
@@ -146,12 +129,26 @@ def inject_request_options(
             for name, parameter in inspect.signature(command).parameters.items()
             if parameter.kind is not inspect.Parameter.VAR_KEYWORD
         ]
-        taken = [
-            build_parameter(option, panel=panels, **(changes or {}).get(option.name, {}))
-            for option in (*list_options(PlanRequest), *list_options(FarmChoice))
-            if option.name not in ("field", *without) and (only is None or option.name in only)
+        taken = []
+        for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
+            if option.name in ("field", *without) or (only is not None and option.name not in only):
+                continue
+            other = (changes or {}).get(option.name, {})
+            kind, default = other.get("type", option.type), other.get("default", option.default)
+            info = typer.Option(
+                option.rules.declaration or get_option_name(option.name),
+                help=other.get("help", option.format_help(get_option_name)),
+                rich_help_panel=option.rules.panel if panels else None,
+            )
+            kind = kind if default is not None else Optional[kind]
+            by_name = inspect.Parameter.KEYWORD_ONLY
+            taken.append(inspect.Parameter(option.name, by_name, default=default, annotation=Annotated[kind, info]))
+        first = [
+            parameter
+            for parameter in own
+            if parameter.annotation is typer.Context
+            or any(isinstance(part, ArgumentInfo) for part in getattr(parameter.annotation, "__metadata__", ()))
         ]
-        first = [parameter for parameter in own if _is_argument(parameter.annotation)]
         last = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own if parameter not in first]
 
         @functools.wraps(command)
@@ -162,12 +159,6 @@ def inject_request_options(
         return run
 
     return extend
-
-
-def _is_argument(annotation: Any) -> bool:
-    return annotation is typer.Context or any(
-        isinstance(part, ArgumentInfo) for part in getattr(annotation, "__metadata__", ())
-    )
 
 
 def read_given_options(

@@ -75,7 +75,11 @@ def check_output_paths(
     """
     requested = [(path, suffix) for path, suffix in outputs if path is not None]
     for path, suffix in requested:
-        _check_suffix(path, suffix)
+        if os.path.isdir(path):
+            _refuse(f"{path} is a folder; give the name of a file in it.")
+        if suffix and path.suffix.lower() != suffix:
+            named = _format_path(path.with_suffix(suffix))
+            _refuse(f"{_format_path(path)} does not end in {suffix}; name the file {named}.")
     ignores_case = {path: _check_writable_place(path) for path, _ in requested}
     occupied = [(Path(path), description) for path, description in (input_files or {}).items() if os.path.exists(path)]
     for path, _ in requested:
@@ -84,15 +88,6 @@ def check_output_paths(
                 _refuse(f"{path} would overwrite {description}; choose another file.")
         occupied.append((path, "another result"))
         refuse_overwrite(path, force)
-
-
-def _check_suffix(path: Path, suffix: str) -> None:
-    if os.path.isdir(path):
-        _refuse(f"{path} is a folder; give the name of a file in it.")
-    if suffix and path.suffix.lower() != suffix:
-        _refuse(
-            f"{_format_path(path)} does not end in {suffix}; name the file {_format_path(path.with_suffix(suffix))}."
-        )
 
 
 def _check_writable_place(path: Path) -> bool:
@@ -110,8 +105,12 @@ def _check_writable_place(path: Path) -> bool:
     if status is not None:
         if not stat.S_ISREG(status.st_mode):
             _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
-        if any(os.path.samestat(status, printed) for printed in _stat_output_streams()):
-            _refuse(f"{path} is where this command prints to; choose another file.")
+        for stream in filter(None, (sys.__stdout__, sys.__stderr__)):
+            is_same = False
+            with suppress(OSError, ValueError):
+                is_same = os.path.samestat(status, os.fstat(stream.fileno()))
+            if is_same:
+                _refuse(f"{path} is where this command prints to; choose another file.")
     if not os.access(target if status else target.parent, os.W_OK):
         _refuse(f"{path} cannot be written: no permission; choose another place.")
     draft = _build_draft_path(target)
@@ -122,14 +121,6 @@ def _check_writable_place(path: Path) -> bool:
     except OSError as error:
         _refuse(f"{path} cannot be written: {explain_error(error)}; choose another place.")
     return ignores_case
-
-
-def _stat_output_streams() -> Iterator[os.stat_result]:
-    """The files or devices behind standard output and standard error."""
-    for stream in (sys.__stdout__, sys.__stderr__):
-        with suppress(OSError, ValueError):
-            if stream is not None:
-                yield os.fstat(stream.fileno())
 
 
 def _is_same_file(path: Path, other_path: Path, ignores_case: bool) -> bool:
@@ -209,7 +200,12 @@ def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:
         for path, content in results:
             target = _resolve_links(path)
             drafts.append((_build_draft_path(target), target))
-            _write_draft(drafts[-1][0], content, target)
+            with open(drafts[-1][0], "xb") as stream:
+                stream.write(content.encode("utf-8", "replace") if isinstance(content, str) else content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            with suppress(OSError):  # the permissions of the file that it will replace
+                os.chmod(drafts[-1][0], stat.S_IMODE(os.stat(target).st_mode))
         for (path, _), (draft, target) in zip(results, drafts, strict=True):
             draft.replace(target)
             replaced.append(path)
@@ -239,16 +235,6 @@ def _describe_written(paths: Sequence[Path]) -> str:
     if not paths:
         return "nothing was written"
     return f"{', '.join(map(_format_path, paths))} {'was' if len(paths) == 1 else 'were'} written"
-
-
-def _write_draft(draft: Path, content: OutputContent, target: Path) -> None:
-    """Write a new file with the permissions of the file that it will replace."""
-    with open(draft, "xb") as stream:
-        stream.write(content.encode("utf-8", "replace") if isinstance(content, str) else content)
-        stream.flush()
-        os.fsync(stream.fileno())
-    with suppress(OSError):
-        os.chmod(draft, stat.S_IMODE(os.stat(target).st_mode))
 
 
 def _resolve_links(path: Path) -> Path:

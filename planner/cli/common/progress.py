@@ -45,14 +45,16 @@ class StageBar:
             if total:
                 self.words = translate("{words}: {done} of {total}", words=self.words, done=done, total=total)
         share = share if share is not None else done / total if total else 0.0
-        before_s = 0.0
+        before_s, self._reported_s = 0.0, time.monotonic()
         for stage, expected_s in self._expected_s.items():
-            if stage == words:
-                self._estimate(before_s + share * expected_s, sum(self._expected_s.values()))
+            if stage == words:  # what was expected is corrected by how long the stages have taken so far
+                done_s, all_s = before_s + share * expected_s, sum(self._expected_s.values())
+                pace = (self._reported_s - self._begun_s + PRIOR_S) / (done_s + PRIOR_S)
+                self.share, self.left_s = done_s / all_s if all_s else None, (all_s - done_s) * pace
                 return
             before_s += expected_s
         self.share = share if total else None
-        self._estimate_from_share(share)
+        self.left_s = (self._reported_s - self._begun_s) * (1.0 - share) / share if share else None
 
     def count(self, done: int, total: int) -> None:
         """So many of a total are done in the stage that the bar was opened with."""
@@ -66,16 +68,6 @@ class StageBar:
         """The words of the stage, with what is at work: ``Planning fields: 3 of 9 (north, south)``."""
         shown = (*self.at_work[:MOST_NAMED], *(["..."] if len(self.at_work) > MOST_NAMED else []))
         return f"{self.words} ({', '.join(shown)})" if shown else self.words
-
-    def _estimate(self, done_s: float, all_s: float) -> None:
-        """The time left: what was expected, corrected by how long the stages have taken so far."""
-        self._reported_s = time.monotonic()
-        pace = (self._reported_s - self._begun_s + PRIOR_S) / (done_s + PRIOR_S)
-        self.share, self.left_s = done_s / all_s if all_s else None, (all_s - done_s) * pace
-
-    def _estimate_from_share(self, share: float) -> None:
-        self._reported_s = time.monotonic()
-        self.left_s = (self._reported_s - self._begun_s) * (1.0 - share) / share if share else None
 
     def describe_left(self) -> str:
         """The time that is left, as words; nothing before it can be said."""
