@@ -201,7 +201,11 @@ def _combine_suspicions(
 ) -> list[Suspicion]:
     """Combine a mirrored heading and a mirrored steering into one mirrored path."""
     suspicions = [suspicion for suspicion in (heading, steering) if suspicion is not None]
-    frame = _identify_utm_axes(log)
+    # Whether only UTM has such positions, and in which order; empty when they do not show it.
+    east, north = (float(abs(np.median(axis[log.used]))) for axis in (log.easting_m, log.northing_m))
+    axes = (("plain", east, north), ("swapped", north, east))
+    (least, most), limit = _UTM_EAST_M, _UTM_NORTH_M[1]
+    frame = next((name for name, x, y in axes if least <= x <= most < y <= limit), "")
     if frame == "plain":
         return suspicions
     if heading is not None and heading.fix is LogConvention.HEADING_CCW_EAST:
@@ -230,22 +234,12 @@ def _build_swapped_axes_suspicion(frame: str, why: str) -> Suspicion:
     )
 
 
-def _identify_utm_axes(log: Log) -> str:
-    """Whether only UTM has such positions, "plain" or "swapped"; empty when they do not show it."""
-    east, north = (float(abs(np.median(axis[log.used]))) for axis in (log.easting_m, log.northing_m))
-    for name, frame_east, frame_north in (("plain", east, north), ("swapped", north, east)):
-        if _UTM_EAST_M[0] <= frame_east <= _UTM_EAST_M[1] < frame_north <= _UTM_NORTH_M[1]:
-            return name
-    return ""
-
-
 # --- heading -----------------------------------------------------------------------------------------------------
 
 
 def _compute_travel_direction(log: Log, chords: PathChords) -> Array:
     """Return where the front should point (rad, clockwise from north), by course and gear."""
-    travel: Array = np.where(log.shuttle[chords.row] < 0.0, math.pi, 0.0) + chords.course
-    return travel
+    return np.asarray(np.where(log.shuttle[chords.row] < 0.0, math.pi, 0.0) + chords.course)
 
 
 def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array) -> dict[LogConvention | None, float]:
@@ -287,21 +281,17 @@ def _find_heading_misfit(log: Log) -> _HeadingSums | None:
     if log.heading_deg is None or chords is None:
         return None
     travel, heading = _compute_travel_direction(log, chords), np.radians(log.heading_deg[chords.row])
-    offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
-    sums = _sum_heading(travel, heading, offset)
-    fits = sums.turned.real >= HEADING_FITS * sums.chords or sums.is_constantly_offset()
-    return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
-
-
-def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
-    """Return the angle (deg) on the least bent chords, and what the lever of an antenna may add to it there."""
-    abs_curvature = np.abs(curvature)
+    # The angle (deg) on the least bent chords, and what the lever of an antenna may add to it there.
+    abs_curvature = np.abs(chords.curvature)
     straight = np.flatnonzero(abs_curvature < BEND_PER_M)
     if len(straight) < FEWEST_BEND_CHORDS:
         straight = np.argsort(abs_curvature, kind="stable")[: max(FEWEST_BEND_CHORDS, len(abs_curvature) // 4)]
-    offset = math.degrees(cmath.phase(complex(np.exp(1j * turned[straight]).sum())))
+    offset = math.degrees(cmath.phase(complex(np.exp(1j * (heading - travel)[straight]).sum())))
     # Bends to both sides cancel each other.
-    return offset, math.degrees(math.atan(MOST_LEVER_M * abs(float(np.mean(curvature[straight])))))
+    slack = math.degrees(math.atan(MOST_LEVER_M * abs(float(np.mean(chords.curvature[straight])))))
+    sums = _sum_heading(travel, heading, offset)
+    fits = sums.turned.real >= HEADING_FITS * sums.chords or sums.is_constantly_offset()
+    return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
 
 
 def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:

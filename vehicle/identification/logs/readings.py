@@ -54,10 +54,7 @@ def find_first_place(columns: Columns) -> Place:
 
 
 def _convert_to_local_metres(columns: Columns, reference: Place | None) -> Columns:
-    """Return metres to the east and the north of the reference.
-
-    Raises LogError for values that are no longitude and latitude.
-    """
+    """Return metres from the reference; raises LogError for values that are no longitude and latitude."""
     longitude, latitude = reference or find_first_place(columns)
     if abs(latitude) > 90.0 or abs(longitude) > 360.0:
         raise LogError(
