@@ -101,8 +101,7 @@ class Searcher:
         return self.problem.fit(self.nuisances, np.zeros(len(self.nuisances)), rounds=4)
 
     def scan(self, fit: Fit, channels: frozenset[str] = frozenset(CHANNELS)) -> list[Gain]:
-        """What further hypotheses that act on some channels would gain; those of effects in the model only as other
-        laws of them."""
+        """What further hypotheses that act on some channels would gain; of effects in the model only other laws."""
         known = {one.id for one in fit.model if not one.is_nuisance}
         tried = [one for one in self.hypotheses if one not in fit.model and not (one.is_catalogued and one.id in known)]
         for one in fit.model:  # laws of effects in the model that are not among the hypotheses anyway
@@ -128,9 +127,9 @@ class Searcher:
                 if gain.nats > 0.0:
                     fits.append(self._fit_with(fit, gain))
                     self.step()
-            best = max(
-                (one for one in fits if is_large(one, one.model[-1])), key=lambda one: one.evidence, default=None
-            )
+            # Those whose amounts are at least the finest that may be claimed.
+            large = [one for one in fits if np.linalg.norm(one.get_amounts(one.model[-1])) >= one.model[-1].finest]
+            best = max(large, key=lambda one: one.evidence, default=None)
             if best is None:
                 return fit
             # Noise that had to make up for what is missing hides the gain: with its own noise the model may show it.
@@ -248,11 +247,6 @@ class Searcher:
                 cells = problem.noise[c].compute_cell_densities(problem.noise[c].whiten(residuals[c]))
                 out[c][inside] = cells[inside]
         return out
-
-
-def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:
-    """Whether the amounts of a hypothesis are at least the finest that may be claimed."""
-    return float(np.linalg.norm(fit.get_amounts(hypothesis))) >= hypothesis.finest
 
 
 def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
