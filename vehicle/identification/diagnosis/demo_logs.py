@@ -36,18 +36,16 @@ from vehicle.records import DT_S
 
 @dataclass(frozen=True)
 class NoiseLevels:
-    """Standard deviations: white position (m) and heading (rad), their slow drifts, yaw disturbance of the soil (rad
-    per m driven), speed (m per root second)."""
+    """Standard deviations: white position (m) and heading (rad), their slow drifts, yaw by soil (rad per m driven)."""
 
     position: float
     position_drift: float
     heading: float
     heading_drift: float
     soil: float
-    along: float
 
 
-DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: RTK with two antennas, ordinary soil
+DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025)  # chosen: RTK with two antennas, ordinary soil
 WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
 DEMO_PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
 

@@ -183,10 +183,11 @@ def _keep_pieces(dataset: DriveDataset, pieces: Sequence[tuple[int, float]]) -> 
             inside = (wheel[0] >= begin_s) & (wheel[0] <= end_s)
             wheel = (wheel[0][inside] - begin_s, wheel[1][inside])
         values: dict[str, Any] = {name: getattr(segment, name) for name in columns}
+        values = {name: None if one is None else one[rows] for name, one in values.items()}
         segments.append(
             replace(
                 segment,
-                **{name: None if one is None else one[rows] for name, one in values.items()},
+                **values,
                 start_s=segment.start_s + begin_s,
                 time=segment.time[rows] - begin_s,
                 grids={name: one[steps] for name, one in segment.grids.items()},

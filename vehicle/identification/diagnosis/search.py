@@ -170,33 +170,23 @@ class Searcher:
             if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
-            others: list[PredictiveComparison] = []
-            if against_none.z > 1.0:
-                better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
-                if better is not None:
+            others, gains = list[PredictiveComparison](), list[Gain]()
+            if against_none.z > 1.0:  # what could take its place
+                scanned = self.scan(without, self.problem.list_channels(hypothesis))
+                elsewhere = [one for one in scanned if not (hypothesis.place and one.hypothesis.place)]
+                gains = [one for one in elsewhere if one.hypothesis not in fit.model]
+            for gain in gains[:MOST_TRIED]:
+                if gain.nats < WORTHWHILE_SHARE * max(gains[0].nats, 1.0):
+                    break
+                start = self._fit_with(without, gain)
+                others.append(self._compare(fit, predicted, start, gain.hypothesis, noise))
+                self.step()
+                if takes_over(others[-1], gain.hypothesis, hypothesis) and self._may_become(start):
                     self.problem.set_noise(noise)
-                    return better, judgements
+                    return start, judgements
             judgements.append(Judgement(hypothesis, against_none, tuple(others)))
             self.problem.set_noise(noise)
         return None, judgements
-
-    def _compare_competitors(
-        self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
-    ) -> tuple[Fit | None, list[PredictiveComparison]]:
-        """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
-        gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis))
-                 if one.hypothesis not in fit.model and not (hypothesis.place and one.hypothesis.place)]  # fmt: skip
-        comparisons: list[PredictiveComparison] = []
-        for gain in gains[:MOST_TRIED]:
-            if gain.nats < WORTHWHILE_SHARE * max(gains[0].nats, 1.0):
-                break
-            start = self._fit_with(without, gain)
-            comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
-            self.step()
-            comparisons.append(comparison)
-            if takes_over(comparison, gain.hypothesis, hypothesis) and self._may_become(start):
-                return start, comparisons
-        return None, comparisons
 
     def _fit_with(self, fit: Fit, gain: Gain) -> Fit:
         """The fit with a hypothesis; values of single runs are about a constant, which comes with them."""

@@ -191,7 +191,7 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
     return ratio if abs(ratio) > SURE_SIGMAS * error else None
 
 
-def _check_steering_unit(log: Log, _: Sequence[Log], wheelbase_m: float | None) -> list[tuple[LogConvention, str]]:
+def _check_steering_unit(log: Log, _other: object, wheelbase_m: float | None) -> list[tuple[LogConvention, str]]:
     """Check for radians: as degrees they would need a wheelbase of centimetres to bend the path this much. Only changes
     of the angle count (the slope of curvature over angle), so no offset, slope or draft matters."""
     bends = compute_bends(log)

@@ -61,7 +61,22 @@ def compute_path_chords(log: Log) -> PathChords | None:
 
 def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
     """Compute chords, half before and half after their middle row, and the straightness of the most bent tenth."""
-    parts = [_compute_segment_chords(log, number, span) for number in range(log.segment_count)]
+    parts = []
+    for number in range(log.segment_count):  # middle rows every half span, and the steps before and after them
+        rows = np.flatnonzero(log.segment == number)
+        time = log.time_s[rows]
+        middle_times = np.arange(time[0] + 0.5 * span, time[-1] - 0.5 * span + 1e-9, 0.5 * span)
+        middle_rows = np.unique(np.minimum(np.searchsorted(time, middle_times - 1e-9), len(rows) - 1))
+        middle = time[middle_rows]
+        middle_rows = middle_rows[(middle - 0.5 * span >= time[0] - 1e-9) & (middle + 0.5 * span <= time[-1] + 1e-9)]
+        middle = time[middle_rows]
+        place = [
+            np.stack(
+                [np.interp(middle + shift * span, time, axis[rows]) for axis in (log.easting_m, log.northing_m)], 1
+            )
+            for shift in (-0.5, 0.0, 0.5)
+        ]
+        parts.append((rows[middle_rows], place[1] - place[0], place[2] - place[1]))
     row, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
     if len(row) < FEWEST_TIMES:
         return None
@@ -75,22 +90,6 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
     chord = first + second
     chords = PathChords(row, span, np.arctan2(chord[:, 0], chord[:, 1]), halves / span, 2.0 * turn / halves)
     return chords, float(np.quantile(length / halves, 0.1))
-
-
-def _compute_segment_chords(log: Log, number: int, span: float) -> tuple[npt.NDArray[np.int64], Array, Array]:
-    """Return middle rows every half span of one segment, and the (east, north) steps before and after them."""
-    rows = np.flatnonzero(log.segment == number)
-    time = log.time_s[rows]
-    middle_times = np.arange(time[0] + 0.5 * span, time[-1] - 0.5 * span + 1e-9, 0.5 * span)
-    middle_rows = np.unique(np.minimum(np.searchsorted(time, middle_times - 1e-9), len(rows) - 1))
-    middle = time[middle_rows]
-    middle_rows = middle_rows[(middle - 0.5 * span >= time[0] - 1e-9) & (middle + 0.5 * span <= time[-1] + 1e-9)]
-    middle = time[middle_rows]
-    place = [
-        np.stack([np.interp(middle + shift * span, time, axis[rows]) for axis in (log.easting_m, log.northing_m)], 1)
-        for shift in (-0.5, 0.0, 0.5)
-    ]
-    return rows[middle_rows], place[1] - place[0], place[2] - place[1]
 
 
 CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
@@ -211,8 +210,7 @@ _OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
 
 @dataclass(frozen=True, eq=False)
 class RawMotion:
-    """Columns of the rows in use (k,), angles in degrees, and pace and course by chords that take `chord_s`, NaN where
-    they are not known."""
+    """Columns of the rows in use (k,), angles in degrees, with pace and course by chords, NaN where not known."""
 
     time_s: Array
     positions: Array
@@ -223,7 +221,6 @@ class RawMotion:
     stated_speed: Array | None
     pace: Array
     course: Array
-    chord_s: float
 
     @cached_property
     def moving(self) -> Mask:
@@ -267,7 +264,7 @@ class RawMotion:
         margin = self.count_rows(0.5 * chord_s) + 1
         near = mark_spans(len(self.time_s), ((max(first - margin, 0), last + margin) for first, last in spans))
         pace[near] = course[near] = np.nan
-        return replace(self, pace=pace, course=course, chord_s=chord_s)
+        return replace(self, pace=pace, course=course)
 
     def find_fresh_positions(self) -> Rows:
         """Return the rows in which the position is a new one."""
@@ -343,9 +340,9 @@ def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
             place = np.searchsorted(finite, np.arange(len(values)), side="right") - 1
             filled[name] = values[finite[np.maximum(place, 0)]]
     heading, speed, wheel, target = map(filled.get, ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps"))
-    motion = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
+    pace, course, _ = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
     stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
-    return RawMotion(time, positions, heading, speed, wheel, target, stated, *motion)
+    return RawMotion(time, positions, heading, speed, wheel, target, stated, pace, course)
 
 
 def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:

@@ -149,10 +149,8 @@ class LogConvention(StrEnum):
         "steering-swapped", "steering_command_deg and steering_deg are swapped", _exchange(*STEERING_COLUMNS),
     )  # fmt: skip
     STEERING_RADIANS = (
-        "steering-radians",
-        "steering angles are in radians",
-        _convert_each(np.degrees, *STEERING_COLUMNS),
-    )
+        "steering-radians", "steering angles are in radians", _convert_each(np.degrees, *STEERING_COLUMNS),
+    )  # fmt: skip
     STEERING_LEFT = (
         "steering-left-positive", "steering is positive to the left", _convert_each(np.negative, *STEERING_COLUMNS),
     )  # fmt: skip

@@ -45,7 +45,6 @@ class GroundFall:
     `fall` (m/m) is positive where the ground falls to the right (from roll, positive with the right side lower) or
     ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of PART_S.
     `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
-    `source` says which known heights it follows from, as a plural; it is empty for a sensor.
     """
 
     fall: Array
@@ -53,7 +52,6 @@ class GroundFall:
     block: Array
     rms_fall: float
     mounting_deg: float
-    source: str = ""
 
 
 def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
@@ -142,7 +140,7 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     rms_fall = float(np.sqrt(np.mean(fall**2)))
     if rms_fall < _LEAST_SLOPE:
         return "the ground is flat there"
-    return GroundFall(fall, heading, block, rms_fall, 0.0, logs[0].ground_source)
+    return GroundFall(fall, heading, block, rms_fall, 0.0)
 
 
 def split_per_log(logs: Sequence[Log], values: Array) -> tuple[Array, ...]:
