@@ -288,7 +288,7 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> Pi
     data = problem.data if dataset is problem.data.dataset else build_drive_data(thin_evenly(dataset, MOST_PIECES))
     model = list(split_amounts(fit.model, fit.amounts))
     expected = replay_commands(data, problem.rig, [part for part in model if not part[0].is_nuisance])[:2]
-    *shown, wheel, speed = replay_commands(data, problem.rig, model)
+    antenna, heading, wheel, speed = replay_commands(data, problem.rig, model)
     spread = math.sqrt(FREEDOM / (FREEDOM - 2.0))  # a Student t distribution has a larger variance than its scale
     sizes = {channel: spread * own for channel, own in limit_noise(problem).items()}
     ends, rng = np.cumsum([segment.rows for segment in data.segments]), np.random.default_rng(SEED)
@@ -299,7 +299,7 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> Pi
             one[data.path_starts[number] : data.path_starts[number + 1]]
             for one in (wheel, speed, data.path["heading"])))  # fmt: skip
         for _ in range(DRAWS):
-            noisy = motion.draw(*(one[rows] for one in shown), rng)
+            noisy = motion.draw(antenna[rows], heading[rows], rng)
             drawn.append(measure_pieces(noisy, *(one[rows] for one in expected)))
     return join_pieces(drawn)
 

@@ -203,7 +203,7 @@ def check_runs(
     ]
     words = {run: f"its {get_effect(name).label} is unlike that of the other runs" for run, name in odd_runs.items()}
     rows = enumerate(zip(dataset.names, *errors, strict=True))
-    return tuple(RunCheck(*row, unlike=run in words, words=words.get(run, "")) for run, row in rows)
+    return tuple(RunCheck(name, first, last, run in words, words.get(run, "")) for run, (name, first, last) in rows)
 
 
 # --- notes on logs, clocks and the tractor file ----------------------------------------------------------------------

@@ -96,8 +96,8 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
         heading = np.degrees(np.unwrap(np.radians(motion.heading)))
         folded = np.exp(2j * (np.radians(heading) - motion.course))
     apart = 0.5 * np.degrees(np.angle(_average(folded, starts)))
-    averages = (_average(own, starts) for own in (speed, target, motion.pace, heading))
-    blocks = _Blocks(motion.time_s[starts], *averages, apart=apart)
+    speed, target, pace, heading = (_average(own, starts) for own in (speed, target, motion.pace, heading))
+    blocks = _Blocks(motion.time_s[starts], speed, target, pace, heading, apart)
     means = np.stack([_average(axis, starts) for axis in values])
     found = list[StandingSpan]()
     for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, HOLDS * hold_s)):
