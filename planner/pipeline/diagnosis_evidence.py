@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.results import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
 from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.series import mark_spans
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     compute_piece_errors,
@@ -34,20 +35,6 @@ FEWEST_BIN_ROWS = 10  # fewer say nothing of a bin
 ROUND_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _ErrorRows:
-    """Rows of all pieces: driving time, speed, wheel angle, place, and squared errors (k, 4) in cm2.
-
-    The errors are across before and after, then along before and after.
-    """
-
-    time_s: Array
-    speed_mps: Array
-    angle_deg: Array
-    place_m: Array
-    squares: Array
-
-
 def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> ReplayEvidence:
     """Replay logs with a tractor file and with the extended one; raises LogError where no segment can be replayed."""
     dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
@@ -58,21 +45,23 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
     for segment in dataset.segments:
         parts.append(_measure_segment(segment, rigs, piece_s, driven_s))
         driven_s += float(segment.time[-1] - segment.time[0])
-    rows = _ErrorRows(*(np.concatenate([getattr(part, name) for part in parts]) for name in _ErrorRows.__annotations__))
+    time_s, speed, angle, place, squares = map(np.concatenate, zip(*parts, strict=True))
     step_s = max(piece_s, _round_up(driven_s / MOST_TIME_BINS))
     return ReplayEvidence(
         piece_s,
-        bin_errors(rows.time_s, rows.squares, np.arange(0.0, driven_s + step_s, step_s), fewest_rows=1),
-        bin_errors(rows.speed_mps, rows.squares, choose_edges(rows.speed_mps)),
-        bin_errors(rows.angle_deg, rows.squares, choose_edges(rows.angle_deg)),
-        _add_slopes(_map_errors(rows), logs, dataset.origin),
+        bin_errors(time_s, squares, np.arange(0.0, driven_s + step_s, step_s), fewest_rows=1),
+        bin_errors(speed, squares, choose_edges(speed)),
+        bin_errors(angle, squares, choose_edges(angle)),
+        _add_slopes(_map_errors(place, squares), logs, dataset.origin),
         tuple(_pair_paths(segment, dataset.names[segment.run], rigs) for segment in _choose_paths(dataset.segments)),
     )
 
 
 def _measure_segment(
     segment: DriveSegment, rigs: Sequence[tuple[ReplayRig, Settings]], piece_s: float, driven_s: float
-) -> _ErrorRows:
+) -> list[Array]:
+    """Of rows of all pieces: driving time, speed, wheel angle (deg), place, and squared errors (k, 4) in cm2: across
+    before and after, then along before and after."""
     poses = [simulate_instruments(rig, segment, settings)[:2] for rig, settings in rigs]
     angle = segment.wheel if segment.wheel is not None else segment.command
     steering = np.zeros(segment.rows) if angle is None else np.degrees(angle)
@@ -82,11 +71,9 @@ def _measure_segment(
     for bounds in list_covering_bounds(segment.time, piece_s):
         old, new = (100.0 * compute_piece_errors(segment, *pose, bounds)[:, :2] for pose in poses)
         squares = np.column_stack([old[:, 0], new[:, 0], old[:, 1], new[:, 1]]) ** 2
-        used = np.zeros(segment.rows, dtype=np.bool_)
-        for first, end in zip(*bounds, strict=True):
-            used[first:end] = True
+        used = mark_spans(segment.rows, zip(bounds[0], bounds[1] - 1, strict=True))
         parts.append([column[used] for column in (*columns, squares)])
-    return _ErrorRows(*map(np.concatenate, zip(*parts, strict=True)))
+    return list(map(np.concatenate, zip(*parts, strict=True)))
 
 
 def choose_edges(values: Array) -> Array:
@@ -117,19 +104,19 @@ def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = F
     return PieceErrors(edges[:-1][kept], edges[1:][kept], rows[kept].astype(np.float64), *means)
 
 
-def _map_errors(rows: _ErrorRows) -> PlaceErrors:
+def _map_errors(place: Array, squared: Array) -> PlaceErrors:
     """Return the errors in squares of a map, both kinds together."""
-    if len(rows.place_m) == 0:
+    if len(place) == 0:
         empty = np.zeros(0)
         return PlaceErrors(empty, empty, SMALLEST_SQUARE_M, empty, empty)
-    low = rows.place_m.min(axis=0)
-    side = max(SMALLEST_SQUARE_M, _round_up(float(np.ptp(rows.place_m, axis=0).max()) / MOST_SQUARES))
-    cells = np.floor((rows.place_m - low) / side).astype(np.int64)
+    low = place.min(axis=0)
+    side = max(SMALLEST_SQUARE_M, _round_up(float(np.ptp(place, axis=0).max()) / MOST_SQUARES))
+    cells = np.floor((place - low) / side).astype(np.int64)
     squares, number = np.unique(cells, axis=0, return_inverse=True)
     number = number.ravel()
     counts = np.bincount(number)
     before, after = (
-        np.sqrt(np.bincount(number, rows.squares[:, first] + rows.squares[:, first + 2]) / counts) for first in (0, 1)
+        np.sqrt(np.bincount(number, squared[:, first] + squared[:, first + 2]) / counts) for first in (0, 1)
     )
     corners = low + side * squares
     return PlaceErrors(corners[:, 0], corners[:, 1], side, before, after)

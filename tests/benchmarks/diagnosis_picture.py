@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from vehicle.identification.replay.rig import build_rig
 
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
@@ -23,11 +24,9 @@ from vehicle.identification.diagnosis.drive_data import (
 )
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchResult
-from vehicle.identification.diagnosis.values import ValueConverter, list_run_starts
-from vehicle.identification.diagnosis.verdicts import decide
+from vehicle.identification.diagnosis.verdicts import ValueConverter, decide, list_run_starts
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.replay.rig import build_rig
 from vehicle.model.tractor import load_tractor
 
 BAND_SIGMAS, GREY, BLUE, BAND = 2.0, "#6b7280", "#1d4ed8", "#dbe3f1"

@@ -78,7 +78,7 @@ def course(*frames: pd.DataFrame) -> DriveDataset:
     return build_dataset([log(frame, f"run {number}") for number, frame in enumerate(frames)])
 
 
-QUIET = NoiseLevels(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+QUIET = NoiseLevels(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def measured(

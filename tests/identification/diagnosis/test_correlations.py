@@ -7,7 +7,7 @@ from tests.identification.diagnosis.problems import build_drive_problem, build_f
 from vehicle.identification.diagnosis.grammar import build_scope, list_nuisances
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import build_patch
-from vehicle.identification.diagnosis.values import compute_value_correlations, compute_values
+from vehicle.identification.diagnosis.verdicts import compute_value_correlations, compute_values
 
 
 @pytest.fixture(scope="module")

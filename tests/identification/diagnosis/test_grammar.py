@@ -21,7 +21,7 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
 from vehicle.identification.diagnosis.search import build_patch, find_middle_circle
-from vehicle.identification.diagnosis.values import compute_values
+from vehicle.identification.diagnosis.verdicts import compute_values
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.simulation import CHAINS
 from vehicle.model.effects import CATALOGUE, compute_effect_fields, get_effect

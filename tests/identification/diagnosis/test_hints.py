@@ -13,6 +13,7 @@ from vehicle.identification.diagnosis.hints import (
     CHANGES,
     QUANTITY_WORDS,
     WHERE_WORDS,
+    Unexplained,
     compare_thirds,
     compute_rank_sigmas,
     find_hints,
@@ -21,7 +22,6 @@ from vehicle.identification.diagnosis.hints import (
     list_quantities,
 )
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.diagnosis.noise_floor import Unexplained
 from vehicle.identification.diagnosis.search import Judgement, PredictiveComparison
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment

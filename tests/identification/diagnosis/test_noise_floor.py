@@ -9,11 +9,9 @@ import pytest
 
 from tests.identification.analytic_drives import circle, course
 from tests.identification.diagnosis.problems import build_empty_fit, build_problem, leave_parts
-from vehicle.identification.diagnosis import noise_floor
+from vehicle.identification.diagnosis import hints
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS
-from vehicle.identification.diagnosis.model_fit import Problem
-from vehicle.identification.diagnosis.noise import FREEDOM, POSE_PARTS
-from vehicle.identification.diagnosis.noise_floor import (
+from vehicle.identification.diagnosis.hints import (
     Unexplained,
     compute_chance,
     compute_noise_floor,
@@ -21,6 +19,8 @@ from vehicle.identification.diagnosis.noise_floor import (
     measure_unexplained,
     replay_commands,
 )
+from vehicle.identification.diagnosis.model_fit import Problem
+from vehicle.identification.diagnosis.noise import FREEDOM, POSE_PARTS
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset
 from vehicle.identification.replay.horizon_errors import (
@@ -106,18 +106,18 @@ def test_the_floor_is_the_same_each_time_and_has_the_rows_of_the_error() -> None
     for horizon in HORIZONS_S:
         assert np.array_equal(first[horizon], second[horizon])
         of_floor, of_error = (sum_by_run(pieces, made.data.runs, horizon)[:, 3] for pieces in (first, error))
-        assert of_floor == pytest.approx(noise_floor.DRAWS * of_error)
+        assert of_floor == pytest.approx(hints.DRAWS * of_error)
     assert set(compute_horizon_errors(first)) == set(HORIZONS_S)
 
 
 def test_commands_replayed_by_the_core_lead_where_the_replay_of_the_vehicle_leads() -> None:
     made = problem()
-    replayed, begin = replay_commands(made.data, made.rig, []), 0
+    replayed, begin = replay_commands(made.data, made.rig, [])[:2], 0
     for segment in made.data.segments:
         antenna, heading, _, _ = simulate_instruments(made.rig, segment, {})
         rows = slice(begin, begin + segment.rows)
         driven = replace(segment, east=antenna[:, 0], north=antenna[:, 1], heading=heading)
-        pieces = measure_pieces(driven, replayed.antenna[rows], replayed.heading[rows])
+        pieces = measure_pieces(driven, *(one[rows] for one in replayed))
         assert math.sqrt(mean_squares(pieces, 5.0)[:2].sum()) < 0.02
         begin += segment.rows
 

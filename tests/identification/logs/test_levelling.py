@@ -41,7 +41,7 @@ def test_there_and_back_the_mounting_is_what_does_not_change_its_sign() -> None:
     level = measure_ground_fall(logs, "roll_deg")
     assert isinstance(level, GroundFall)
     assert level.mounting_deg == pytest.approx(1.0, abs=0.1) and level.rms_fall == pytest.approx(0.0524, abs=0.002)
-    there, back = split_per_log(logs, level, level.fall)
+    there, back = split_per_log(logs, level.fall)
     assert float(there.mean()) == pytest.approx(0.0524, abs=0.002)
     assert float(back.mean()) == pytest.approx(-0.0524, abs=0.002)
     logs = logs_of(line(90.0, pitch_deg=noisy(-2.0, 1)), line(270.0, pitch_deg=noisy(4.0, 2)))

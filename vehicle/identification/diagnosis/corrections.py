@@ -63,14 +63,24 @@ def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
     knots = None if command is None else find_knots(time, command[rows])
     if knots is not None and _is_command_stale(log, rows, knots):
         log = _mark_knots(log, "steering_command_deg", rows, knots)
-    return _mark_interpolated_places(log, rows)
+    # The rows in which interpolated positions or headings were measured.
+    time, fresh, place_rows = log.time_s[rows], log.fresh, dict(log.place_rows)
+    for name in PLACE_COLUMNS:
+        values = getattr(log, name)
+        if values is None:
+            continue
+        shown = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
+        knots = find_line_knots(time, shown)
+        if knots is not None:
+            mask = np.isin(np.arange(len(log.used)), rows[knots])
+            place_rows.setdefault("heading" if name == "heading_deg" else "position", mask)
+            fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
+    is_same = fresh is log.fresh and len(place_rows) == len(log.place_rows)
+    return log if is_same else replace(log, fresh=fresh, place_rows=place_rows)
 
 
 def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs of mark_stale_columns; what is stale in some logs is so in those whose few changes cannot tell.
-
-    One instrument logged them all. A wheel that a person holds between quick turns looks held in one log alone.
-    """
+    """Return the logs of mark_stale_columns; what is stale in some is so in those whose few changes cannot tell."""
     moving = set()
     for name in MEASURED_COLUMNS:
         columns = [getattr(log, name)[log.used] for log in logs if getattr(log, name) is not None]
@@ -97,10 +107,7 @@ def _count_rows_before_clear_changes(values: Array) -> Rows:
 
 
 def _share_readings(log: Log, marked: Log) -> Log:
-    """Mark a held command of the log where the wheel angle was measured, if the two were logged together.
-
-    Noise of the wheel angle shows every reading, also those of a command that stands still.
-    """
+    """Mark a held command where the wheel angle was read, if logged together: its noise shows every reading."""
     wheel_rows, command = marked.measured_rows.get("steering_deg"), log.steering_command_deg
     if wheel_rows is None or command is None or "steering_command_deg" not in marked.measured_rows:
         return marked
@@ -130,23 +137,6 @@ def _mark_knots(log: Log, name: str, rows: Rows, knots: Rows) -> Log:
     column: dict[str, Any] = {name: interpolate_between(getattr(log, name), log.time_s, rows, knots)}
     measured_rows = {**log.measured_rows, name: np.isin(np.arange(len(log.used)), rows[knots])}
     return replace(log, measured_rows=measured_rows, **column)
-
-
-def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
-    """Mark the rows in which interpolated positions or headings were measured."""
-    time, fresh, place_rows = log.time_s[rows], log.fresh, dict(log.place_rows)
-    for name in PLACE_COLUMNS:
-        values = getattr(log, name)
-        if values is None:
-            continue
-        shown = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
-        knots = find_line_knots(time, shown)
-        if knots is not None:
-            mask = np.isin(np.arange(len(log.used)), rows[knots])
-            place_rows.setdefault("heading" if name == "heading_deg" else "position", mask)
-            fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
-    is_same = fresh is log.fresh and len(place_rows) == len(log.place_rows)
-    return log if is_same else replace(log, fresh=fresh, place_rows=place_rows)
 
 
 def find_knots(time: Array, values: Array) -> Rows | None:
@@ -199,10 +189,7 @@ def _find_bends(time: Array, values: Array) -> Rows:
 
 
 def _is_command_stale(log: Log, rows: Rows, knots: Rows) -> bool:
-    """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does.
-
-    A slower wheel angle shows that as well, in the rows in which it was measured.
-    """
+    """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does."""
     wheel = log.steering_deg
     if wheel is None or log.steering_command_deg is None:
         return False
@@ -220,8 +207,7 @@ def _is_command_stale(log: Log, rows: Rows, knots: Rows) -> bool:
 
 
 def _measure_misfit(time: Array, command: Array, shown_s: Array, angle: Array) -> float:
-    """Return the least variance of wheel angles (j,) measured at `shown_s` (j, s) that a delayed and low-passed command
-    (k,) leaves."""
+    """Return the least variance that a late, low-passed command (k,) leaves of angles (j,) at `shown_s` (j, s)."""
     grid, left = np.arange(time[0], time[-1], _LAGS_S[1]), np.inf
     held = command[np.minimum(np.searchsorted(time, grid, side="right") - 1, len(time) - 1)]
     for filter_s in _FILTERS_S:

@@ -14,7 +14,7 @@ from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS,
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.results import ResidualPlot
-from vehicle.identification.diagnosis.values import compute_values
+from vehicle.identification.diagnosis.verdicts import compute_values
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.logs.thresholds import FEWEST_ROWS, FEWEST_TIMES, MOVING_SHARE, WINDOW_S
 from vehicle.model import effects
@@ -127,10 +127,7 @@ def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> A
 
 
 def build_responses(problem: Problem, quantity: str) -> list[Array]:
-    """Change of the residuals of a channel (w, n, cells) per unit of the quantity in each cell.
-
-    Others may follow that are estimated beside it: where headings tell a turning rate from an angle to the course.
-    """
+    """Residuals of a channel (w, n, cells) per unit of the quantity in each cell, and of others to be fitted beside."""
     data = problem.data
     if CHANNEL_BY_QUANTITY[quantity] == "pose":
         turn = -math.radians(1.0) * build_yaw_response(data, problem.rig.tractor.antenna_forward_m)  # to the right
@@ -148,10 +145,8 @@ def build_responses(problem: Problem, quantity: str) -> list[Array]:
 
 
 def number_bins(values: Array, used: Mask) -> Array:
-    """The bin of every cell, -1 where it is not used: half by rank, so that bins are filled, and half by size.
-
-    So a value that most cells have takes few bins, and a limit that few cells reach is shown.
-    """
+    """The bin of every cell, -1 where unused: half by rank, so that bins are filled, and half by size, so that a limit
+    that few cells reach is shown."""
     inside = np.sort(values[used])
     low, spread = inside[0], max(float(inside[-1] - inside[0]), 1e-12)
     by_rank = np.searchsorted(inside, values, side="right") / len(inside)
@@ -160,10 +155,7 @@ def number_bins(values: Array, used: Mask) -> Array:
 
 
 def estimate_bins(problem: Problem, channel: str, design: Array, residuals: Array) -> tuple[Array, Array]:
-    """Means of bins and their standard errors, from columns (w, n, bins) and residuals (w, n).
-
-    An error is the larger one of what the noise gives and of what windows differ by.
-    """
+    """Means of bins and errors by noise and windows, from columns (w, n, bins) and residuals (w, n)."""
     noise = problem.noise[channel]
     white = noise.whiten(residuals)
     roots = np.sqrt(noise.compute_weights(white))

@@ -36,20 +36,16 @@ from vehicle.records import DT_S
 
 @dataclass(frozen=True)
 class NoiseLevels:
-    """Standard deviations: white position and heading, their slow drifts, yaw disturbance of the soil, speed.
-
-    Position in m, heading in rad, soil in rad per m driven, along in m per root second.
-    """
+    """Standard deviations: white position (m) and heading (rad), their slow drifts, yaw by soil (rad per m driven)."""
 
     position: float
     position_drift: float
     heading: float
     heading_drift: float
     soil: float
-    along: float
 
 
-DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: RTK with two antennas, ordinary soil
+DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025)  # chosen: RTK with two antennas, ordinary soil
 WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
 DEMO_PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
 
@@ -104,53 +100,41 @@ def simulate_demo_logs(
     hidden: HiddenEffect | None, tractor: Tractor, ground: str, seed: int, rate_hz: float = 20.0
 ) -> list[Log]:
     """Simulate the logs of the programme with the hidden effect (or none), noise and rounding."""
+    import pandas as pd
+
     rig, rng = build_rig(tractor, ground, (0.0, 0.0)), np.random.default_rng([seed, 1])
     settings: Settings = {} if hidden is None else {hidden.id: hidden.values}
     logs = []
     for name, bearing, pieces in build_programme():
         drive = build_command_segment(0, math.radians(90.0 - bearing), pieces, PROGRAMME_PACE_MPS, 1.0 / rate_hz)
-        logs.append(_simulate_noisy_log(rig, name, drive, settings, rng))
+        place = rng.uniform(-10.0, 10.0, 2)
+        # Effects of a place use the measured pose, so the drive is simulated twice: first to learn where it goes.
+        for number in range(4):
+            states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
+            path = states[:, [X_COLUMN, Y_COLUMN]]
+            move = place - 0.5 * (path.max(axis=0) + path.min(axis=0)) if number == 0 else np.zeros(2)
+            shown = {"east": path[:, 0] + move[0], "north": path[:, 1] + move[1], "heading": states[:, ANGLE_COLUMN]}
+            grid = np.arange(len(states)) * DT_S
+            poses: dict[str, Any] = {key: np.interp(drive.time, grid, values) for key, values in shown.items()}
+            drive = replace(drive, grids=drive.grids | shown, **poses)
+        assert drive.command is not None
+        rough = add_soil_noise(DEMO_NOISE, states, rng)
+        measured, wheel, speed = add_instrument_noise(rig, DEMO_NOISE, drive, rough, settings, rng)
+        frame = pd.DataFrame(
+            {
+                "time_s": drive.time,
+                "easting_m": np.round(measured.east, 3),
+                "northing_m": np.round(measured.north, 3),
+                "heading_deg": np.round(np.mod(90.0 - np.degrees(measured.heading), 360.0), 2),
+                "speed_mps": np.round(np.maximum(speed + SPEED_NOISE_MPS * rng.standard_normal(drive.rows), 0.0), 2),
+                "speed_command_mps": drive.target,
+                "steering_command_deg": np.round(np.degrees(drive.command), 3),
+                "steering_deg": np.round(np.degrees(wheel) / WHEEL_DIGIT_DEG) * WHEEL_DIGIT_DEG,
+                "implement": drive.working.astype(int),
+            }
+        )
+        logs.append(build_log(frame, name))
     return logs
-
-
-def _simulate_noisy_log(
-    rig: ReplayRig, name: str, drive: DriveSegment, settings: Settings, rng: np.random.Generator
-) -> Log:
-    import pandas as pd
-
-    place = rng.uniform(-10.0, 10.0, 2)
-    # Effects of a place use the measured pose, so the drive is simulated twice: first to learn where it goes.
-    states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
-    path = states[:, [X_COLUMN, Y_COLUMN]]
-    drive = _replace_segment_poses(drive, states, place - 0.5 * (path.max(axis=0) + path.min(axis=0)))
-    for _ in range(3):
-        states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
-        drive = _replace_segment_poses(drive, states, np.zeros(2))
-    assert drive.command is not None
-    rough = add_soil_noise(DEMO_NOISE, states, rng)
-    measured, wheel, speed = add_instrument_noise(rig, DEMO_NOISE, drive, rough, settings, rng)
-    frame = pd.DataFrame(
-        {
-            "time_s": drive.time,
-            "easting_m": np.round(measured.east, 3),
-            "northing_m": np.round(measured.north, 3),
-            "heading_deg": np.round(np.mod(90.0 - np.degrees(measured.heading), 360.0), 2),
-            "speed_mps": np.round(np.maximum(speed + SPEED_NOISE_MPS * rng.standard_normal(drive.rows), 0.0), 2),
-            "speed_command_mps": drive.target,
-            "steering_command_deg": np.round(np.degrees(drive.command), 3),
-            "steering_deg": np.round(np.degrees(wheel) / WHEEL_DIGIT_DEG) * WHEEL_DIGIT_DEG,
-            "implement": drive.working.astype(int),
-        }
-    )
-    return build_log(frame, name)
-
-
-def _replace_segment_poses(drive: DriveSegment, states: Array, shift: Array) -> DriveSegment:
-    shown = {"east": states[:, X_COLUMN] + shift[0], "north": states[:, Y_COLUMN] + shift[1],
-             "heading": states[:, ANGLE_COLUMN]}  # fmt: skip
-    grid = np.arange(len(states)) * DT_S
-    poses: dict[str, Any] = {name: np.interp(drive.time, grid, values) for name, values in shown.items()}
-    return replace(drive, grids=drive.grids | shown, **poses)
 
 
 def add_instrument_noise(

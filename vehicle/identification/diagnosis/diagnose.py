@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.curves import build_residual_plot
 from vehicle.identification.diagnosis.drive_data import build_drive_data, choose_informative_parts
 from vehicle.identification.diagnosis.grammar import BY_RUN, build_constant, scale_effect
-from vehicle.identification.diagnosis.hints import find_hints
+from vehicle.identification.diagnosis.hints import compute_noise_floor, find_hints, measure_unexplained
 from vehicle.identification.diagnosis.log_notes import (
     add_outside,
     build_fault_diagnosis,
@@ -24,15 +24,20 @@ from vehicle.identification.diagnosis.log_notes import (
     describe_logs,
     list_onset_faults,
 )
-from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
+from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive, find_usual_heading_and_speed
-from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, measure_unexplained
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, find_other_turning
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
 from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
-from vehicle.identification.diagnosis.values import ValueConverter, compute_value_correlations, list_run_starts
-from vehicle.identification.diagnosis.verdicts import Verdict, decide, find_smallest_visible
+from vehicle.identification.diagnosis.verdicts import (
+    ValueConverter,
+    Verdict,
+    compute_value_correlations,
+    decide,
+    find_smallest_visible,
+    list_run_starts,
+)
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
@@ -46,7 +51,7 @@ from vehicle.identification.replay.horizon_errors import (
 )
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
-from vehicle.model.effect_kinds import CIRCLE, Interval
+from vehicle.model.effect_kinds import CIRCLE
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
 from vehicle.model.tractor import Tractor
 
@@ -95,16 +100,22 @@ def diagnose_logs(
     converter = ValueConverter(problem, list_run_starts(logs))
     saved = choose_saved(converter, result.fit, verdicts, count.count_step)
     turning = find_other_turning(logs, tractor)
-    verdicts = withdraw_refused(verdicts, saved.refused)
-    compass = next((one for one in verdicts if str(one.hypothesis) == COMPASS), None)
-    if turning is not None:
-        # Without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as rams that
-        # move half of the vehicle are not those of the file.
-        verdicts = [one for one in verdicts if one.hypothesis.id not in turning.faked_ids]
-        is_joint = turning.kind == ARTICULATED
-        verdicts = [replace(one, status=LIKELY) if is_joint else one for one in verdicts]
-    verdicts = [one for one in verdicts if one is not compass]
-    diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts).compose()
+    compass, kept = None, list[Verdict]()
+    for verdict in verdicts:
+        effect = EFFECTS_BY_ID.get(verdict.hypothesis.id)
+        if any(one is verdict for one in saved.refused) and not (effect is not None and effect.is_of_log_alone):
+            # What left-out runs refuse: a name becomes likely, anything else is dropped, but columns no path shows.
+            if verdict.status != NAMED:
+                continue
+            verdict = replace(verdict, status=LIKELY)
+        if str(verdict.hypothesis) == COMPASS:
+            compass = verdict
+        elif turning is None or verdict.hypothesis.id not in turning.faked_ids:
+            # Without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as rams
+            # that move half of the vehicle are not those of the file.
+            is_joint = turning is not None and turning.kind == ARTICULATED
+            kept.append(replace(verdict, status=LIKELY) if is_joint else verdict)
+    diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, kept).compose()
     count.report_completion()
     return add_outside(diagnosis, None if compass is None else float(np.linalg.norm(compass.amounts)), turning)
 
@@ -212,36 +223,46 @@ class _Composer:
         pairs: list[CompetingPair] = []
         for verdict in self.verdicts:
             own = verdict.hypothesis, verdict.amounts
-            others = [(one.alternative, one.amounts) for one in verdict.others]
-            pairs += [(own, (other, amounts)) for other, amounts in others if other is not None and amounts is not None]
-            if verdict.status == LIKELY and not others:
+            for one in verdict.others:
+                if one.alternative is not None and one.amounts is not None:
+                    pairs.append((own, (one.alternative, one.amounts)))
+            if verdict.status == LIKELY and not verdict.others:
                 pairs.append((own, None))
         return pairs
 
     def _compute_block_errors(self) -> dict[str, tuple[float, float]]:
         """Per channel cut at the sensors, the root mean square residual before and after (1 is noise alone)."""
         errors = {}
-        for channel in CHANNELS:
-            noise = self.problem.noise[channel]
+        for channel, noise in self.problem.noise.items():
             if noise.observed.any():
-                sizes = [
+                before, after = (
                     float(np.sqrt((noise.whiten(fit.residuals[channel]) ** 2).sum() / noise.observed.sum()))
                     for fit in (self.result.base, self.result.fit)
-                ]
-                errors[BLOCKS[channel]] = (sizes[0], sizes[1])
+                )
+                errors[BLOCKS[channel]] = before, after
         return errors
 
     def build_findings(self) -> list[Finding]:
         """A finding for every effect of the catalogue, in its order."""
         visible = find_smallest_visible(self.problem, self.result.fit)
-        by_id: dict[str, list[Verdict]] = {}
-        for verdict in self.verdicts:
-            if verdict.hypothesis.id in EFFECTS_BY_ID:
-                by_id.setdefault(verdict.hypothesis.id, []).append(verdict)
+        known = [one for one in self.verdicts if one.hypothesis.id in EFFECTS_BY_ID]
+        by_id = {
+            name: [one for one in known if one.hypothesis.id == name] for name in (one.hypothesis.id for one in known)
+        }
         findings = {effect_id: self._build_found(own, visible.get(effect_id)) for effect_id, own in by_id.items()}
-        for verdict in self.verdicts:
-            for finding in self._build_alternatives(verdict, visible):
-                findings.setdefault(finding.id, finding)
+        for verdict in known:  # effects that could take the place of one
+            for other in verdict.others if verdict.status == EQUIVALENT else ():
+                alternative, amounts = other.alternative, other.amounts
+                if alternative is None or amounts is None or not alternative.is_catalogued:
+                    continue
+                effect, value = get_effect(alternative.id), self.converter.compute_values(alternative, amounts)
+                sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != effect.id))
+                finding = Finding(
+                    effect.id, EQUIVALENT, value, None, None, None, visible.get(effect.id), effect.size.unit,
+                    effect.block, effect.describe(value), tuple(one for one in sets if one in EFFECTS_BY_ID),
+                    f"looks like {get_effect(verdict.hypothesis.id).label}",
+                )  # fmt: skip
+                findings.setdefault(effect.id, finding)
         return [findings.get(one.id) or self._build_absent(one, visible.get(one.id)) for one in CATALOGUE]
 
     def _build_found(self, verdicts: Sequence[Verdict], visible: float | None) -> Finding:
@@ -253,11 +274,10 @@ class _Composer:
         is_circle = effect.kind is CIRCLE  # its place is its law
         laws = [one for one in verdicts if not (one.hypothesis.is_catalogued or is_circle) and
                 one.hypothesis.law != "with_speed"]  # fmt: skip
-        value: Mapping[str, float] = {}
-        interval: dict[str, Interval] | None = None
+        value, interval = dict[str, float](), None
         if constants or main.hypothesis.law == "with_speed":
             value = converter.compute_values(main.hypothesis, main.amounts)
-            interval = dict(converter.compute_interval(main.hypothesis, main.amounts, main.covariance))
+            interval = converter.compute_interval(main.hypothesis, main.amounts, main.covariance)
         law = converter.describe_law(laws[0], constants[0].amounts if constants else None) if laws else None
         if law is not None and not constants:  # the mean over the logs
             hypothesis = laws[0].hypothesis
@@ -270,30 +290,10 @@ class _Composer:
         gain, ids = self.saved.gains.get(effect.id), tuple(one for one in main.equivalent_to if one in EFFECTS_BY_ID)
         others = " or ".join(get_effect(one).label for one in ids)
         return Finding(
-            effect.id, main.status, dict(value), interval, gain and gain[0], gain and gain[1], visible,
+            effect.id, main.status, value, interval, gain and gain[0], gain and gain[1], visible,
             effect.size.unit, effect.block, effect.describe(value), ids,
             f"these logs cannot tell it from {others}" if others else "", law,
         )  # fmt: skip
-
-    def _build_alternatives(self, verdict: Verdict, visible: Mapping[str, float]) -> list[Finding]:
-        """Findings of the effects that could take the place of one."""
-        if verdict.status != EQUIVALENT or verdict.hypothesis.id not in EFFECTS_BY_ID:
-            return []
-        found = []
-        for other in verdict.others:
-            alternative, amounts = other.alternative, other.amounts
-            if alternative is None or amounts is None or not alternative.is_catalogued:
-                continue
-            effect, value = get_effect(alternative.id), self.converter.compute_values(alternative, amounts)
-            sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != effect.id))
-            found.append(
-                Finding(
-                    effect.id, EQUIVALENT, value, None, None, None, visible.get(effect.id), effect.size.unit,
-                    effect.block, effect.describe(value), tuple(one for one in sets if one in EFFECTS_BY_ID),
-                    f"looks like {get_effect(verdict.hypothesis.id).label}",
-                )
-            )  # fmt: skip
-        return found
 
     def _build_absent(self, effect: Effect, visible: float | None) -> Finding:
         """The finding of an effect that the logs do not call for."""
@@ -311,19 +311,3 @@ class _Composer:
         status = REFUTED if is_refuted else NOT_VISIBLE
         shown = None if visible is None or not math.isfinite(visible) else visible
         return Finding(effect.id, status, None, None, None, None, shown, effect.size.unit, effect.block, "")
-
-
-def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) -> list[Verdict]:
-    """The verdicts without those that left-out runs refuse: a name becomes likely, anything else is dropped.
-
-    Columns that no path shows stay as they are.
-    """
-    kept = []
-    for verdict in verdicts:
-        effect = EFFECTS_BY_ID.get(verdict.hypothesis.id)
-        is_refused = any(one is verdict for one in refused) and not (effect is not None and effect.is_of_log_alone)
-        if not is_refused:
-            kept.append(verdict)
-        elif verdict.status == NAMED:
-            kept.append(replace(verdict, status=LIKELY))
-    return kept

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import STANDSTILL_MPS, WINDOW_S
 from vehicle.identification.replay.drive_inputs import DriveInputs, Places, Samples, build_inputs
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
@@ -34,10 +34,7 @@ CRAWL_MPS = 0.2  # windows driven more slowly on average say nothing
 
 @dataclass(frozen=True, eq=False)
 class DriveData(DriveInputs):
-    """All segments of a dataset that hold a window.
-
-    `window_runs` (w,) are indices of runs, `window_starts` (w,) steps of the path.
-    """
+    """All segments that hold a window: runs (w,) by index, and starts (w,) in steps of the path."""
 
     dataset: DriveDataset
     window_runs: Places
@@ -57,7 +54,7 @@ class DriveData(DriveInputs):
     @cached_property
     def path_runs(self) -> Places:
         """The run of every step of the path (m,)."""
-        return self.spread([segment.run for segment in self.segments])
+        return np.repeat([segment.run for segment in self.segments], np.diff(self.path_starts))
 
     @cached_property
     def row_step_s(self) -> float:
@@ -73,10 +70,7 @@ class DriveData(DriveInputs):
 
 
 def build_drive_data(dataset: DriveDataset) -> DriveData:
-    """Lay the segments of a dataset out in windows.
-
-    Raises LogError where fewer than FEWEST_WINDOWS hold enough driving.
-    """
+    """Lay segments out in windows; raises LogError where fewer than FEWEST_WINDOWS hold enough driving."""
     starts_of = [(segment, starts) for segment in dataset.segments if (starts := _list_windows(segment))]
     kept = [segment for segment, _ in starts_of]
     windows = [(number, start) for number, (_, starts) in enumerate(starts_of) for start in starts]
@@ -89,7 +83,33 @@ def build_drive_data(dataset: DriveDataset) -> DriveData:
     window_segments = np.array([number for number, _ in windows], dtype=np.int64)
     starts = inputs.path_starts[window_segments] + np.array([round(start / PATH_STEP_S) for _, start in windows])
     runs = np.array([kept[number].run for number in window_segments], dtype=np.int64)
-    samples = _build_samples(kept, windows, inputs.step_starts, inputs.path_starts)
+    # East, north, heading, wheel angle and speed as measured, in cells of the windows.
+    samples = {}
+    for name, count in (("east", POSE_CELLS), ("north", POSE_CELLS), ("heading", POSE_CELLS),
+                        ("wheel", SENSOR_CELLS), ("speed", SENSOR_CELLS)):  # fmt: skip
+        is_pose = count == POSE_CELLS
+        begins, step_s = (inputs.path_starts, PATH_STEP_S) if is_pose else (inputs.step_starts, STEP_S)
+        parts = [(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
+        for window, (number, start_s) in enumerate(windows):
+            segment = kept[number]
+            is_absent = {  # or cannot be compared
+                "heading": not segment.heading_measured,
+                "wheel": segment.wheel is None or segment.command is None,
+                "speed": not segment.speed_measured or segment.target is None,
+            }
+            if is_absent.get(name):
+                continue
+            measured = True if is_pose else segment.measured_rows.get(name, True)
+            rows = np.flatnonzero((segment.time >= start_s) & (segment.time < start_s + WINDOW_S) & measured)
+            cell = ((segment.time[rows] - start_s) / (WINDOW_S / count)).astype(np.int64)
+            places = begins[number] + segment.time[rows] / step_s
+            parts.append((getattr(segment, name)[rows], places, window * count + np.minimum(cell, count - 1),
+                          np.full(len(rows), number)))  # fmt: skip
+        values, places, cells, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
+        shape, size = (len(windows), count), len(windows) * count
+        counts = np.bincount(cells, minlength=size)
+        means = np.bincount(cells, values, minlength=size) / np.maximum(counts, 1)
+        samples[name] = Samples(means.reshape(shape), (counts > 0).reshape(shape), places, cells, numbers)
     return DriveData(**vars(inputs) | samples, dataset=dataset, window_runs=runs, window_starts=starts,
                      window_segments=window_segments)  # fmt: skip
 
@@ -104,46 +124,6 @@ def _list_windows(segment: DriveSegment) -> list[float]:
         if rows.any() and cells >= max(4, LEAST_CELL_SHARE * POSE_CELLS):
             starts += [float(start)] if float(np.abs(segment.speed[rows]).mean()) > CRAWL_MPS else []
     return starts
-
-
-def _build_samples(
-    segments: Sequence[DriveSegment], windows: list[tuple[int, float]], step_starts: Places, path_starts: Places
-) -> dict[str, Samples]:
-    """East, north, heading, wheel angle and speed as measured, in cells of the windows."""
-    samples = {}
-    for name, count in (("east", POSE_CELLS), ("north", POSE_CELLS), ("heading", POSE_CELLS),
-                        ("wheel", SENSOR_CELLS), ("speed", SENSOR_CELLS)):  # fmt: skip
-        starts, step_s = (path_starts, PATH_STEP_S) if count == POSE_CELLS else (step_starts, STEP_S)
-        parts = [(np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))]
-        for window, (number, start_s) in enumerate(windows):
-            segment = segments[number]
-            column = _get_sampled_column(segment, name)
-            if column is None:
-                continue
-            rows = np.flatnonzero((segment.time >= start_s) & (segment.time < start_s + WINDOW_S) & column[1])
-            cell = ((segment.time[rows] - start_s) / (WINDOW_S / count)).astype(np.int64)
-            places = starts[number] + segment.time[rows] / step_s
-            parts.append((column[0][rows], places, window * count + np.minimum(cell, count - 1),
-                          np.full(len(rows), number)))  # fmt: skip
-        values, places, cells, numbers = (np.concatenate(part) for part in zip(*parts, strict=True))
-        shape, size = (len(windows), count), len(windows) * count
-        counts = np.bincount(cells, minlength=size)
-        means = np.bincount(cells, values, minlength=size) / np.maximum(counts, 1)
-        samples[name] = Samples(means.reshape(shape), (counts > 0).reshape(shape), places, cells, numbers)
-    return samples
-
-
-def _get_sampled_column(segment: DriveSegment, name: str) -> tuple[Array, Mask] | None:
-    """The values of a column (k,) and in which rows they were measured; None where they cannot be compared."""
-    is_absent = {
-        "heading": not segment.heading_measured,
-        "wheel": segment.wheel is None or segment.command is None,
-        "speed": not segment.speed_measured or segment.target is None,
-    }
-    if is_absent.get(name):
-        return None
-    every = np.ones(segment.rows, dtype=np.bool_)
-    return getattr(segment, name), segment.measured_rows.get(name, every) if name in ("wheel", "speed") else every
 
 
 PIECE_S = 4.0 * WINDOW_S  # long enough for what lasts, such as a lag of the speed
@@ -189,39 +169,36 @@ def _list_pieces(dataset: DriveDataset) -> list[tuple[int, float]]:
 
 
 def _keep_pieces(dataset: DriveDataset, pieces: Sequence[tuple[int, float]]) -> DriveDataset:
-    return replace(dataset, segments=tuple(cut_segment(dataset.segments[number], start) for number, start in pieces))
+    """The dataset with pieces of segments as segments of their own, with the commands before them."""
+    columns, segments = ("east", "north", "heading", "speed", "wheel", "command", "target", "working"), []
+    for number, start_s in pieces:
+        segment = dataset.segments[number]
+        steps, command, earlier = _get_steps(segment, start_s), segment.grids.get("command"), segment.earlier_commands
+        begin_s, end_s = steps.start * DT_S, (steps.stop - 1) * DT_S
+        rows = (segment.time >= begin_s - 1e-9) & (segment.time <= end_s + 1e-9)
+        if steps.start > 0 and command is not None:
+            earlier = command[max(steps.start - HISTORY_STEPS, 0) : steps.start]
+        wheel = segment.logged_wheel
+        if wheel is not None:
+            inside = (wheel[0] >= begin_s) & (wheel[0] <= end_s)
+            wheel = (wheel[0][inside] - begin_s, wheel[1][inside])
+        values: dict[str, Any] = {name: getattr(segment, name) for name in columns}
+        values = {name: None if one is None else one[rows] for name, one in values.items()}
+        segments.append(
+            replace(
+                segment,
+                **values,
+                start_s=segment.start_s + begin_s,
+                time=segment.time[rows] - begin_s,
+                grids={name: one[steps] for name, one in segment.grids.items()},
+                logged_wheel=wheel,
+                measured_rows={name: mask[rows] for name, mask in segment.measured_rows.items()},
+                earlier_commands=earlier,
+            )
+        )
+    return replace(dataset, segments=tuple(segments))
 
 
 def _get_steps(segment: DriveSegment, start_s: float) -> slice:
     first = round(start_s / DT_S)
     return slice(first, min(first + round(PIECE_S / DT_S) + 1, len(segment.grids["speed"])))
-
-
-def cut_segment(segment: DriveSegment, start_s: float) -> DriveSegment:
-    """A piece of a segment as a segment of its own, with the commands before it."""
-    steps = _get_steps(segment, start_s)
-    begin_s, end_s = steps.start * DT_S, (steps.stop - 1) * DT_S
-    rows = (segment.time >= begin_s - 1e-9) & (segment.time <= end_s + 1e-9)
-    command = segment.grids.get("command")
-    earlier = (
-        segment.earlier_commands
-        if steps.start == 0 or command is None
-        else command[max(steps.start - HISTORY_STEPS, 0) : steps.start]
-    )
-    wheel = segment.logged_wheel
-    if wheel is not None:
-        inside = (wheel[0] >= begin_s) & (wheel[0] <= end_s)
-        wheel = (wheel[0][inside] - begin_s, wheel[1][inside])
-    columns = ("east", "north", "heading", "speed", "wheel", "command", "target", "working")
-    values: dict[str, Any] = {name: getattr(segment, name) for name in columns}
-    values = {name: None if one is None else one[rows] for name, one in values.items()}
-    return replace(
-        segment,
-        **values,
-        start_s=segment.start_s + begin_s,
-        time=segment.time[rows] - begin_s,
-        grids={name: one[steps] for name, one in segment.grids.items()},
-        logged_wheel=wheel,
-        measured_rows={name: mask[rows] for name, mask in segment.measured_rows.items()},
-        earlier_commands=earlier,
-    )

@@ -198,9 +198,23 @@ def list_catalogue(data: DriveData, tractor: Tractor) -> list[Hypothesis]:
 def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothesis:
     """An effect as a constant: its coordinates about neutral, with the fields that they change."""
     kind, size, box = scale_effect(effect, data, tractor)
-    coordinates = []
+    coordinates, neutral = [], np.array(box.neutral)
     for place, typical in enumerate(box.typical):
-        slopes = _measure_slopes(effect, kind, np.array(box.neutral), place, typical)
+        # What a unit of a coordinate adds to fields of the model, by the formulas of the catalogue.
+        moved, step = neutral.copy(), 1e-3 * typical
+        moved[place] += step
+        if effect.id == SLOPE_DRIFT and len(neutral) == 1:
+            share = float(kind.compute_values(effect.params, np.array([typical]))["per_slope"])
+            slopes: tuple[tuple[str, float], ...] = (("per_slope", share / typical),)
+        elif effect.id == GRIP_DRIFT:
+            slopes = (("bend", 1.0),)
+        else:
+            before, after = (
+                compute_effect_fields({effect.id: kind.compute_values(effect.params, numbers, ())})
+                for numbers in (neutral, moved)
+            )
+            changed = [name for name in after if name in before and after[name] != before[name]]
+            slopes = tuple((name, (after[name] - before[name]) / step) for name in changed)
         low, high = box.low[place] - box.neutral[place], box.high[place] - box.neutral[place]
         basis = DRIFT_BASIS if effect.id == GRIP_DRIFT else CONSTANT
         coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high, basis))
@@ -208,33 +222,8 @@ def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothe
     return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, size.finest, starts=starts)
 
 
-def _measure_slopes(
-    effect: Effect, kind: EffectKind, neutral: Array, place: int, typical: float
-) -> tuple[tuple[str, float], ...]:
-    """What a unit of a coordinate adds to fields of the model, by the formulas of the catalogue."""
-    if effect.id == SLOPE_DRIFT and len(neutral) == 1:
-        share = float(kind.compute_values(effect.params, np.array([typical]))["per_slope"])
-        return (("per_slope", share / typical),)
-    moved = neutral.copy()
-    moved[place] += 1e-3 * typical
-    if effect.id == GRIP_DRIFT:
-        return (("bend", 1.0),)
-    before, after = (
-        compute_effect_fields({effect.id: kind.compute_values(effect.params, coordinates, ())})
-        for coordinates in (neutral, moved)
-    )
-    return tuple(
-        (name, (after[name] - before[name]) / (1e-3 * typical))
-        for name in after
-        if name in before and after[name] != before[name]
-    )
-
-
 def build_scope(parent: Hypothesis, law: str, keys: Sequence[str] = (), scale: float = 1.0) -> Hypothesis:
-    """An effect that follows a law, the key of a basis whose usual size is `scale`; the amounts have no limits.
-
-    With several keys its first coordinate has an amount for each.
-    """
+    """An effect that follows a law, a basis whose usual size is `scale`, without limits; of several keys its first."""
     own = parent.coordinates[:1] * len(keys) or parent.coordinates
     coordinates = tuple(
         Coordinate(one.slopes, one.width / scale, -math.inf, math.inf, key)

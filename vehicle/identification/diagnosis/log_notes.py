@@ -195,21 +195,15 @@ def add_outside(diagnosis: Diagnosis, compass_deg: float | None, turning: OtherT
 def check_runs(
     dataset: DriveDataset, before: Pieces, after: Pieces, odd_runs: Mapping[int, str]
 ) -> tuple[RunCheck, ...]:
-    """Return the distance errors of every run; those across only where not every log has a measured speed.
-
-    `odd_runs` are runs that are unlike the others, and the effect in which they are.
-    """
+    """Return the distance errors of runs (across only, if not all speeds were measured); `odd_runs` are unlike."""
     kinds, count = 2 if dataset.has_speed else 1, len(dataset.names)
     errors = [
         [100.0 * math.sqrt(float(run[:kinds].sum() / run[3])) if run[3] else None for run in sum_by_run(pieces, count)]
         for pieces in (before, after)
     ]
     words = {run: f"its {get_effect(name).label} is unlike that of the other runs" for run, name in odd_runs.items()}
-    rows = enumerate(zip(dataset.names, errors[0], errors[1], strict=True))
-    return tuple(
-        RunCheck(name, error_before, error_after, run in words, words.get(run, ""))
-        for run, (name, error_before, error_after) in rows
-    )
+    rows = enumerate(zip(dataset.names, *errors, strict=True))
+    return tuple(RunCheck(name, first, last, run in words, words.get(run, "")) for run, (name, first, last) in rows)
 
 
 # --- notes on logs, clocks and the tractor file ----------------------------------------------------------------------
@@ -252,15 +246,11 @@ def describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[s
         outcome = f" These logs do not show {', '.join(unseen)}; the value of the file was kept." if unseen else ""
         sentences.append(
             f"The tractor file already has {', '.join(tractor.effects)}; fitted again from scratch. The error before "
-            "is with "
-            f"the values of the file.{outcome}"
+            f"is with the values of the file.{outcome}"
         )
     if tractor.discrepancy_model is not None:
-        outcome = (
-            "kept, as these logs do not contradict it"
-            if diagnosis.tractor.discrepancy_model is tractor.discrepancy_model
-            else "replaced"
-        )
-        outcome = "dropped, as these logs contradict it" if diagnosis.tractor.discrepancy_model is None else outcome
+        now, outcome = diagnosis.tractor.discrepancy_model, "kept, as these logs do not contradict it"
+        if now is not tractor.discrepancy_model:
+            outcome = "dropped, as these logs contradict it" if now is None else "replaced"
         sentences.append(f"The tractor file has a discrepancy model: {outcome}.")
     return tuple(sentences)

@@ -139,10 +139,7 @@ class Problem:
         self, model: Model, amounts: Array, residuals: Residuals, places: Iterable[int], step: float,
         is_fresh: bool = False,
     ) -> dict[str, Array]:  # fmt: skip
-        """Whitened change of the prediction per width of the coordinates at `places`: (w, n, k) per channel.
-
-        Changes that were computed where the amounts were nearly the same are used again, unless `is_fresh`.
-        """
+        """Whitened change of the prediction per width of coordinates (w, n, k); `is_fresh` uses no stored ones."""
         names = [(str(one), number) for one in model for number in range(one.size)]
         columns = [
             self._get_change(model, amounts, residuals, place, names[place], step, NEAR_WIDTHS * (not is_fresh))
@@ -157,10 +154,8 @@ class Problem:
         self, model: Model, amounts: Array, residuals: Residuals, place: int, name: tuple[str, int], step: float,
         near: float,
     ) -> Residuals:  # fmt: skip
-        """The change of the prediction per width of one coordinate, there or within `near` widths.
-
-        Runs do not know each other: what an effect of one run changes is what the same effect changes in that run.
-        """
+        """The change of the prediction per width of one coordinate, there or within `near` widths. Runs do not know
+        each other: what an effect of one run changes is what the same effect changes in that run."""
         own = next(one for one in model if str(one) == name[0])
         if own.basis == BY_RUN:
             constant = own.make_constant()
@@ -209,21 +204,18 @@ class Problem:
         for _ in range(iterations):
             linear = self.linearise(model, amounts, residuals, is_fresh=is_fresh)
             curvature, slope = linear.curvature, linear.matrix.T @ linear.target - amounts / widths
-            found = None
             for _ in range(MOST_DAMPINGS):
                 step = _solve_inside(curvature, slope, damping, amounts, widths, bounds)
                 tried = np.clip(amounts + widths * step, *bounds)
                 tried_residuals = self.compute_residuals(model, tried)
                 tried_cost = self.compute_cost(model, tried, tried_residuals)
                 if tried_cost < cost - 1e-6:
-                    found = tried, tried_residuals, tried_cost
+                    gained, damping = cost - tried_cost, 0.3 * damping
+                    amounts, residuals, cost = tried, tried_residuals, tried_cost
                     break
                 damping = max(8.0 * damping, 1e-2)
-            gained = 0.0
-            if found is not None:
-                gained = cost - found[2]
-                amounts, residuals, cost = found
-            damping = 0.3 * damping if found is not None else 1e-3
+            else:
+                gained, damping = 0.0, 1e-3
             if gained < SETTLED_NATS:
                 if is_fresh:
                     break
@@ -403,10 +395,7 @@ class Linearisation:
         return np.asarray(columns - self.matrix @ (self.inverse @ (self.matrix.T @ columns)))
 
     def predict_gain(self, hypothesis: Hypothesis, columns: Array, sign: float) -> Gain | None:
-        """The gain of a hypothesis with weighted columns (rows, k) beside the fit; None on the wrong side.
-
-        `sign` is the direction in which the columns were computed.
-        """
+        """The gain beside the fit by columns (rows, k) that were computed with this sign; None on the wrong side."""
         own = self.reduce(columns)
         curvature = columns.T @ own + np.eye(hypothesis.size)
         slope = own.T @ self.target

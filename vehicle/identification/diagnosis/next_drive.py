@@ -96,46 +96,31 @@ def compute_separation(trial: Problem, first: Fit, second: Fit, can_both_adapt: 
 
 
 def build_trial(problem: Problem, programme: DriveProgramme) -> Problem:
-    """A drive of the plain tractor where the logs begin, with their columns, their rate and their noise.
-
-    What one run of the logs had is not in it.
-    """
+    """A drive of the plain tractor, no run of the logs, where they begin, with their columns, rate and noise."""
     logs = problem.data.dataset
     heading, pace = find_usual_heading_and_speed(logs.segments)
     driven = simulate_programme(problem.rig, programme, heading, pace, {}, problem.data.row_step_s)
-    segments, start_s = [], 0.0
+    segments, start_s, every = [], 0.0, logs.segments
+    east, north = float(every[0].east[0]), float(every[0].north[0])
+    # Simulated passes as these logs would hold them: where they begin, on their slope, with their columns.
+    absent = {name for name in ("wheel", "command", "target") if all(getattr(one, name) is None for one in every)}
     for segment, (_, pieces) in zip(driven.segments, programme.passes, strict=True):
-        segments.append(_adapt_segment(segment, logs, start_s))
+        grids = segment.grids | {"east": segment.grids["east"] + east, "north": segment.grids["north"] + north}
+        if logs.cross_slope.is_usable:
+            cosine, sine = np.cos(grids["heading"]), np.sin(grids["heading"])
+            grids["across"] = logs.cross_slope.east * sine - logs.cross_slope.north * cosine
+        changed: dict[str, Any] = dict.fromkeys(absent)
+        changed |= {"run": 0, "start_s": start_s, "east": segment.east + east, "north": segment.north + north}
+        changed["heading_measured"] = any(one.heading_measured for one in every)
+        changed["speed_measured"] = any(one.speed_measured for one in every)
+        segments.append(replace(segment, grids=grids, **changed))
         start_s += sum(piece[0] for piece in pieces)
     dataset = replace(driven, names=(programme.id,), segments=tuple(segments), origin=logs.origin)
     trial = Problem(build_drive_data(dataset), problem.rig)
-    absent = np.zeros(trial.data.path_starts[-1])
-    trial.bases.arrays |= {f"by_run:{run}": absent for run in range(problem.data.runs)}
+    nowhere = np.zeros(trial.data.path_starts[-1])
+    trial.bases.arrays |= {f"by_run:{run}": nowhere for run in range(problem.data.runs)}
     trial.set_noise(problem.get_noise())
     return trial
-
-
-def _adapt_segment(segment: DriveSegment, logs: DriveDataset, start_s: float) -> DriveSegment:
-    """A simulated pass as these logs would hold it: where they begin, on their slope, with their columns."""
-    every, begin = logs.segments, logs.segments[0]
-    east, north = float(begin.east[0]), float(begin.north[0])
-    grids = segment.grids | {"east": segment.grids["east"] + east, "north": segment.grids["north"] + north}
-    if logs.cross_slope.is_usable:
-        cosine, sine = np.cos(grids["heading"]), np.sin(grids["heading"])
-        grids["across"] = logs.cross_slope.east * sine - logs.cross_slope.north * cosine
-    return replace(
-        segment,
-        run=0,
-        start_s=start_s,
-        east=segment.east + east,
-        north=segment.north + north,
-        heading_measured=any(one.heading_measured for one in every),
-        speed_measured=any(one.speed_measured for one in every),
-        wheel=segment.wheel if any(one.wheel is not None for one in every) else None,
-        command=segment.command if any(one.command is not None for one in every) else None,
-        target=segment.target if any(one.target is not None for one in every) else None,
-        grids=grids,
-    )
 
 
 PROGRAMME_PACE_MPS = 1.4  # 5 km/h, the speed of the thesis's experiments
@@ -145,10 +130,8 @@ ProgrammePieces = tuple[ProgrammePiece, ...]
 
 @dataclass(frozen=True)
 class DriveProgramme:
-    """A drive for a person to make: passes, each with a first heading (deg to the right of the usual one) and pieces.
-
-    A piece is (seconds, wheel angle in deg, share of the usual speed, implement 0 or 1).
-    """
+    """A drive for a person: passes of a first heading (deg to the right of the usual one) and pieces (seconds, wheel
+    angle in deg, share of the usual speed, implement 0 or 1)."""
 
     id: str
     description: str
@@ -169,26 +152,17 @@ DRIVE_PROGRAMMES = (
     DriveProgramme(
         "there-and-back",
         "Drive the same straight line there and back, 20 s each way, with the implement unchanged.",
-        (
-            (0.0, ((20.0, 0.0, 1.0, 1.0),)),
-            (180.0, ((20.0, 0.0, 1.0, 1.0),)),
-        ),
+        ((0.0, ((20.0, 0.0, 1.0, 1.0),)), (180.0, ((20.0, 0.0, 1.0, 1.0),))),
     ),
     DriveProgramme(
         "there-and-back-lifted",
         "Drive the same straight line there and back, 20 s each way, implement up.",
-        (
-            (0.0, ((20.0, 0.0, 1.0, 0.0),)),
-            (180.0, ((20.0, 0.0, 1.0, 0.0),)),
-        ),
+        ((0.0, ((20.0, 0.0, 1.0, 0.0),)), (180.0, ((20.0, 0.0, 1.0, 0.0),))),
     ),
     DriveProgramme(
         "circles",
         "Drive a circle to the right and one to the left at 15 degrees, 20 s each.",
-        (
-            (0.0, ((20.0, 15.0, 1.0, 0.0),)),
-            (0.0, ((20.0, -15.0, 1.0, 0.0),)),
-        ),
+        ((0.0, ((20.0, 15.0, 1.0, 0.0),)), (0.0, ((20.0, -15.0, 1.0, 0.0),))),
     ),
     DriveProgramme(
         "two-speeds",
@@ -224,17 +198,9 @@ DRIVE_PROGRAMMES = (
 
 
 def simulate_programme(
-    rig: ReplayRig,
-    programme: DriveProgramme,
-    heading: float,
-    pace: float,
-    settings: Settings,
-    step: float = GRID_S,
+    rig: ReplayRig, programme: DriveProgramme, heading: float, pace: float, settings: Settings, step: float = GRID_S
 ) -> DriveDataset:
-    """Return the log of the tractor with these effects on each pass of a programme, without noise.
-
-    `heading` (rad) and `pace` (m/s) are the usual ones; the log has a row every `step` seconds.
-    """
+    """Return the noiseless log of each pass, from a usual heading (rad) and pace (m/s), a row every `step` seconds."""
     segments = []
     for run, (turn, pieces) in enumerate(programme.passes):
         blank = build_command_segment(run, heading - math.radians(turn), pieces, pace, step)
@@ -250,8 +216,7 @@ def simulate_programme(
 
 
 def find_usual_heading_and_speed(segments: Sequence[DriveSegment]) -> tuple[float, float]:
-    """Return the most frequent heading (rad; the first one's if the drive repeats) and the median speed (m/s) of a
-    dataset."""
+    """Return the usual heading (rad) and the median speed (m/s) of segments."""
     east = np.concatenate([np.cos(segment.heading) for segment in segments])
     north = np.concatenate([np.sin(segment.heading) for segment in segments])
     pace = float(np.median(np.concatenate([segment.speed_in_gear for segment in segments]))) or PROGRAMME_PACE_MPS
@@ -261,8 +226,7 @@ def find_usual_heading_and_speed(segments: Sequence[DriveSegment]) -> tuple[floa
 def build_command_segment(
     run: int, heading: float, pieces: ProgrammePieces, pace: float, step: float = GRID_S
 ) -> DriveSegment:
-    """Return a drive that has only its commands yet: pieces as in DriveProgramme, `heading` in rad, a row every `step`
-    seconds."""
+    """Return a drive that has only its commands: pieces of DriveProgramme, `heading` in rad, a row every `step` s."""
     ends = np.cumsum([piece[0] for piece in pieces])
     time = np.arange(0.0, ends[-1] - 1e-9, step)
     grid = np.arange(math.ceil(time[-1] / DT_S) + 1) * DT_S

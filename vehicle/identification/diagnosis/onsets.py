@@ -71,10 +71,7 @@ the nats per second that speak for "as before" where it is not."""
 
 @dataclass(frozen=True)
 class OnsetSpan:
-    """A change in run `run` (index) from `first_s` to `last_s` (`time_s`), and how likely it is.
-
-    It may have begun from `earliest_s` on, and may last until `latest_s`.
-    """
+    """A change in a run (index) from `first_s` to `last_s`, perhaps from `earliest_s` to `latest_s`, and its nats."""
 
     id: str
     run: int
@@ -86,15 +83,27 @@ class OnsetSpan:
 
 
 def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs with the faults that begin in them in `faults`, and without the rows of these faults.
-
-    Logs of which nothing is left are dropped; the first log carries their faults.
-    """
+    """Return the logs with faults that begin, without their rows; one log carries the faults of empty ones."""
     spans = find_onset_spans(logs)
     seconds = sum(float(np.ptp(log.time_s[log.used])) for log in logs if log.used.any())
     if sum(span.last_s - span.first_s for span in spans) > MOST_FAULTY_SHARE * seconds:
         return list(logs)
-    marked = [_mark_log(log, [span for span in spans if span.run == run]) for run, log in enumerate(logs)]
+    marked = []
+    for run, log in enumerate(logs):
+        own = [span for span in spans if span.run == run]
+        end_s = float(np.max(log.time_s[log.used], initial=-math.inf))
+        lost = [span for span in own if span.id == POSITION_LOST]
+        kept = [one for one in log.faults if not any(span.first_s <= one.from_s <= span.latest_s for span in lost)]
+        log = replace(log, faults=tuple(kept))  # what positions without a fix seemed to show
+        for span in sorted(own, key=lambda one: one.first_s):
+            to_s = None if span.latest_s >= end_s - MOMENT_S else span.last_s
+            is_unclear = span.first_s - span.earliest_s >= MOMENT_S
+            between_s = (span.earliest_s, span.first_s) if is_unclear else None
+            from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
+            fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
+            bad: Mask = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
+            log = log.exclude_rows(fault.rule, bad, faults=(*log.faults, fault))
+        marked.append(log)
     left = [log for log in marked if log.rows_used >= FEWEST_READINGS]
     if not left or len(left) == len(marked):
         return marked
@@ -111,9 +120,12 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     scales = fit_path_scales(runs) if runs else []
     for measure, least_sigma in MEASURES.items() if runs else ():
         channels = [measure(run, scales) for run in runs]
-        for number, one, channel, sigma in zip(
-            numbers, runs, channels, _find_sigmas(channels, least_sigma), strict=True
-        ):
+        # How far the other runs are beyond what is allowed, without the one that is so most.
+        known = [excess[np.isfinite(excess)] for excess, _ in channels]
+        usual = [float(np.quantile(excess, USUAL_QUANTILE)) if len(excess) else 0.0 for excess in known]
+        others = [sorted(usual[:number] + usual[number + 1 :]) for number in range(len(usual))]
+        sigmas = [max(least_sigma, other[-2] if len(other) > 1 else 0.0) for other in others]
+        for number, one, channel, sigma in zip(numbers, runs, channels, sigmas, strict=True):
             # The log likelihood ratio of broken against as before, per step of the grid; 0 where nothing is known.
             excess, against = channel
             broken = np.minimum(0.5 * (excess / sigma) ** 2, MOST_NATS)
@@ -136,17 +148,8 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
 # --- likelihood --------------------------------------------------------------------------------------------------
 
 
-def _find_sigmas(channels: Sequence[Channel], least_sigma: float) -> list[float]:
-    """Per run, how far the other runs are beyond what is allowed, without the one that is so most."""
-    known = [excess[np.isfinite(excess)] for excess, _ in channels]
-    usual = [float(np.quantile(excess, USUAL_QUANTILE)) if len(excess) else 0.0 for excess in known]
-    others = [sorted(usual[:number] + usual[number + 1 :]) for number in range(len(usual))]
-    return [max(least_sigma, other[-2] if len(other) > 1 else 0.0) for other in others]
-
-
 def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
-    """Find spans with the largest sums of nats (k,): their rows, sums, and rows that are about as likely to be their
-    first and last."""
+    """Find spans with the largest sums of nats (k,): rows, sums, and rows about as likely to be first and last."""
     found, open_parts = [], [(0, len(nats))]
     while open_parts:
         start, stop = open_parts.pop()
@@ -177,11 +180,8 @@ def _find_following(angle: Array, expected: Array) -> Array:
     """Nats per second for an angle (k, deg) that moved in the last second as expected."""
     steps = round(1.0 / STEP_S)
     moved, steered = (values - shift(values, -steps) for values in (angle, expected))
-    return np.asarray(
-        np.where(
-            moved * steered > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(steered)) / STEERING_SPREAD_DEG) ** 2, 0.0
-        )
-    )
+    alike = np.minimum(np.abs(moved), np.abs(steered))
+    return np.asarray(np.where(moved * steered > 0.0, 0.5 * (alike / STEERING_SPREAD_DEG) ** 2, 0.0))
 
 
 def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> Channel:
@@ -257,11 +257,8 @@ MEASURES = {
 
 
 def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
-    """Find values that are held for far longer than any in other runs.
-
-    Holds of a value have a tail exp(-t / m), m from the longest of the other runs; as many as there are is the price
-    of choosing the longest.
-    """
+    """Find values that are held for far longer than any in other runs. Holds of a value have a tail exp(-t / m), m from
+    the longest of the other runs; as many as there are is the price of choosing the longest."""
     holds = [_list_holds(log, column) for log in logs]
     spans = []
     for run, (firsts, lasts, seconds) in enumerate(holds):
@@ -292,44 +289,19 @@ def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
     if not axes or len(rows) < FEWEST_READINGS:
         return np.empty(0), np.empty(0), np.empty(0)
-    driven = _measure_driving_time(log)
+    # Seconds driven up to each row, as most of positions, speed and commanded speed say.
+    used = np.flatnonzero(log.used)
+    used_s = log.time_s[used]
+    around = np.stack([np.interp(used_s + shift_s, used_s, axis[used]) for axis in (log.easting_m, log.northing_m)
+                      for shift_s in (-1.0, 1.0)])  # fmt: skip
+    paces = [np.hypot(around[1] - around[0], around[3] - around[2]) / 2.0]
+    paces += [values[used] for values in (log.speed_mps, log.speed_command_mps) if values is not None]
+    moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
+    step = np.diff(used_s, prepend=used_s[0])
+    step = np.where(step <= (GAP_SAMPLES + 0.5) * np.median(step), step, 0.0)
+    driven = np.zeros(len(log.time_s))
+    driven[used] = np.cumsum(step * moving)
     changes = np.flatnonzero(np.append(True, (np.diff(np.stack(axes)[:, rows], axis=1) != 0.0).any(axis=0)))
     ends = np.append(changes[1:], len(rows) - 1)
     time = log.time_s[rows]
     return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])
-
-
-def _measure_driving_time(log: Log) -> Array:
-    """Seconds (n,) driven up to each row, as most of positions, speed and commanded speed say."""
-    used = np.flatnonzero(log.used)
-    time = log.time_s[used]
-    place = np.stack([np.interp(time + shift_s, time, axis[used]) for axis in (log.easting_m, log.northing_m)
-                      for shift_s in (-1.0, 1.0)])  # fmt: skip
-    paces = [np.hypot(place[1] - place[0], place[3] - place[2]) / 2.0]
-    paces += [values[used] for values in (log.speed_mps, log.speed_command_mps) if values is not None]
-    moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
-    step = np.diff(time, prepend=time[0])
-    step = np.where(step <= (GAP_SAMPLES + 0.5) * np.median(step), step, 0.0)
-    driven = np.zeros(len(log.time_s))
-    driven[used] = np.cumsum(step * moving)
-    return driven
-
-
-# --- what becomes of the logs ------------------------------------------------------------------------------------
-
-
-def _mark_log(log: Log, spans: Sequence[OnsetSpan]) -> Log:
-    """Return a log with its faults, and without their rows."""
-    end_s = float(np.max(log.time_s[log.used], initial=-math.inf))
-    lost = [span for span in spans if span.id == POSITION_LOST]
-    kept = [one for one in log.faults if not any(span.first_s <= one.from_s <= span.latest_s for span in lost)]
-    log = replace(log, faults=tuple(kept))  # what positions without a fix seemed to show
-    for span in sorted(spans, key=lambda one: one.first_s):
-        to_s = None if span.latest_s >= end_s - MOMENT_S else span.last_s
-        is_unclear = span.first_s - span.earliest_s >= MOMENT_S
-        between_s = (span.earliest_s, span.first_s) if is_unclear else None
-        from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
-        fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
-        bad: Mask = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
-        log = log.exclude_rows(fault.rule, bad, faults=(*log.faults, fault))
-    return log

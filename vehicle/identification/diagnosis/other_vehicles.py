@@ -120,11 +120,8 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
 
 
 def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
-    """Return the logs without headings that are the course of the antenna, which `corrections` tell: they turn with the
-    angle as that does, and it does not move sideways.
-
-    What a drive in reverse has shown of one log holds for all of a set.
-    """
+    """Return the logs without headings that are the course of the antenna, told in `corrections`: they turn with the
+    angle as that does, and it does not move sideways. What a drive in reverse has shown of one holds for all."""
     ahead_m, is_course = tractor.antenna_forward_m, any(COURSE_HEADING in log.corrections for log in logs)
     if not is_course and ahead_m >= KNOWN_SHARE * tractor.wheelbase_m:
         measure = measure_turning(logs)
@@ -170,30 +167,26 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
         runs = [run.cut(slice(begin, begin + PIECE_STEPS)) for run in runs
                 for begin in range(0, len(run.time_s), PIECE_STEPS)][::thin]  # fmt: skip
     stride = THIN_STEPS * max(math.ceil(sum(len(run.time_s) for run in runs) / THIN_STEPS / MOST_ROWS), 1)
-    windows = [_build_windows(run, stride) for run in runs]
+    windows, half = [], WINDOW_STEPS // 2
+    for run in runs:
+        assert run.heading is not None
+        gaps = np.cumsum(np.append(0, ~run.known))
+        places = np.arange(2 * half, len(run.time_s) - 2 * half, stride)
+        chosen = places[gaps[places + 2 * half] == gaps[places - 2 * half]]
+        turn = (shift(run.heading, half) - shift(run.heading, -half))[chosen]
+        step = (shift(run.place, half) - shift(run.place, -half))[:, chosen]
+        # The mean of the headings in a window, as its middle one has all the noise of one row.
+        mean = np.mean([run.heading[chosen + steps] for steps in range(-half, half + 1)], axis=0)
+        ahead = step[0] * np.sin(mean) + step[1] * np.cos(mean)
+        windows.append(_Windows(run, chosen, turn, step[0] * np.cos(mean) - step[1] * np.sin(mean), ahead))
     if sum(len(one.turn) for one in windows) < FEWEST_LINE_ROWS:
         return TurningMeasure(None, math.inf, 0.0, None, math.inf, 0.0)
     pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in windows])))) / (WINDOW_STEPS * STEP_S)
     return TurningMeasure(*_fit_joint(windows, is_sensed, stride), *_fit_antenna(windows), pace_mps)
 
 
-def _build_windows(run: RunEvidence, stride: int) -> _Windows:
-    assert run.heading is not None
-    half = WINDOW_STEPS // 2
-    gaps = np.cumsum(np.append(0, ~run.known))
-    places = np.arange(2 * half, len(run.time_s) - 2 * half, stride)
-    chosen = places[gaps[places + 2 * half] == gaps[places - 2 * half]]
-    turn = (shift(run.heading, half) - shift(run.heading, -half))[chosen]
-    step = (shift(run.place, half) - shift(run.place, -half))[:, chosen]
-    # The mean of the headings in a window, as its middle one has all the noise of one row.
-    mean = np.mean([run.heading[chosen + steps] for steps in range(-half, half + 1)], axis=0)
-    ahead = step[0] * np.sin(mean) + step[1] * np.cos(mean)
-    return _Windows(run, chosen, turn, step[0] * np.cos(mean) - step[1] * np.sin(mean), ahead)
-
-
 def _fit_joint(windows: Sequence[_Windows], is_sensed: bool, stride: int) -> tuple[float | None, float, float]:
-    """Return the turn per change of the angle under the likeliest steering, its standard error, and by how many nats
-    any steering without it is less likely."""
+    """Return the turn per change of the angle, its standard error, and by how many nats it is likelier than none."""
     turn = np.concatenate([one.turn for one in windows])
     best, least, least_without = None, math.inf, math.inf
     for steering in SENSED if is_sensed else COMMANDED:
@@ -210,8 +203,7 @@ def _fit_joint(windows: Sequence[_Windows], is_sensed: bool, stride: int) -> tup
 
 
 def _list_columns(windows: _Windows, is_sensed: bool, late_s: float, rate: float, lag_s: float) -> Array:
-    """Return what the turn of windows depends on (k, n) under a steering: first the change of the angle, then the path
-    by the angle."""
+    """Return what turns depend on (k, n) under a steering: the change of the angle, then the path by the angle."""
     half, time, run = WINDOW_STEPS // 2, windows.run.time_s, windows.run
     source = run.wheel if is_sensed else run.command
     assert source is not None
@@ -234,10 +226,8 @@ def _list_columns(windows: _Windows, is_sensed: bool, late_s: float, rate: float
 
 
 def _fit_antenna(windows: Sequence[_Windows]) -> tuple[float | None, float]:
-    """Return how far ahead (m) of the axle without sideways motion the antenna is, and its standard error.
-
-    Beside it: a bias of the heading, a position later than the heading, tyres that creep, all by their own columns.
-    """
+    """Return how far ahead (m) of the axle without sideways motion the antenna is, and its standard error. Beside it: a
+    bias of the heading, a position later than the heading, tyres that creep, all by their own columns."""
     turn, aside, ahead = np.concatenate([np.stack([one.turn, one.aside, one.ahead]) for one in windows], axis=1)
     if float(np.sqrt(np.sum(turn**2))) < LEAST_MOVED_RAD:
         return None, math.inf

@@ -151,10 +151,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class NextDrive:
-    """The cheapest drive that separates competing causes: what to drive, for how long, and how clearly it decides.
-
-    Without `decides` it separates them best of all known drives, but perhaps not enough.
-    """
+    """The cheapest drive that separates competing causes: what, for how long, and how clearly; without `decides` the
+    best known one, which perhaps does not separate them."""
 
     id: str
     description: str
@@ -166,10 +164,8 @@ class NextDrive:
 
 @dataclass(frozen=True, eq=False)
 class ResidualPlot:
-    """The remaining error against its regressor: bin centres, means and standard errors, before and after.
-
-    `limit` is the size of a found limit on the regressor; None where the cause is none.
-    """
+    """The remaining error against its regressor: bin centres, means and standard errors, before and after, and the size
+    of a found limit on the regressor."""
 
     regressor: str
     quantity: str
@@ -211,10 +207,7 @@ class PlanGain:
 
 @dataclass(frozen=True, eq=False)
 class PieceErrors:
-    """Root mean square errors (cm) per bin: `lows` to `highs` of a quantity, rows, and four errors.
-
-    Bins without rows are left out.
-    """
+    """Root mean square errors (cm) per bin with rows: `lows` to `highs` of a quantity, rows, and four errors."""
 
     lows: Array
     highs: Array
@@ -242,10 +235,8 @@ class PlaceErrors:
 
 @dataclass(frozen=True, eq=False)
 class PathPair:
-    """One driven segment, measured and simulated before and after: time since the start (s), positions (k, 2) in m.
-
-    Each simulated path is aligned with the first seconds of the measured one, and then left alone.
-    """
+    """One driven segment, measured and simulated before and after: time since the start (s), positions (k, 2) in m,
+    aligned over the first seconds and then left alone."""
 
     name: str
     time_s: Array

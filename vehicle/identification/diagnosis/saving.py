@@ -19,8 +19,7 @@ from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
-from vehicle.identification.diagnosis.values import ValueConverter
-from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
+from vehicle.identification.diagnosis.verdicts import ValueConverter, Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_inputs import Places
@@ -203,10 +202,7 @@ LEAST_HARM = np.array([5e-4, math.radians(0.03)])  # m and rad: smaller errors d
 
 
 def measure_holdout(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> HoldoutResult:
-    """Replay logs that had no part in anything by the tractor as it was and by the extended one.
-
-    Raises LogError where no segment can be replayed.
-    """
+    """Replay logs that had no part in anything by both tractors; raises LogError where none can be replayed."""
     dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
     old, new = (
         measure_dataset(dataset, *build_rig_and_corrections(machine, ground, dataset.origin))
@@ -249,8 +245,7 @@ def is_extension_harmful(old: Pieces, new: Pieces, with_along: bool) -> bool:
 
 
 def _join_kinds(pieces: Array, with_along: bool) -> Array:
-    """Squared errors per piece (p, 2) as they are judged: the distance, across alone without `with_along`, and the
-    heading, 0 where none was measured."""
+    """Squared errors per piece (p, 2): distance, across alone without `with_along`, and heading, 0 without one."""
     distance = pieces[:, 2] + (pieces[:, 3] if with_along else 0.0)
     return np.stack([distance, np.nan_to_num(pieces[:, 4])], axis=1)
 
@@ -272,5 +267,4 @@ def compute_rise_sigmas(old: Array, new: Array) -> Array:
     if len(rises) < 2:
         return np.full(rises.shape[1], np.inf)
     spread = rises.std(axis=0, ddof=1) * math.sqrt(len(rises))
-    sigmas: Array = rises.sum(axis=0) / np.maximum(spread, 1e-12)
-    return sigmas
+    return np.asarray(rises.sum(axis=0) / np.maximum(spread, 1e-12))

@@ -101,8 +101,7 @@ class Searcher:
         return self.problem.fit(self.nuisances, np.zeros(len(self.nuisances)), rounds=4)
 
     def scan(self, fit: Fit, channels: frozenset[str] = frozenset(CHANNELS)) -> list[Gain]:
-        """What further hypotheses that act on some channels would gain; those of effects in the model only as other
-        laws of them."""
+        """What further hypotheses that act on some channels would gain; of effects in the model only other laws."""
         known = {one.id for one in fit.model if not one.is_nuisance}
         tried = [one for one in self.hypotheses if one not in fit.model and not (one.is_catalogued and one.id in known)]
         for one in fit.model:  # laws of effects in the model that are not among the hypotheses anyway
@@ -128,9 +127,9 @@ class Searcher:
                 if gain.nats > 0.0:
                     fits.append(self._fit_with(fit, gain))
                     self.step()
-            best = max(
-                (one for one in fits if is_large(one, one.model[-1])), key=lambda one: one.evidence, default=None
-            )
+            # Those whose amounts are at least the finest that may be claimed.
+            large = [one for one in fits if np.linalg.norm(one.get_amounts(one.model[-1])) >= one.model[-1].finest]
+            best = max(large, key=lambda one: one.evidence, default=None)
             if best is None:
                 return fit
             # Noise that had to make up for what is missing hides the gain: with its own noise the model may show it.
@@ -171,33 +170,23 @@ class Searcher:
             if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
-            others: list[PredictiveComparison] = []
-            if against_none.z > 1.0:
-                better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
-                if better is not None:
+            others, gains = list[PredictiveComparison](), list[Gain]()
+            if against_none.z > 1.0:  # what could take its place
+                scanned = self.scan(without, self.problem.list_channels(hypothesis))
+                elsewhere = [one for one in scanned if not (hypothesis.place and one.hypothesis.place)]
+                gains = [one for one in elsewhere if one.hypothesis not in fit.model]
+            for gain in gains[:MOST_TRIED]:
+                if gain.nats < WORTHWHILE_SHARE * max(gains[0].nats, 1.0):
+                    break
+                start = self._fit_with(without, gain)
+                others.append(self._compare(fit, predicted, start, gain.hypothesis, noise))
+                self.step()
+                if takes_over(others[-1], gain.hypothesis, hypothesis) and self._may_become(start):
                     self.problem.set_noise(noise)
-                    return better, judgements
+                    return start, judgements
             judgements.append(Judgement(hypothesis, against_none, tuple(others)))
             self.problem.set_noise(noise)
         return None, judgements
-
-    def _compare_competitors(
-        self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
-    ) -> tuple[Fit | None, list[PredictiveComparison]]:
-        """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
-        gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis))
-                 if one.hypothesis not in fit.model and not (hypothesis.place and one.hypothesis.place)]  # fmt: skip
-        comparisons: list[PredictiveComparison] = []
-        for gain in gains[:MOST_TRIED]:
-            if gain.nats < WORTHWHILE_SHARE * max(gains[0].nats, 1.0):
-                break
-            start = self._fit_with(without, gain)
-            comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
-            self.step()
-            comparisons.append(comparison)
-            if takes_over(comparison, gain.hypothesis, hypothesis) and self._may_become(start):
-                return start, comparisons
-        return None, comparisons
 
     def _fit_with(self, fit: Fit, gain: Gain) -> Fit:
         """The fit with a hypothesis; values of single runs are about a constant, which comes with them."""
@@ -248,11 +237,6 @@ class Searcher:
                 cells = problem.noise[c].compute_cell_densities(problem.noise[c].whiten(residuals[c]))
                 out[c][inside] = cells[inside]
         return out
-
-
-def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:
-    """Whether the amounts of a hypothesis are at least the finest that may be claimed."""
-    return float(np.linalg.norm(fit.get_amounts(hypothesis))) >= hypothesis.finest
 
 
 def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:

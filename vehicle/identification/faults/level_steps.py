@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -61,21 +62,6 @@ _PASSES, _ROUNDS = 5, 3  # of a fit; of a search without, and with the step of t
 _MOST_PARTS = 400  # chosen: limits the time of long runs
 
 
-@dataclass(frozen=True)
-class LevelStep:
-    """A step in run `run` (index): when, by how much further to the right the path needs its wheels (deg), and whether
-    what is after it is unlike the other runs (of a single run, shorter), or what is before.
-
-    It began after `earliest_s`: large angles and slow driving do not show it at once.
-    """
-
-    run: int
-    time_s: float
-    size_deg: float
-    is_after_odd: bool
-    earliest_s: float
-
-
 @dataclass(frozen=True, eq=False)
 class _LevelRows:
     """Rows of a grid of all runs (k,): run, time (s), angle measured and needed (deg), pace (m/s), implement, direction
@@ -94,50 +80,44 @@ class _LevelRows:
 
 
 def mark_level_step(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs with the step of one of them in its `faults`, and without the rows on one side of it.
-
-    Left out are the rows that are unlike the other runs; of a single run, those of the shorter side.
-    """
+    """Return the logs with the step of one of them in its `faults`, without the rows unlike the other runs; of a single
+    run, without those of the shorter side."""
     lock_deg = find_lock(logs)
     runs = [build_run_evidence(log, lock_deg) for log in logs]
-    step = find_level_step(logs, runs)
+    rows = _collect_rows(logs, runs)
+    step = None if rows is None else _find_level_step(rows)
     if step is None:
         return list(logs)
-    log, words = logs[step.run], _describe_step(logs[step.run], runs[step.run], step)
-    odd = log.time_s >= step.earliest_s if step.is_after_odd else log.time_s < step.time_s
-    between_s = (step.earliest_s, step.time_s) if step.earliest_s < step.time_s else None
-    fault = LogFault(STEERING_JUMP, log.name, 0.5 * (step.earliest_s + step.time_s), None, words, between_s)
-    marked = log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
-    return [marked if run == step.run else one for run, one in enumerate(logs)]
-
-
-def _describe_step(log: Log, run: RunEvidence | None, step: LevelStep) -> str:
-    """Return words on a step, with which rows are left out."""
-    size, side = f"{abs(step.size_deg):.1f} deg", "right" if step.size_deg > 0.0 else "left"
-    left_out = "these rows are left out" if step.is_after_odd else "the rows before are left out"
-    if run is not None and run.wheel is not None and run.command is not None:
-        apart, is_after = run.wheel - run.usual, run.time_s >= step.time_s
-        before, after = (float(np.median(apart[run.known & part])) for part in (~is_after, is_after))
-        if _LEAST_SHARE < (before - after) / step.size_deg < _MOST_SHARE:
-            other = "left" if step.size_deg > 0.0 else "right"
-            return (
-                f"steering_deg reads {size} further to the {other} than before, while the path follows the commands as "
-                f"before: the wheel sensor slipped; {left_out}"
-            )
+    number, time_s, size_deg, is_after_odd, earliest_s = step
+    log, run = logs[number], runs[number]
+    size, side, other = f"{abs(size_deg):.1f} deg", *(("right", "left") if size_deg > 0.0 else ("left", "right"))
     column, causes = "steering_deg", "a tie rod is bent, the wheel sensor slipped, or a tyre is flat"
     if log.steering_deg is None:
         column, causes = "steering_command_deg", "a tie rod is bent, a tyre is flat, or the steering lost its centre"
-    return (
-        f"the path bends as if the wheels stood {size} further to the {side} than {column} says: {causes}; {left_out}"
-    )
+    what = f"the path bends as if the wheels stood {size} further to the {side} than {column} says: {causes}"
+    if run is not None and run.wheel is not None and run.command is not None:
+        apart, is_after = run.wheel - run.usual, run.time_s >= time_s
+        before, after = (float(np.median(apart[run.known & part])) for part in (~is_after, is_after))
+        if _LEAST_SHARE < (before - after) / size_deg < _MOST_SHARE:
+            what = (
+                f"steering_deg reads {size} further to the {other} than before, while the path follows the commands as "
+                "before: the wheel sensor slipped"
+            )
+    words = f"{what}; {'these rows are left out' if is_after_odd else 'the rows before are left out'}"
+    odd = log.time_s >= earliest_s if is_after_odd else log.time_s < time_s
+    between_s = (earliest_s, time_s) if earliest_s < time_s else None
+    fault = LogFault(STEERING_JUMP, log.name, 0.5 * (earliest_s + time_s), None, words, between_s)
+    marked = log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
+    return [marked if one is log else one for one in logs]
 
 
-def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> LevelStep | None:
-    """Return the one step of a set of logs, given with their evidence; None where no run or more than one seems to have
-    any."""
-    rows = _collect_rows(logs, runs)
-    if rows is None:
-        return None
+def _find_level_step(rows: _LevelRows) -> tuple[int, float, float, bool, float] | None:
+    """Return the one step of a set of logs; None where no run or more than one seems to have any.
+
+    That is its run (index), when (s), by how much further to the right the path needs its wheels (deg), whether what is
+    after it is unlike the other runs (of a single run, shorter), and from when on it may have been (s): large angles
+    and slow driving do not show it at once.
+    """
     # What bends paths otherwise: gains by angle, side and pace, the implement, and slopes.
     angle, turn = rows.angle, rows.angle * rows.pace**2
     columns = [
@@ -175,12 +155,11 @@ def find_level_step(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> 
     earliest_s = last_clear_s if time_s - last_clear_s > LASTING_S else time_s
     # Small angles often bend a path less than large ones do; the scale is that of all angles.
     turned_deg = size / float(np.clip(np.median(gain[before | after]), *_GAINS))
-    return LevelStep(run, time_s, turned_deg, odd is after, earliest_s)
+    return run, time_s, turned_deg, odd is after, earliest_s
 
 
 def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _LevelRows | None:
-    """Collect the rows of all runs whose path is known, by headings or a course, every _THIN_S; None where they are too
-    few."""
+    """Collect the rows every _THIN_S of all runs whose path is known; None where they are too few."""
     scales = fit_path_scales([run for run in runs if run is not None])
     tables, second = [np.zeros((10, 0))], round(1.0 / STEP_S)
     width = 2 * round(0.5 * TURN_S / STEP_S) + 1
@@ -203,10 +182,7 @@ def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _L
 
 def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> tuple[Array, Array]:
     """Return the angle needed beyond that measured (k, deg) without what the nuisance columns explain, and how much the
-    angle needed changes per angle measured (k,).
-
-    Each run has a level of its own, which is left in, as is the step.
-    """
+    angle needed changes per angle measured (k,). Each run has a level of its own, which is left in, as is the step."""
     runs = [(rows.run == run).astype(np.float64) for run in np.unique(rows.run)]
     levels = np.stack([*runs, *([] if step is None else [step])], axis=1)
     columns = np.concatenate([nuisance, levels], axis=1)
@@ -260,15 +236,12 @@ def _is_step(
     rows: _LevelRows, residual: Array, sides: tuple[Mask, Mask], alike: tuple[Mask, Mask], size: float
 ) -> bool:
     """Whether a step of a size (deg) between two sides of a run is clear, sharp, flat on both, and of no other cause.
-
-    `alike` are the rows of the usual side, with those of other runs at its level, and of the odd one.
-    """
+    `alike` are the rows of the usual side, with those of other runs at its level, and of the odd one."""
     if abs(size) < WHEEL_NOISE_DEG or not all(_is_flat(residual[side], size) for side in sides):
         return False
     near = round(WINDOW_S / _THIN_S)
     for side, rows_near in zip(sides, (slice(-near, None), slice(0, near)), strict=True):
-        own = residual[side]
-        if not abs(float(np.median(own[rows_near]) - np.median(own))) < NEAR_SHARE * abs(size):
+        if not abs(float(np.median(residual[side][rows_near]) - np.median(residual[side]))) < NEAR_SHARE * abs(size):
             return False
     usual, odd = alike
     size = size if odd is sides[1] else -size
@@ -320,14 +293,17 @@ def _is_alike(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: f
             if not _LEAST_SHARE < (other - level) / size < _MOST_SHARE:
                 return False
             shown += [value] if condition is bend else []
-    cells = np.stack([quarter, rows.implement, bend == 0.0, rows.gear]).T
-    _, cell = np.unique(cells, axis=0, return_inverse=True)
-    cell = cell.ravel()
+    cell = _number_cells(quarter, rows.implement, bend == 0.0, rows.gear)
     common = [value for value in np.unique(cell[odd]) if np.sum(usual & (cell == value)) * _THIN_S >= PART_S]
     if float(np.mean(np.isin(cell[odd], common))) < ALIKE_SHARE:
         return False
     # A bend to one side alone may be bent by another gain.
     return len(shown) > 1 or (shown == [0.0] and _is_followed(rows.angle[odd], residual[odd]))
+
+
+def _number_cells(*columns: Array) -> Rows:
+    """Number rows by what they have in all columns (k,)."""
+    return np.unique(np.stack(columns).T, axis=0, return_inverse=True)[1].ravel()
 
 
 def _is_followed(angle: Array, residual: Array) -> bool:
@@ -345,9 +321,7 @@ def _is_followed(angle: Array, residual: Array) -> bool:
 
 def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:
     """Whether squares of the field that were driven on without the step as well show it."""
-    square = np.stack([np.floor(rows.east / _PLACE_M), np.floor(rows.north / _PLACE_M)]).T
-    _, number = np.unique(square, axis=0, return_inverse=True)
-    number = number.ravel()
+    number = _number_cells(np.floor(rows.east / _PLACE_M), np.floor(rows.north / _PLACE_M))
     seen = [value for value in np.unique(number[odd]) if np.sum(usual & (number == value)) * _THIN_S >= LASTING_S]
     least = max(ALIKE_SHARE * np.count_nonzero(odd), PART_S / _THIN_S)
     if np.count_nonzero(odd & np.isin(number, seen)) < least:
@@ -386,13 +360,30 @@ _HEADING_NEAR_DEG = 1.5  # chosen: from the level of its side, beside a share of
 def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:
     """Return the logs with headings beside a jump turned back, the jump in `faults`, and no rows about it.
 
-    A heading that often leaps is noise, or of another fault.
+    A heading that often leaps is noise, or of another fault. Headings are turned on the side that is further from the
+    course.
     """
     corrected = []
     for log in logs:
         jumps = _list_candidates(log)
         levels = _compare_levels(log, *jumps[0]) if len(jumps) == 1 else None
-        corrected.append(log if levels is None else _turn_headings_back(log, *jumps[0][:2], *levels))
+        if levels is not None and log.heading_deg is not None:
+            (last_before, first_after, _), (before_deg, after_deg) = jumps[0], levels
+            size_deg, heading = after_deg - before_deg, log.heading_deg.copy()
+            if abs(before_deg) - abs(after_deg) > MAJORITY * abs(size_deg):
+                heading[: last_before + 1] += size_deg
+            else:
+                heading[first_after:] -= size_deg
+            side, count = "right" if size_deg > 0.0 else "left", len(log.time_s)
+            words = (
+                f"heading_deg jumps by {abs(size_deg):.1f} deg to the {side} and stays there while the course goes on: "
+                "the instrument was reset, or moved on its mount"
+            )
+            fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[first_after]), None, words)
+            bad = np.isin(np.arange(count), list_gap_rows(last_before, first_after, count))
+            changed: dict[str, Any] = {"heading_deg": heading % 360.0, "faults": (*log.faults, fault)}
+            log = log.exclude_rows(f"heading jump: {words}", bad, **changed)
+        corrected.append(log)
     return corrected
 
 
@@ -424,7 +415,22 @@ def _list_candidates(log: Log) -> list[tuple[int, int, float]]:
 
 def _compare_levels(log: Log, last_before: int, first_after: int, size_deg: float) -> tuple[float, float] | None:
     """Return heading minus course (deg) before and after a jump; None where it does not step by as much, and stay."""
-    error, time = _collect_errors(log)
+    run, half = build_run_evidence(log, math.inf), round(0.5 * COURSE_TURN_S / STEP_S)
+    if run is None or run.heading is None:
+        return None
+    # Heading minus course, without what the antenna swings in bends.
+    known = np.isfinite(run.bends[1])
+    course = np.arctan2(*(np.sign(run.gear) * (shift(run.place, half) - shift(run.place, -half))))
+    error = wrap_degrees(np.degrees(run.heading - course)[known])
+    time, curvature = run.time_s[known], run.bends[1][known]
+    columns = np.stack([curvature, np.abs(curvature)], axis=1)
+    # The changes from bend to bend, not the level that jumps, say how far an antenna swings.
+    lag = round(3.0 / STEP_S)
+    if len(error) > 3 * lag:
+        turned, apart = columns[lag:] - columns[:-lag], error[lag:] - error[:-lag]
+        small = np.abs(apart) < max(4.0 * measure_spread(apart), 3.0)
+        if np.count_nonzero(small) > lag:
+            error = error - columns @ np.linalg.lstsq(turned[small], apart[small], rcond=None)[0]
     after = time >= log.time_s[first_after]
     levels = []
     for side in (~after & (time <= log.time_s[last_before]), after):
@@ -440,47 +446,5 @@ def _compare_levels(log: Log, last_before: int, first_after: int, size_deg: floa
         if any(abs(float(np.median(off[parts == part]))) >= 2.0 * near_deg for part in long_parts):
             return None
         levels.append(level)
-    apart = levels[1] - levels[0]
     alike = max(_HEADING_NEAR_DEG, ALIKE_SHARE * abs(size_deg))
-    return (levels[0], levels[1]) if abs(apart - size_deg) < alike else None
-
-
-def _collect_errors(log: Log) -> tuple[Array, Array]:
-    """Return heading minus course (k, deg) of a log and its times, without what the antenna swings in bends."""
-    run, half = build_run_evidence(log, math.inf), round(0.5 * COURSE_TURN_S / STEP_S)
-    if run is None or run.heading is None:
-        return np.empty(0), np.empty(0)
-    known = np.isfinite(run.bends[1])
-    course = np.arctan2(*(np.sign(run.gear) * (shift(run.place, half) - shift(run.place, -half))))
-    error = wrap_degrees(np.degrees(run.heading - course)[known])
-    time, curvature = run.time_s[known], run.bends[1][known]
-    columns = np.stack([curvature, np.abs(curvature)], axis=1)
-    # The changes from bend to bend, not the level that jumps, say how far an antenna swings.
-    lag = round(3.0 / STEP_S)
-    if len(error) > 3 * lag:
-        turned, apart = columns[lag:] - columns[:-lag], error[lag:] - error[:-lag]
-        small = np.abs(apart) < max(4.0 * measure_spread(apart), 3.0)
-        if np.count_nonzero(small) > lag:
-            error = error - columns @ np.linalg.lstsq(turned[small], apart[small], rcond=None)[0]
-    return error, time
-
-
-def _turn_headings_back(log: Log, last_before: int, first_after: int, before_deg: float, after_deg: float) -> Log:
-    """Return a log whose headings on the side that is further from the course are turned back by the jump."""
-    assert log.heading_deg is not None
-    size_deg = after_deg - before_deg
-    is_before_wrong = abs(before_deg) - abs(after_deg) > MAJORITY * abs(size_deg)
-    heading = log.heading_deg.copy()
-    if is_before_wrong:
-        heading[: last_before + 1] += size_deg
-    else:
-        heading[first_after:] -= size_deg
-    words = (
-        f"heading_deg jumps by {abs(size_deg):.1f} deg to the {'right' if size_deg > 0.0 else 'left'} and stays there "
-        "while the course goes on: the instrument was reset, or moved on its mount"
-    )
-    fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[first_after]), None, words)
-    faults, rows = (*log.faults, fault), list_gap_rows(last_before, first_after, len(log.time_s))
-    return log.exclude_rows(
-        f"heading jump: {words}", np.isin(np.arange(len(log.time_s)), rows), heading_deg=heading % 360.0, faults=faults
-    )
+    return (levels[0], levels[1]) if abs(levels[1] - levels[0] - size_deg) < alike else None

@@ -40,7 +40,8 @@ EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, wi
 COURSE_TURN_S = 2.0 * TURN_S  # chosen: the course of the antenna is noisier
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
 SWING_S = 5.0  # in which the slowest steering does what was commanded
-LARGEST_ACCELERATION_MPS2, BEND_S = 1.0, 0.5  # of a tractor, and the time to both sides of a position
+LARGEST_ACCELERATION_MPS2 = 1.0  # of a tractor
+BEND_S = 0.5 * TURN_S  # the time to both sides of a position
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +82,7 @@ class RunEvidence:
         return np.full(len(self.time_s), np.nan)
 
     def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
-        """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its
-        curvatures."""
+        """The wheel angles (k, deg) that the path needs and its curvatures, by heading and course as far as known."""
         return [
             ((bends - scale.at_zero) / scale.per_degree, bends)
             for scale, bends in zip(scales, self.bends, strict=True)
@@ -152,7 +152,22 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
     low = slide_minimum(allowed.min(axis=0), reach) - OFFSET_DEG
     high = -slide_minimum(-allowed.max(axis=0), reach) + OFFSET_DEG
     steered = np.min([measure_swing(one) for one in follows], axis=0)
-    pace, bends = _measure_bends(place, heading, gear, known)
+    # Pace and curvatures; nothing is known of slow driving, and at the ends.
+    bends = np.full((2, len(gear)), np.nan)
+    half = round(0.5 * TURN_S / STEP_S)
+    pace = np.hypot(*(shift(place, half) - shift(place, -half))) / (2 * half * STEP_S)
+    if heading is not None:
+        bends[0] = gear * (shift(heading, half) - shift(heading, -half)) / np.maximum(pace * TURN_S, 1e-3)
+        bends[0][slide_minimum(known.astype(np.float64), half) == 0.0] = np.nan
+    half = round(0.5 * COURSE_TURN_S / STEP_S)
+    first, second = place - shift(place, -half), shift(place, half) - place
+    length = 0.5 * (np.hypot(*first) + np.hypot(*second))
+    turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
+    bends[1] = gear * turn / np.maximum(length, 1e-3)
+    bends[1][(slide_minimum(known.astype(np.float64), half) == 0.0) | (length < PATH_MPS * half * STEP_S)] = np.nan
+    for edge in (slice(0, half), slice(-half, None)):
+        bends[:, edge] = np.nan
+    bends[:, (pace < PATH_MPS)] = np.nan
     aside = _measure_aside(place, heading, driven, known)
     return RunEvidence(time, known, wheel, command, follows[0], low, high, steered, pace, bends, aside, place, heading,
                        gear, hold_s)  # fmt: skip
@@ -170,31 +185,9 @@ def shift(values: Array, steps: int) -> Array:
     return np.asarray(values[..., places])
 
 
-def _measure_bends(place: Array, heading: Array | None, gear: Array, known: Mask) -> tuple[Array, Array]:
-    """Pace (k, m/s) and curvatures by heading and by course (2, k, 1/m)."""
-    bends = np.full((2, len(gear)), np.nan)
-    half = round(0.5 * TURN_S / STEP_S)
-    pace = np.hypot(*(shift(place, half) - shift(place, -half))) / (2 * half * STEP_S)
-    if heading is not None:
-        bends[0] = gear * (shift(heading, half) - shift(heading, -half)) / np.maximum(pace * TURN_S, 1e-3)
-        bends[0][slide_minimum(known.astype(np.float64), half) == 0.0] = np.nan
-    half = round(0.5 * COURSE_TURN_S / STEP_S)
-    first, second = place - shift(place, -half), shift(place, half) - place
-    length = 0.5 * (np.hypot(*first) + np.hypot(*second))
-    turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
-    bends[1] = gear * turn / np.maximum(length, 1e-3)
-    bends[1][(slide_minimum(known.astype(np.float64), half) == 0.0) | (length < PATH_MPS * half * STEP_S)] = np.nan
-    for edge in (slice(0, half), slice(-half, None)):
-        bends[:, edge] = np.nan
-    bends[:, (pace < PATH_MPS)] = np.nan
-    return pace, bends
-
-
 def _measure_aside(place: Array, heading: Array | None, pace: Array | None, known: Mask) -> Array:
     """How far (k, m) positions are from the middle of those BEND_S before and after, beyond what the tractor drove.
-
-    Speed and heading say what it drove, or a tractor that goes straight on; what explains more counts.
-    """
+    Speed and heading say what it drove, or a tractor that goes straight on; what explains more counts."""
     half = round(BEND_S / STEP_S)
 
     def bend(values: Array) -> Array:
@@ -230,16 +223,14 @@ def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
 
 @compile_function
 def _follow_steps(source, late, most_step, share, out) -> None:  # type: ignore[no-untyped-def]
-    """Write what follows `source` (k,) `late` steps later from out[0] on, by a share of the gap and at most so far, per
-    step."""
+    """Write what follows `source` (k,) `late` steps later from out[0] on, by a share of the gap up to `most_step`."""
     for k in range(1, len(source)):
         step = share * (source[max(k - late, 0)] - out[k - 1])
         out[k] = out[k - 1] + min(max(step, -most_step), most_step)
 
 
 def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: float, start_deg: float) -> Array:
-    """Return what follows commands (k, deg) so late, at such a rate (deg/s), with such a time constant, from a start
-    on."""
+    """Return what follows commands (k, deg) so late, at such a rate (deg/s) and time constant, from a start on."""
     out = np.empty(len(source))
     out[0] = start_deg
     share = 1.0 - math.exp(-STEP_S / lag_s)
@@ -250,8 +241,7 @@ def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: f
 def slide_minimum(values: Array, reach: int) -> Array:
     """Return the least value (k,) within `reach` steps to both sides."""
     padded = np.pad(values, reach, mode="edge")
-    least: Array = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
-    return least
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1))
 
 
 def fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -> tuple[Array, Array, float]:

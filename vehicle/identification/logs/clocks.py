@@ -14,7 +14,7 @@ positions advance evenly from row to row, whatever the time between them, it is 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -85,15 +85,9 @@ def correct_position_clock(log: Log) -> Log:
         f"the {what} get {abs(60.0 * rate):.2f} s a minute {'later' if rate > 0.0 else 'earlier'} against {other}, "
         f"{abs(rate) * float(since_start_s[rows[-1]]):.1f} s over the log: two clocks; they are shifted back"
     )
-    return _shift_positions(log, rate * since_start_s, is_heading_along).correct_columns(message)
-
-
-def _shift_positions(log: Log, shift_s: Array, with_heading: bool) -> Log:
-    """Return positions, and the heading if asked, as they are `shift_s` (per row) later in the log."""
-    rows = np.flatnonzero(log.used)
-    time, shifted_s = log.time_s[rows], (log.time_s + shift_s)[rows]
+    time, shifted_s = log.time_s[rows], (log.time_s + rate * since_start_s)[rows]
     changed: dict[str, Any] = {}
-    for name in ("easting_m", "northing_m", *(("heading_deg",) if with_heading else ())):
+    for name in ("easting_m", "northing_m", *(("heading_deg",) if is_heading_along else ())):
         values = getattr(log, name)
         if values is None:
             continue
@@ -101,7 +95,7 @@ def _shift_positions(log: Log, shift_s: Array, with_heading: bool) -> Log:
         shifted = values.copy()
         shifted[rows] = np.interp(shifted_s, time, unwrapped)
         changed[name] = np.mod(shifted, 360.0) if name == "heading_deg" else shifted
-    return replace(log, **changed)
+    return log.correct_columns(message, **changed)
 
 
 def measure_speed_lags(log: Log) -> LagTable | None:
@@ -142,10 +136,7 @@ def measure_heading_lags(log: Log) -> LagTable | None:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Motion on an even grid of `GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
-
-    `moving` marks where the tractor drives forward in used rows.
-    """
+    """Motion on an even grid: velocity of positions, speed, heading (rad, clockwise), turning, driven ahead or not."""
 
     time_s: Array
     east_mps: Array
@@ -165,8 +156,7 @@ def _resample_motion(log: Log) -> _Motion | None:
 
     def compute_slope(values: Array) -> Array:
         ends = [np.interp(grid + shift, time, values) for shift in (-_HALF_CHORD_S, _HALF_CHORD_S)]
-        slope: Array = (ends[1] - ends[0]) / (2.0 * _HALF_CHORD_S)
-        return slope
+        return np.asarray((ends[1] - ends[0]) / (2.0 * _HALF_CHORD_S))
 
     def compute_mean(values: Array) -> Array:
         return compute_slope(np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))]))
@@ -187,10 +177,8 @@ def _sum_unexplained_squares(values: Array, regressor: Array) -> Array:
 
 
 def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array]) -> LagTable | None:
-    """Tabulate losses over windows in motion and lags; None with too few windows.
-
-    `compute_losses` gets the steps of a window (k,) and those of the window moved by every lag (l, k).
-    """
+    """Tabulate losses over windows in motion and lags; None with too few windows. `compute_losses` gets the steps of a
+    window (k,) and those of the window moved by every lag (l, k)."""
     from scipy.interpolate import CubicSpline
 
     width, reach = round(WINDOW_S / GRID_S), round(_SEARCH_S / GRID_S)
@@ -278,8 +266,7 @@ def _compute_line_loss(table: LagTable, drift: Drift) -> float:
 
 def _find_columns(lag: Array, count: int) -> Rows:
     """Return the columns of a table that lags (s) are nearest to."""
-    columns: Rows = np.clip(np.round((lag + _SEARCH_S) / _FINE_S), 0, count - 1).astype(np.int64)
-    return columns
+    return np.asarray(np.clip(np.round((lag + _SEARCH_S) / _FINE_S), 0, count - 1).astype(np.int64))
 
 
 _WINDOW_ROWS = 21  # chosen: the clock of a logger keeps its rate over so many rows
@@ -307,15 +294,12 @@ def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     if not share + CLEAR_SIGMAS * error < ALIKE_SHARE:
         return columns, ()
     taken_s, bundles = float(np.median(np.diff(evened))), np.count_nonzero(_find_waits(time)) + 1
-    sentence = (
-        f"time_s jitters by {1000.0 * jitter_s:.0f} ms: positions advance evenly from row to row whatever the time "
-        f"between them, so rows were taken every {taken_s:.2g} s; the times are evened"
-    )
+    what = f"time_s jitters by {1000.0 * jitter_s:.0f} ms: positions advance evenly from row to row whatever the time "
+    what += "between them"
     if bundled:
-        sentence = (
-            f"rows come in bundles of about {len(time) / bundles:.0f}, stamped on arrival, while positions advance "
-            f"evenly from row to row, so rows were taken every {taken_s:.2g} s; the times are evened"
-        )
+        what = f"rows come in bundles of about {len(time) / bundles:.0f}, stamped on arrival, while positions advance "
+        what += "evenly from row to row"
+    sentence = f"{what}, so rows were taken every {taken_s:.2g} s; the times are evened"
     return {**columns, "time_s": evened}, (sentence,)
 
 
@@ -328,8 +312,7 @@ def is_bundled(time: Array) -> bool:
 def _find_waits(time: Array) -> Mask:
     """Mark the steps (k - 1,) between bundles; all others are steps within one."""
     steps = np.diff(time)
-    waits: Mask = steps > MAJORITY * np.mean(steps)
-    return waits
+    return np.asarray(steps > MAJORITY * np.mean(steps))
 
 
 def spread_bundles(time: Array) -> Array | None:
@@ -368,10 +351,8 @@ def _smooth_stamps(time: Array, step_s: float) -> Array:
 
 
 def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[float, float]:
-    """Return how far positions follow the stamps (1) and not the row (0), and its standard error.
-
-    `moved_m` (k - 1,) is driven between rows. The error is infinite where too few rows move, or positions are held.
-    """
+    """Return how far positions, moved so far (k - 1,) between rows, follow the stamps (1) and not the row (0), and its
+    standard error; inf where too few rows move, or positions are held."""
     usual = np.convolve(moved_m, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="same")
     steps = np.diff(evened)
     moving = np.isfinite(usual) & (usual > POSITION_NOISE_M)

@@ -19,8 +19,8 @@ from dataclasses import replace
 import numpy as np
 
 from vehicle.identification.logs.motion import RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import Array, ColumnFault, Columns, LogFault, Mask, Rows, list_gap_rows
-from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
+from vehicle.identification.logs.schema import Array, ColumnFault, Columns, LogFault, Rows, list_gap_rows
+from vehicle.identification.logs.series import find_spans, mark_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
     POSITION_FROZEN,
     SPEED_FROZEN,
@@ -55,7 +55,17 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     if len(rows) < FEWEST_ROWS or not 0.0 < float(np.median(np.diff(time[rows]))) <= 2.0:
         return []
     motion = build_raw_motion(columns, rows)
-    lost = _find_lost_positions(motion)
+    # Positions that are far from the middle of their neighbours again and again; a receiver may wander smoothly from
+    # row to row, and half a second shows that no tractor drives so.
+    near, wide = find_scattered_rows(motion, 1), find_scattered_rows(motion, motion.count_rows(_WANDER_S))
+    lost = []
+    for group in _group_rows(motion, np.union1d(near, wide)):
+        for some in (near, wide):
+            own = group[np.isin(group, some)]
+            if len(own) >= FEWEST_TIMES and motion.time_s[own[-1]] - motion.time_s[own[0]] >= MOMENT_S:
+                is_near_end = motion.time_s[-1] - motion.time_s[group[-1]] < _SAME_FAULT_S
+                lost.append((int(group[0]), len(motion.time_s) - 1 if is_near_end else int(group[-1])))
+                break
     faults = [_build_fault(name, motion, rows, span, POSITION_LOST, LOST_WORDS) for span in lost]
     found = [] if lost else _find_still_faults(name, motion, rows, "position")
     ends = [np.searchsorted(rows, fault.rows[[0, -1]]) for fault in found]
@@ -84,10 +94,8 @@ def _is_too_slow(motion: RawMotion, inside: Rows) -> bool:
 def _find_still_faults(
     name: str, motion: RawMotion, rows: Rows, column: str, lost: Sequence[Span] = ()
 ) -> list[ColumnFault]:
-    """Return the spans in which a column repeats one value, and else those in which it stands within its noise.
-
-    Where the fix is lost, positions already wander, and what they say of a column that stands is no evidence.
-    """
+    """Return the spans in which a column repeats one value, and else those in which it stands within its noise. Where
+    the fix is lost, positions already wander, and what they say of a column that stands is no evidence."""
     reading = STILL_READINGS[column]
     spans = _find_frozen_spans(motion, column)
     faults = [_build_fault(name, motion, rows, span, reading.fault_id, reading.words) for span in spans]
@@ -151,9 +159,7 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
     Noise below a digit flips between two values where what is measured lies between them and stands still where it
     does not: only noise beyond one digit counts.
     """
-    outside: Mask = motion.moving.copy()
-    for first, last in spans:
-        outside[first : last + 1] = False
+    outside = motion.moving & ~mark_spans(len(motion.moving), spans)
     steps = np.diff(values[0])
     changed, turned = np.zeros(len(outside)), np.zeros(len(outside))
     changed[1:] = steps != 0.0
@@ -186,23 +192,6 @@ _SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
 _WANDER_S = 0.5 * READING_S  # in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 
-def _find_lost_positions(motion: RawMotion) -> list[Span]:
-    """Return spans in which positions are far from the middle of their neighbours again and again.
-
-    A receiver may wander smoothly from row to row; half a second shows that no tractor drives so.
-    """
-    near, wide = find_scattered_rows(motion, 1), find_scattered_rows(motion, motion.count_rows(_WANDER_S))
-    spans = []
-    for group in _group_rows(motion, np.union1d(near, wide)):
-        for rows in (near, wide):
-            own = group[np.isin(group, rows)]
-            if len(own) >= FEWEST_TIMES and motion.time_s[own[-1]] - motion.time_s[own[0]] >= MOMENT_S:
-                is_near_end = motion.time_s[-1] - motion.time_s[group[-1]] < _SAME_FAULT_S
-                spans.append((int(group[0]), len(motion.time_s) - 1 if is_near_end else int(group[-1])))
-                break
-    return spans
-
-
 def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
     """Return rows in groups of those that are near each other in time."""
     parts = np.split(rows, np.flatnonzero(np.diff(motion.time_s[rows]) > _SAME_FAULT_S) + 1)
@@ -210,10 +199,8 @@ def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
 
 
 def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
-    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it.
-
-    A bend that speed and heading show as well is driven, however tight and fast, as by a model car.
-    """
+    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it, unless
+    speed and heading show that bend as well."""
     fresh = motion.find_fresh_positions()
     if len(fresh) < max(FEWEST_ROWS, 4 * lag):
         return np.empty(0, dtype=np.int64)
@@ -235,8 +222,7 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
         middle = driven[:, : -2 * lag] + weight * (driven[:, 2 * lag :] - driven[:, : -2 * lag])
         shown = driven[:, lag:-lag] - middle
         far &= np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))) > limit  # in either gear
-    rows: Rows = fresh[lag:-lag][far]
-    return rows
+    return np.asarray(fresh[lag:-lag][far])
 
 
 POSITION_JUMP = "position_jump"
@@ -245,8 +231,7 @@ _LEAST_STEP_M = 2.0 * _LEAST_JUMP_M  # smaller steps are those of clods and of a
 
 
 def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[ColumnFault]]:
-    """Return the columns (units of the contract) with positions after each jump moved back, and the jumps as faults of
-    the log `name`."""
+    """Return the columns (units of the contract) with positions moved back after jumps, and these as faults."""
     time, rows = columns["time_s"], select_timed_rows(columns)
     if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= READING_S:
         return columns, []
@@ -285,10 +270,8 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
 
 
 def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | None:
-    """Return by how much (2, m) positions are displaced from row `last` on, against rows up to `first`.
-
-    Straight lines through both sides meet in the middle of the step: what bends them is the same on both sides.
-    """
+    """Return by how much (2, m) positions are displaced from row `last` on, against rows up to `first`. Straight lines
+    through both sides meet in the middle of the step: what bends them is the same on both sides."""
     if time[last] - time[first] > READING_S:
         return None
     middle_s = 0.5 * (time[first] + time[last])

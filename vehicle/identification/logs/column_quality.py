@@ -74,7 +74,7 @@ def drop_constant_columns(log: Log) -> Log:
 
 def _drop_constant_column(log: Log, name: str, contradicted: bool, why: str) -> Log:
     values = getattr(log, name)
-    if values is None or not contradicted or not _is_constant(values, log):
+    if values is None or not contradicted or float(np.ptp(values[log.used])) != 0.0:
         return log
     message = f"{name} is {values[log.used][0]:g} in every row while {why}; the column is ignored"
     return log.correct_columns(message, **{name: None})
@@ -91,7 +91,7 @@ def describe_silent_steering(log: Log) -> str:
     given = {name: values for name, values in columns.items() if values is not None}
     if not given or any(float(np.ptp(values[log.used])) > STEERING_NOISE_DEG for values in given.values()):
         return ""
-    constant = [name for name, values in given.items() if _is_constant(values, log)]
+    constant = [name for name, values in given.items() if float(np.ptp(values[log.used])) == 0.0]
     if not constant:
         return ""
     return (
@@ -123,10 +123,6 @@ def drop_commands_not_logged(logs: Sequence[Log]) -> list[Log]:
         _drop_constant_column(log, "steering_command_deg", _leaves_command_once(log), "steering_deg moves")
         for log in logs
     ]
-
-
-def _is_constant(values: Array, log: Log) -> bool:
-    return float(np.ptp(values[log.used])) == 0.0
 
 
 def _measure_bend_course_range_rad(chords: PathChords) -> float:
@@ -165,6 +161,7 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
         fresh_sets["position"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
+        converted |= {axis: interpolate_between(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
     heading_rows, fresh_headings = rows, None
     if "heading_deg" in columns:
         heading_rows = rows[np.isfinite(columns["heading_deg"][rows])]
@@ -183,8 +180,6 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             )
     if not fresh_sets:
         return FreshColumns(converted, None, tuple(doubts))
-    if position_rows is not None:
-        converted |= {axis: interpolate_between(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
     place_rows = {what: np.isin(np.arange(len(time)), fresh_rows) for what, fresh_rows in fresh_sets.items()}
     fresh = place_rows[min(fresh_sets, key=lambda what: len(fresh_sets[what]))]
     return FreshColumns(converted, fresh, tuple(doubts), place_rows)
@@ -228,21 +223,17 @@ _UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
 
 
 def drop_coarse_columns(log: Log) -> Log:
-    """Drop a heading or a speed whose steps are too coarse; `corrections` and `coarse_columns` say which.
-
-    Raises LogError for coarse positions.
-    """
-    for name in ("easting_m", "northing_m"):
+    """Drop a coarse heading or speed, told in `corrections`, `coarse_columns`; raises LogError for coarse positions."""
+    for name in _POSITION_COLUMNS:
         step = find_rounding_step(_select_measured_values(log, name))
         if step > COARSEST_POSITION_M:
             raise LogError(
                 f"{log.name}: {name} comes in steps of {step:.2g} m, too coarse to show how a tractor steers; log "
                 "positions with more digits, to 0.01 m or better."
             )
-    if log.heading_deg is not None:
-        step = find_rounding_step(_select_measured_values(log, "heading_deg"))
-        if COARSE_HEADING_DEG[0] < step <= COARSE_HEADING_DEG[1]:
-            log = _drop_coarse_column(log, "heading_deg", step)
+    step = 0.0 if log.heading_deg is None else find_rounding_step(_select_measured_values(log, "heading_deg"))
+    if COARSE_HEADING_DEG[0] < step <= COARSE_HEADING_DEG[1]:
+        log = _drop_coarse_column(log, "heading_deg", step)
     if log.speed_mps is not None:
         moving = log.speed_mps[log.used & (log.speed_mps > 0.0)]
         # Moving rows only: a tractor that starts and stops abruptly has steps in its speed.
@@ -266,8 +257,7 @@ def drop_columns_coarse_elsewhere(logs: Sequence[Log]) -> list[Log]:
 def _select_measured_values(log: Log, name: str) -> Array:
     """Return the measured values of a column."""
     rows = log.used if log.fresh is None or name == "speed_mps" else log.used & log.fresh
-    values: Array = getattr(log, name)[rows]
-    return values
+    return np.asarray(getattr(log, name)[rows])
 
 
 def _drop_coarse_column(log: Log, name: str, step: float, source: str = "") -> Log:
@@ -304,10 +294,7 @@ _SAME = 2e-3  # chosen, s and m: one digit of rounding; no drive repeats another
 
 
 def is_parked(log: Log) -> bool:
-    """Whether the tractor stands all the time: its positions stay within the noise of a receiver.
-
-    A receiver without corrections wanders by metres; such a log is parked if its own speed says so.
-    """
+    """Whether positions stay within the noise of a receiver, or where the speed says so, within its wander."""
     rows = log.used
     moved = float(np.hypot(np.ptp(log.easting_m[rows]), np.ptp(log.northing_m[rows])))
     seconds = float(np.ptp(log.time_s[rows]))
@@ -318,10 +305,7 @@ def is_parked(log: Log) -> bool:
 
 
 def leave_out_useless_logs(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs that move and show the steering; the first of them says which were left out, and why.
-
-    All logs where no other is left: they are refused with their reason.
-    """
+    """Return the logs that move and show the steering, the first telling of the others; all, where none does."""
     parked = [log for log in logs if is_parked(log)]
     names = {log.name for log in parked}
     silent = {log.name: words for log in logs if log.name not in names and (words := describe_silent_steering(log))}
@@ -335,10 +319,7 @@ def leave_out_useless_logs(logs: Sequence[Log]) -> list[Log]:
 
 
 def merge_copies(logs: Sequence[Log]) -> list[Log]:
-    """Return each drive once; `other_names` of the log that is used name its copies.
-
-    A copy has the same times and positions, whatever its name and its other columns; the longer one is used.
-    """
+    """Return each drive once, of those with the same times and positions the longest; `other_names` are the others."""
     used: list[Log] = []
     for log in logs:
         place = next((place for place, other in enumerate(used) if _is_same_drive(log, other)), None)
@@ -359,6 +340,6 @@ def _is_same_drive(log: Log, other: Log) -> bool:
     near = np.searchsorted(longer.time_s[longer_rows], shorter.time_s[rows] - _SAME)
     near_rows = longer_rows[np.minimum(near, len(longer_rows) - 1)]
     is_same = np.abs(longer.time_s[near_rows] - shorter.time_s[rows]) <= _SAME
-    for axis in ("easting_m", "northing_m"):
+    for axis in _POSITION_COLUMNS:
         is_same &= np.abs(getattr(longer, axis)[near_rows] - getattr(shorter, axis)[rows]) <= _SAME
     return float(np.mean(is_same)) >= ALMOST_ALL_SHARE

@@ -55,17 +55,9 @@ def find_convention_errors(
     `other_logs` of the same logger help where a straight drive is ambiguous. Raises LogError when the two steering
     columns contradict each other.
     """
-
     suspicions: list[Suspicion] = []
-    checks = (
-        lambda: _check_time(log),
-        lambda: _check_positions(log),
-        lambda: _check_speed(log),
-        lambda: _check_heading_unit(log, other_logs),
-        lambda: _check_steering_unit(log, wheelbase_m),
-    )
-    for check in checks:
-        for fix, why in check():
+    for check in (_check_time, _check_positions, _check_speed, _check_heading_unit, _check_steering_unit):
+        for fix, why in check(log, other_logs, wheelbase_m):
             suspicions.append(Suspicion(fix, why))
             log, other_logs = convert_log(log, fix), [convert_log(other_log, fix) for other_log in other_logs]
     swapped = find_swapped_steering(log)
@@ -73,13 +65,13 @@ def find_convention_errors(
     return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log), *names]
 
 
-def _check_time(log: Log) -> list[tuple[LogConvention, str]]:
+def _check_time(log: Log, *_: object) -> list[tuple[LogConvention, str]]:
     why = f"its rows are {log.step_s:g} apart, and a log has at least one row per second"
     units = (LogConvention.TIME_MS, LogConvention.TIME_US, LogConvention.TIME_NS)
     return [(unit, why) for unit in units if unit.explains(log.step_s)]
 
 
-def _check_positions(log: Log) -> list[tuple[LogConvention, str]]:
+def _check_positions(log: Log, *_: object) -> list[tuple[LogConvention, str]]:
     """Check for kilometres (the path is 1000 times too short), degrees (100,000 times), and feet (3.3 too long)."""
     rows = log.used
     stated = log.speed_command_mps if log.speed_mps is None else log.speed_mps
@@ -112,7 +104,7 @@ def _integrate_distance(log: Log, speed: Array) -> float:
     return float(np.sum(np.where(is_same_segment, speed[rows][:-1] * np.diff(log.time_s[rows]), 0.0)))
 
 
-def _check_speed(log: Log) -> list[tuple[LogConvention, str]]:
+def _check_speed(log: Log, *_: object) -> list[tuple[LogConvention, str]]:
     """Check for other units: 2 to 4 times is far more than slip can explain. Each column is compared with the path."""
     chords = compute_path_chords(log)
     if chords is None or float(np.mean(chords.speed)) < 0.1:
@@ -135,10 +127,7 @@ def _check_speed(log: Log) -> list[tuple[LogConvention, str]]:
 
 
 def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention) -> str:
-    """Why a column is in a unit; empty when it is not.
-
-    Also compared over the faster half, without starts. Logs of a few seconds may be all start and are not judged.
-    """
+    """Why a column is in a unit, over all driving and the faster half; empty when it is not, and for a few seconds."""
     speed: Array | None = getattr(log, name)
     if speed is None or float(np.ptp(log.time_s[log.used])) < SHORTEST_SEGMENT_S:
         return ""
@@ -150,11 +139,9 @@ def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention)
     return f"{name} is {stated:.2f} while the positions move at {path:.2f} m/s"
 
 
-def _check_heading_unit(log: Log, other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
+def _check_heading_unit(log: Log, other_logs: Sequence[Log], *_: object) -> list[tuple[LogConvention, str]]:
     """Check for radians: they turn a 57th as far as the path, or they end at 6.3 in every log and agree with the path.
-
-    Driving due east, radians look like degrees from east as well.
-    """
+    Driving due east, radians look like degrees from east as well."""
     chords = compute_path_chords(log)
     if log.heading_deg is None or chords is None:
         return []
@@ -181,7 +168,7 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
     that often changes by more than a circle of radians is in degrees; so few of its changes are small that their ratio
     says nothing, as a ratio within its own error.
     """
-    all_turns, all_changes = [np.empty(0)], [np.empty(0)]
+    parts = [np.empty((2, 0))]
     for log in logs:
         chords = compute_path_chords(log)
         if log.heading_deg is None or chords is None:
@@ -189,9 +176,8 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
         turns = np.degrees(np.diff(chords.course) + math.pi) % 360.0 - 180.0
         changes = np.diff(log.heading_deg[chords.row])
         near = (np.diff(log.segment[chords.row]) == 0) & (np.abs(turns) < 90.0)
-        all_turns.append(turns[near])
-        all_changes.append(changes[near])
-    turns, changes = np.concatenate(all_turns), np.concatenate(all_changes)
+        parts.append(np.stack([turns, changes])[:, near])
+    turns, changes = np.concatenate(parts, axis=1)
     if np.count_nonzero(np.abs(changes) > _LARGEST_CHANGE_RAD) > (1.0 - ALMOST_ALL_SHARE) * len(changes):
         return None
     small = np.abs(changes) < _WRAP_RAD
@@ -205,11 +191,9 @@ def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
     return ratio if abs(ratio) > SURE_SIGMAS * error else None
 
 
-def _check_steering_unit(log: Log, wheelbase_m: float | None) -> list[tuple[LogConvention, str]]:
-    """Check for radians: as degrees they would need a wheelbase of centimetres to bend the path this much.
-
-    Only changes of the angle count (the slope of curvature over angle), so no offset, slope or draft matters.
-    """
+def _check_steering_unit(log: Log, _other: object, wheelbase_m: float | None) -> list[tuple[LogConvention, str]]:
+    """Check for radians: as degrees they would need a wheelbase of centimetres to bend the path this much. Only changes
+    of the angle count (the slope of curvature over angle), so no offset, slope or draft matters."""
     bends = compute_bends(log)
     largest = find_largest_steering(log)
     if bends is None or largest > LARGEST_RAD or len(bends[0]) < FEWEST_CHORDS:

@@ -80,13 +80,11 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
         one_line = abs(np.mean(np.exp(1j * (heading + chords.course)))) >= ALMOST_ALL_SHARE
         return None if reverse_share is None and one_line else _check_shuttle_by_heading(log, reverse_share)
     rows = chords.row[wrong & (gear != 0.0)]
+    flipped = _describe_flipped_heading(log)
     if reverse_share is not None and reverse_share >= MOST_SHARE:
-        return _build_reverse_rows_suspicion(
-            rows,
-            f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows",
-            _describe_flipped_heading(log) or _OR_COURSE,
-        ), forward
-    return _build_forward_rows_suspicion(rows, _describe_flipped_heading(log)), None
+        why = f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows"
+        return _build_reverse_rows_suspicion(rows, why, flipped or _OR_COURSE), forward
+    return _build_forward_rows_suspicion(rows, flipped), None
 
 
 def drop_course_heading(log: Log) -> Log:
@@ -118,14 +116,12 @@ def _compute_wrong_share(wrong: Mask) -> float | None:
 
 
 def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Suspicion, Log] | None:
-    """Check a heading against the course in every row: the gear is wrong if the steering is mirrored too, else the
-    heading."""
+    """Check a heading against the course in every row: with a mirrored steering the gear is wrong, else the heading."""
     mirrored = is_steering_mirrored(*select_clear_bends([log]))
     rows = np.flatnonzero(log.used)
     if (log.shuttle[rows] < 0.0).all() and mirrored is not False:
-        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), replace(
-            log, shuttle=np.abs(log.shuttle)
-        )
+        corrected = replace(log, shuttle=np.abs(log.shuttle))
+        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), corrected
     if not mirrored:
         return None
     corrected = replace(log, shuttle=-log.shuttle)
@@ -158,21 +154,16 @@ def _describe_flipped_heading(log: Log) -> str:
 
 def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspicion:
     suspected = "shuttle is 1 (the default without that column) where the tractor drives in reverse"
-    return Suspicion(
-        None,
-        f"heading and course are opposite, first near line {find_file_line(rows)}",
-        suspected,
-        f"write -1 in those rows{other_reading}",
-    )
+    why = f"heading and course are opposite, first near line {find_file_line(rows)}"
+    return Suspicion(None, why, suspected, f"write -1 in those rows{other_reading}")
 
 
 # Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
 # convention is wrong when another one fits better than any effect could explain.
 HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
 MOST_LEVER_M = 3.0  # largest distance of an antenna from the rear axle
-_NEAR_DEG = get_effect(
-    "heading_bias"
-).size.high  # from the angle of a convention: the largest heading_bias of the catalogue
+# From the angle of a convention: the largest heading_bias of the catalogue.
+_NEAR_DEG = get_effect("heading_bias").size.high
 # Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
 _UTM_EAST_M, _UTM_NORTH_M = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
 
@@ -201,7 +192,11 @@ def _combine_suspicions(
 ) -> list[Suspicion]:
     """Combine a mirrored heading and a mirrored steering into one mirrored path."""
     suspicions = [suspicion for suspicion in (heading, steering) if suspicion is not None]
-    frame = _identify_utm_axes(log)
+    # Whether only UTM has such positions, and in which order; empty when they do not show it.
+    east, north = (float(abs(np.median(axis[log.used]))) for axis in (log.easting_m, log.northing_m))
+    axes = (("plain", east, north), ("swapped", north, east))
+    (least, most), limit = _UTM_EAST_M, _UTM_NORTH_M[1]
+    frame = next((name for name, x, y in axes if least <= x <= most < y <= limit), "")
     if frame == "plain":
         return suspicions
     if heading is not None and heading.fix is LogConvention.HEADING_CCW_EAST:
@@ -230,22 +225,12 @@ def _build_swapped_axes_suspicion(frame: str, why: str) -> Suspicion:
     )
 
 
-def _identify_utm_axes(log: Log) -> str:
-    """Whether only UTM has such positions, "plain" or "swapped"; empty when they do not show it."""
-    east, north = (float(abs(np.median(axis[log.used]))) for axis in (log.easting_m, log.northing_m))
-    for name, frame_east, frame_north in (("plain", east, north), ("swapped", north, east)):
-        if _UTM_EAST_M[0] <= frame_east <= _UTM_EAST_M[1] < frame_north <= _UTM_NORTH_M[1]:
-            return name
-    return ""
-
-
 # --- heading -----------------------------------------------------------------------------------------------------
 
 
 def _compute_travel_direction(log: Log, chords: PathChords) -> Array:
     """Return where the front should point (rad, clockwise from north), by course and gear."""
-    travel: Array = np.where(log.shuttle[chords.row] < 0.0, math.pi, 0.0) + chords.course
-    return travel
+    return np.asarray(np.where(log.shuttle[chords.row] < 0.0, math.pi, 0.0) + chords.course)
 
 
 def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array) -> dict[LogConvention | None, float]:
@@ -287,21 +272,17 @@ def _find_heading_misfit(log: Log) -> _HeadingSums | None:
     if log.heading_deg is None or chords is None:
         return None
     travel, heading = _compute_travel_direction(log, chords), np.radians(log.heading_deg[chords.row])
-    offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
-    sums = _sum_heading(travel, heading, offset)
-    fits = sums.turned.real >= HEADING_FITS * sums.chords or sums.is_constantly_offset()
-    return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
-
-
-def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
-    """Return the angle (deg) on the least bent chords, and what the lever of an antenna may add to it there."""
-    abs_curvature = np.abs(curvature)
+    # The angle (deg) on the least bent chords, and what the lever of an antenna may add to it there.
+    abs_curvature = np.abs(chords.curvature)
     straight = np.flatnonzero(abs_curvature < BEND_PER_M)
     if len(straight) < FEWEST_BEND_CHORDS:
         straight = np.argsort(abs_curvature, kind="stable")[: max(FEWEST_BEND_CHORDS, len(abs_curvature) // 4)]
-    offset = math.degrees(cmath.phase(complex(np.exp(1j * turned[straight]).sum())))
+    offset = math.degrees(cmath.phase(complex(np.exp(1j * (heading - travel)[straight]).sum())))
     # Bends to both sides cancel each other.
-    return offset, math.degrees(math.atan(MOST_LEVER_M * abs(float(np.mean(curvature[straight])))))
+    slack = math.degrees(math.atan(MOST_LEVER_M * abs(float(np.mean(chords.curvature[straight])))))
+    sums = _sum_heading(travel, heading, offset)
+    fits = sums.turned.real >= HEADING_FITS * sums.chords or sums.is_constantly_offset()
+    return None if fits and abs(offset) <= _NEAR_DEG + slack else sums
 
 
 def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:

@@ -9,13 +9,13 @@ import numpy as np
 
 from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, GatedRows, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
-from vehicle.identification.logs.thresholds import STANDSTILL_MPS
+from vehicle.identification.logs.thresholds import STANDSTILL_MPS, TURNED_DEG
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
 MOST_STEERING_DEG = 90.0  # no wheel turns further
 MOST_HEADING_DEG = 720.0  # two turns, for sensors that count on beyond 360
-SPIKE_DEG = 60.0  # no tractor yaws this far and back between two rows
+SPIKE_DEG = 2.0 * TURNED_DEG  # no tractor yaws this far and back between two rows
 _MOST_OPEN_CHAINS = 8  # positions a receiver may jump between before the shortest chain is dropped
 
 
@@ -29,17 +29,18 @@ class RowRules:
 
     def exclude_rows(self, rule: str, bad: Mask) -> None:
         """Exclude the `bad` rows and count those that were still in use."""
-        rows = np.flatnonzero(bad & self.used)
+        self.exclude_used_rows(rule, bad[self.used])
+
+    def exclude_used_rows(self, rule: str, bad_of_used: Mask) -> None:
+        """Exclude rows by a mask over the rows in use."""
+        rows = np.flatnonzero(self.used)[bad_of_used]
         if len(rows):
             self.gated.append(GatedRows(rule, len(rows), find_file_line(rows)))
             self.used[rows] = False
 
 
 def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = None) -> RowRules:
-    """Apply every rule to the columns (units of the contract); `faults` are rules with their rows, found before.
-
-    Roll and pitch exclude no row: neighbouring values replace bad ones.
-    """
+    """Apply every rule to columns (units of the contract), `faults` (rules with rows) first; none of roll and pitch."""
     rules = RowRules(len(columns["time_s"]))
     for rule, fault_rows in (faults or {}).items():
         rules.exclude_rows(rule, np.isin(np.arange(len(rules.used)), fault_rows))
@@ -49,14 +50,14 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
     # The fewest rows without which time increases; where those are many before a jump back, its line is told.
     timed = np.flatnonzero(rules.used)
     bad = find_decreasing_entries(columns["time_s"][timed])
-    _gate_used_rows(rules, "time not increasing", bad)
+    rules.exclude_used_rows("time not increasing", bad)
     if bad.any():
         back = int(np.flatnonzero(np.diff(columns["time_s"][timed]) <= 0.0)[0]) + 1
         if back > int(np.argmax(bad)) + 1:
             rules.gated[-1] = replace(rules.gated[-1], first_line=find_file_line(timed[back:]))
     rows = rules.used
     jumping = find_jumps(columns["time_s"][rows], east[rows], north[rows])
-    _gate_used_rows(rules, f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
+    rules.exclude_used_rows(f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
     for name in ("heading_deg", *STEERING_COLUMNS):
         if name in columns:
             rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
@@ -67,7 +68,7 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
         if len(step) >= 2:
             alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
             rule = f"heading_deg differs by more than {SPIKE_DEG:g} deg from the rows before and after"
-            _gate_used_rows(rules, rule, np.pad(alone, 1))
+            rules.exclude_used_rows(rule, np.pad(alone, 1))
     for name in ("speed_mps", "speed_command_mps"):
         if name in columns:
             rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
@@ -84,18 +85,8 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
     return rules
 
 
-def _gate_used_rows(rules: RowRules, rule: str, bad_of_used: Mask) -> None:
-    """Exclude rows by a mask over the rows in use."""
-    bad = np.zeros(len(rules.used), dtype=np.bool_)
-    bad[np.flatnonzero(rules.used)[bad_of_used]] = True
-    rules.exclude_rows(rule, bad)
-
-
 def find_jumps(time: Array, east: Array, north: Array) -> Mask:
-    """Mark the positions that cannot be reached from most of the others.
-
-    Rows are strung into chains of reachable positions; the longest chain is good.
-    """
+    """Mark the positions that cannot be reached from most others: those outside the longest chain of reachable ones."""
     if len(time) < 2 or bool(_is_reachable(np.diff(time), np.diff(east), np.diff(north)).all()):
         return np.zeros(len(time), dtype=np.bool_)
     chains: list[list[int]] = []
@@ -116,5 +107,4 @@ def find_jumps(time: Array, east: Array, north: Array) -> Mask:
 
 
 def _is_reachable(seconds: Array, east: Array, north: Array) -> Mask:
-    reach: Mask = np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_SLACK_M
-    return reach
+    return np.asarray(np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_SLACK_M)

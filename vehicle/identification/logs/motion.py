@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
-from vehicle.identification.logs.series import compute_change, find_spans, measure_noise
+from vehicle.identification.logs.series import compute_change, find_spans, mark_spans, measure_noise
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     CLEAR_CORRELATION,
@@ -60,9 +60,23 @@ def compute_path_chords(log: Log) -> PathChords | None:
 
 
 def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
-    """Compute chords of a time span, half before and half after the middle row, and the straightness of the most bent
-    tenth."""
-    parts = [_compute_segment_chords(log, number, span) for number in range(log.segment_count)]
+    """Compute chords, half before and half after their middle row, and the straightness of the most bent tenth."""
+    parts = []
+    for number in range(log.segment_count):  # middle rows every half span, and the steps before and after them
+        rows = np.flatnonzero(log.segment == number)
+        time = log.time_s[rows]
+        middle_times = np.arange(time[0] + 0.5 * span, time[-1] - 0.5 * span + 1e-9, 0.5 * span)
+        middle_rows = np.unique(np.minimum(np.searchsorted(time, middle_times - 1e-9), len(rows) - 1))
+        middle = time[middle_rows]
+        middle_rows = middle_rows[(middle - 0.5 * span >= time[0] - 1e-9) & (middle + 0.5 * span <= time[-1] + 1e-9)]
+        middle = time[middle_rows]
+        place = [
+            np.stack(
+                [np.interp(middle + shift * span, time, axis[rows]) for axis in (log.easting_m, log.northing_m)], 1
+            )
+            for shift in (-0.5, 0.0, 0.5)
+        ]
+        parts.append((rows[middle_rows], place[1] - place[0], place[2] - place[1]))
     row, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
     if len(row) < FEWEST_TIMES:
         return None
@@ -78,22 +92,6 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
     return chords, float(np.quantile(length / halves, 0.1))
 
 
-def _compute_segment_chords(log: Log, number: int, span: float) -> tuple[npt.NDArray[np.int64], Array, Array]:
-    """Return middle rows every half span of one segment, and the (east, north) steps before and after them."""
-    rows = np.flatnonzero(log.segment == number)
-    time = log.time_s[rows]
-    middle_times = np.arange(time[0] + 0.5 * span, time[-1] - 0.5 * span + 1e-9, 0.5 * span)
-    middle_rows = np.unique(np.minimum(np.searchsorted(time, middle_times - 1e-9), len(rows) - 1))
-    middle = time[middle_rows]
-    middle_rows = middle_rows[(middle - 0.5 * span >= time[0] - 1e-9) & (middle + 0.5 * span <= time[-1] + 1e-9)]
-    middle = time[middle_rows]
-    place = [
-        np.stack([np.interp(middle + shift * span, time, axis[rows]) for axis in (log.easting_m, log.northing_m)], 1)
-        for shift in (-0.5, 0.0, 0.5)
-    ]
-    return rows[middle_rows], place[1] - place[0], place[2] - place[1]
-
-
 CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
 _SAME_MPS = 0.02  # chosen: commands that differ by less are one
 _PARTS = 5  # chosen: of a run to look at
@@ -106,10 +104,7 @@ def _correlate(one: Array, other: Array) -> float:
 
 
 def select_chord_steering(log: Log) -> Array:
-    """Return the steering (deg) to compare with: the sensor if there is one, else the command.
-
-    Raises LogError for two columns that contradict each other.
-    """
+    """Return the sensor's angle (deg), else the command; raises LogError where these two contradict each other."""
     command, sensor = log.steering_command_deg, log.steering_deg
     if sensor is None or command is None:
         angle = command if sensor is None else sensor
@@ -153,8 +148,7 @@ def measure_steady_time_s(log: Log) -> Array:
     changed = np.abs(np.diff(log.speed_command_mps)) > _SAME_MPS
     changed |= (np.diff(log.segment) != 0) | (np.diff(log.shuttle) != 0.0)
     since = np.maximum.accumulate(np.where(np.append(True, changed), np.arange(len(log.time_s)), 0))
-    steady_s: Array = log.time_s - log.time_s[since]
-    return steady_s
+    return np.asarray(log.time_s - log.time_s[since])
 
 
 def find_largest_steering(log: Log) -> float:
@@ -163,10 +157,7 @@ def find_largest_steering(log: Log) -> float:
 
 
 def compute_bends(log: Log) -> tuple[Array, Array, Array] | None:
-    """Per chord: mean steering, curvature of the path (1/m, to the right in a forward gear), and gear (-1, 0 or 1).
-
-    None when the log has no chords.
-    """
+    """Per chord: mean steering, curvature (1/m, to the right in a forward gear), gear (-1, 0, 1); None without any."""
     chords = compute_path_chords(log)
     if chords is None:
         return None
@@ -180,10 +171,7 @@ def compute_bends(log: Log) -> tuple[Array, Array, Array] | None:
 
 
 def fit_chords(regressor: Array, response: Array) -> tuple[float, float]:
-    """Return by how much the values (k,) of chords change with others, and the standard error of that.
-
-    Chords overlap by half, so two count as one observation.
-    """
+    """Return how values (k,) of chords change with others, and its error; chords overlap, so two count as one."""
     centred = regressor - regressor.mean()
     square = float(centred @ centred)
     if square == 0.0:
@@ -195,21 +183,16 @@ def fit_chords(regressor: Array, response: Array) -> tuple[float, float]:
 
 def select_clear_bends(logs: Sequence[Log], gear: float = 0.0) -> tuple[Array, Array]:
     """Return steering and curvature of the chords with clear steering, of one gear if it is not 0."""
-    angles, curvatures = [np.empty(0)], [np.empty(0)]
-    for log in logs:
-        bends = compute_bends(log)
-        if bends is not None:
-            clear = (np.abs(bends[0]) >= CLEAR_STEERING_DEG) & ((bends[2] == gear) | (gear == 0.0))
-            angles.append(bends[0][clear])
-            curvatures.append(bends[1][clear])
-    return np.concatenate(angles), np.concatenate(curvatures)
+    parts = [np.empty((2, 0))]
+    for bends in filter(None, map(compute_bends, logs)):
+        clear = (np.abs(bends[0]) >= CLEAR_STEERING_DEG) & ((bends[2] == gear) | (gear == 0.0))
+        parts.append(np.stack(bends[:2])[:, clear])
+    angle, curvature = np.concatenate(parts, axis=1)
+    return angle, curvature
 
 
 def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
-    """Whether the path turns away from the steering; None with too few bends.
-
-    Only clear steering counts, where no offset, slope or draft can turn the tractor the other way.
-    """
+    """Whether the path turns away from clear steering, as no offset or slope makes it; None with too few bends."""
     if len(angle) < FEWEST_BEND_CHORDS:
         return None
     correlation = float(angle @ curvature) / math.sqrt(float(angle @ angle) * float(curvature @ curvature) + 1e-30)
@@ -227,10 +210,7 @@ _OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
 
 @dataclass(frozen=True, eq=False)
 class RawMotion:
-    """Columns of the rows in use (k,), angles in degrees, and what they show: chords of the path and motion.
-
-    `pace` and `course` are those of chords that take `chord_s`, NaN where they are not known.
-    """
+    """Columns of the rows in use (k,), angles in degrees, with pace and course by chords, NaN where not known."""
 
     time_s: Array
     positions: Array
@@ -241,7 +221,6 @@ class RawMotion:
     stated_speed: Array | None
     pace: Array
     course: Array
-    chord_s: float
 
     @cached_property
     def moving(self) -> Mask:
@@ -277,18 +256,15 @@ class RawMotion:
         """Return the motion without what the positions of these spans seem to show."""
         if not spans:
             return self
-        known = np.ones(len(self.time_s), dtype=np.bool_)
-        for first, last in spans:
-            known[first : last + 1] = False
+        known = ~mark_spans(len(self.time_s), spans)
         if np.count_nonzero(known) < FEWEST_ROWS:
             known[:] = True
         # The noise of a receiver that lost its fix asks for longer chords than the rest needs.
         pace, course, chord_s = _compute_chord_motion(self.time_s, self.positions, known)
         margin = self.count_rows(0.5 * chord_s) + 1
-        for first, last in spans:
-            pace[max(first - margin, 0) : last + margin + 1] = np.nan
-            course[max(first - margin, 0) : last + margin + 1] = np.nan
-        return replace(self, pace=pace, course=course, chord_s=chord_s)
+        near = mark_spans(len(self.time_s), ((max(first - margin, 0), last + margin) for first, last in spans))
+        pace[near] = course[near] = np.nan
+        return replace(self, pace=pace, course=course)
 
     def find_fresh_positions(self) -> Rows:
         """Return the rows in which the position is a new one."""
@@ -364,9 +340,9 @@ def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
             place = np.searchsorted(finite, np.arange(len(values)), side="right") - 1
             filled[name] = values[finite[np.maximum(place, 0)]]
     heading, speed, wheel, target = map(filled.get, ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps"))
-    motion = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
+    pace, course, _ = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
     stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
-    return RawMotion(time, positions, heading, speed, wheel, target, stated, *motion)
+    return RawMotion(time, positions, heading, speed, wheel, target, stated, pace, course)
 
 
 def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:

@@ -109,8 +109,7 @@ def list_remarks(log: Log) -> list[str]:
 
 
 def list_shared_remarks(logs: Sequence[Log]) -> list[str]:
-    """Return the remarks on many logs; a remark that several logs share appears once with their names, the first of
-    many."""
+    """Return the remarks on many logs; one that several logs share appears once, with (the first of) their names."""
     names: dict[str, list[str]] = {}
     for log in logs:
         for message in list_remarks(log):
@@ -188,10 +187,8 @@ def read_logs(
     for path, other_paths in files.items():
         name = path.stem if stems.count(path.stem) == 1 else str(path)
         frame = map_columns(read_table(path), columns, name)
-        if reference is None and LogConvention.POSITION_DEGREES in fix_set:
-            positions = extract_columns(frame, name)[0]
-            reference = find_first_place(convert_columns(positions, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
         log = build_log(frame, name, fix_set, wheelbase_m, reference, check=False)
+        reference = log.origin_deg
         logs.append(replace(log, other_names=other_paths))
     logs = merge_copies(leave_out_useless_logs(logs))
     for log in logs:
@@ -277,10 +274,7 @@ def _hold_commands(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
 def parse_conventions(
     fixes: Iterable[LogConvention | str], mapped: Iterable[NamedColumn] = ()
 ) -> frozenset[LogConvention]:
-    """Parse names of conversions and add that of mapped longitudes.
-
-    Raises LogError for an unknown one and for two that contradict each other.
-    """
+    """Parse names, add that of mapped longitudes; raises LogError for an unknown one and two that contradict."""
     try:
         names = [fixes] if isinstance(fixes, str) else list(fixes)
         given = frozenset(LogConvention(fix) for fix in names)  # type: ignore[call-arg]
@@ -306,10 +300,7 @@ def resolve_log_path(path: str | Path) -> Path:
 
 
 def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
-    """Resolve names and glob patterns to files, each once, with the further names under which it was given.
-
-    Raises LogError when a pattern matches no file and when no name is given.
-    """
+    """Resolve names and patterns to files, each once, with its further names; raises LogError where there is none."""
     files: dict[Path, list[Path]] = {}
     for pattern in paths:
         text = str(pattern)
@@ -326,7 +317,7 @@ def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
 
 
 def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
-    backwards = next((gated_rows for gated_rows in rules.gated if gated_rows.rule == "time not increasing"), None)
+    backwards = next((one for one in rules.gated if one.rule == "time not increasing"), None)
     if backwards is not None and backwards.rows > MAJORITY * len(rules.used):
         stands = np.count_nonzero(np.diff(columns["time_s"]) == 0.0) > 0.5 * backwards.rows
         raise LogError(
@@ -342,10 +333,8 @@ def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
             f"{rows.first_line}); {advice}."
         )
     if np.count_nonzero(rules.used) < 2:
-        largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:MAX_NAMED]
-        why = "; ".join(
-            f"{gated_rows.rule}: {gated_rows.rows} rows from line {gated_rows.first_line}" for gated_rows in largest
-        )
+        largest = sorted(rules.gated, key=lambda one: -one.rows)[:MAX_NAMED]
+        why = "; ".join(f"{one.rule}: {one.rows} rows from line {one.first_line}" for one in largest)
         raise LogError(f"{name} has fewer than two usable rows of {len(rules.used)} ({why}); correct the log.")
 
 

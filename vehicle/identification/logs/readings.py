@@ -54,10 +54,7 @@ def find_first_place(columns: Columns) -> Place:
 
 
 def _convert_to_local_metres(columns: Columns, reference: Place | None) -> Columns:
-    """Return metres to the east and the north of the reference.
-
-    Raises LogError for values that are no longitude and latitude.
-    """
+    """Return metres from the reference; raises LogError for values that are no longitude and latitude."""
     longitude, latitude = reference or find_first_place(columns)
     if abs(latitude) > 90.0 or abs(longitude) > 360.0:
         raise LogError(
@@ -152,10 +149,8 @@ class LogConvention(StrEnum):
         "steering-swapped", "steering_command_deg and steering_deg are swapped", _exchange(*STEERING_COLUMNS),
     )  # fmt: skip
     STEERING_RADIANS = (
-        "steering-radians",
-        "steering angles are in radians",
-        _convert_each(np.degrees, *STEERING_COLUMNS),
-    )
+        "steering-radians", "steering angles are in radians", _convert_each(np.degrees, *STEERING_COLUMNS),
+    )  # fmt: skip
     STEERING_LEFT = (
         "steering-left-positive", "steering is positive to the left", _convert_each(np.negative, *STEERING_COLUMNS),
     )  # fmt: skip

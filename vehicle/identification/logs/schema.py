@@ -67,10 +67,8 @@ class LogFault:
 
 @dataclass(frozen=True, eq=False)
 class ColumnFault:
-    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it.
-
-    A limit of the instrument is no fault that began (`is_limit`), though its rows show as little.
-    """
+    """A fault of one column: the rows (of the file) in which its value is none, what to say of it, and whether it is no
+    fault that began, but a limit of the instrument."""
 
     fault: LogFault
     rows: Rows
@@ -179,8 +177,7 @@ def find_file_line(rows: Rows) -> int:
 
 
 def number_segments(time: Array, used: Mask) -> Rows:
-    """Return the segment number of each used row, -1 for the others. A gap of more than GAP_SAMPLES steps starts a
-    segment."""
+    """Return the segment of each used row, -1 for the others; a gap of more than GAP_SAMPLES steps starts one."""
     out = np.full(len(time), -1, dtype=np.int64)
     steps = np.diff(time[used])
     if len(steps):

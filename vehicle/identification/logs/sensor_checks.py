@@ -42,7 +42,7 @@ from vehicle.model.effects import DRIVE_LINE_SLIP
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
 _LEAST_SENSOR_FACTOR = 1.25
-_FOLLOWING_CORRELATION = 0.9  # with the bends of the path, of a sensor that works
+_FOLLOWING_CORRELATION = NEARLY_SHARE  # with the bends of the path, of a sensor that works
 _SAME_SHARE = 0.03  # by which factors of parts may differ
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 
@@ -75,13 +75,11 @@ def _collect_ratios(log: Log, chords: PathChords, stated: Array, chosen: Mask) -
     """Return of chosen chords stated speed over pace, stated speed (m/s), course (rad) and implement (4, k)."""
     rows = chords.row[chosen]
     ratio = stated[rows] / chords.speed[chosen]
-    collected: Array = np.stack([ratio, stated[rows], chords.course[chosen], log.implement[rows]])
-    return collected
+    return np.asarray(np.stack([ratio, stated[rows], chords.course[chosen], log.implement[rows]]))
 
 
 def _find_common_factor(ratios: Array) -> float | None:
-    """Return stated speed over pace; None where it is not clearly other than 1, or not the same by direction of travel,
-    implement and speed."""
+    """Return stated speed over pace; None where it may be 1, or differs by direction of travel, implement or speed."""
     ratio, stated, course, working = ratios
     if len(ratio) < FEWEST_LINE_CHORDS:
         return None
@@ -141,8 +139,7 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
 
 def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
     """Select the chords that can show a factor of the stated speed."""
-    straight: Mask = (np.abs(chords.curvature) < STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1)
-    return straight
+    return np.asarray((np.abs(chords.curvature) < STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1))
 
 
 def _drop_unrelated_wheel_angle(log: Log) -> Log:
@@ -209,17 +206,19 @@ def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
     A constant one is also dropped where it has the value that was dropped in another log. All are multiplied by the
     factor by which all logs are driven faster, if there is one.
     """
-    descriptions = [_describe_constant_command(log) for log in logs]
 
     def drop_command(log: Log, why: str) -> Log:
         said = f"{why}: the tractor was not driven by it; the column is ignored"
         return log.correct_columns(said, speed_command_mps=None)
 
-    alone = [
-        drop_command(log, f"{said} although the tractor's pace changes") if said and _changes_pace(log) else log
-        for log, said in zip(logs, descriptions, strict=True)
-    ]
-    kept = []
+    descriptions, alone, kept = [], list[Log](), list[Log]()
+    for log in logs:
+        values, said = log.speed_command_mps, ""
+        if values is not None and log.used.any() and not float(np.ptp(values[log.used])) > 0.0:
+            said = f"speed_command_mps is {values[log.used][0]:g} in every row"
+        descriptions.append(said)
+        is_other = bool(said) and _changes_pace(log)
+        alone.append(drop_command(log, f"{said} although the tractor's pace changes") if is_other else log)
     for log, said in zip(alone, descriptions, strict=True):
         others = alone if said and log.speed_command_mps is not None else ()
         same = next((one for one in others if any(doubt.startswith(said) for doubt in one.corrections)), None)
@@ -245,14 +244,6 @@ def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
         else log.correct_columns(message, speed_command_mps=factor * log.speed_command_mps)
         for log in kept
     ]
-
-
-def _describe_constant_command(log: Log) -> str:
-    """Describe a commanded speed that is constant over the log; empty if it is not."""
-    values = log.speed_command_mps
-    if values is None or not log.used.any() or float(np.ptp(values[log.used])) > 0.0:
-        return ""
-    return f"speed_command_mps is {values[log.used][0]:g} in every row"
 
 
 def _changes_pace(log: Log) -> bool:

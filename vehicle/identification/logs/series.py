@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +59,14 @@ def find_spans(mask: Mask) -> list[tuple[int, int]]:
     return [(int(first), int(end) - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
+def mark_spans(count: int, spans: Iterable[tuple[int, int]]) -> Mask:
+    """Mark the rows, of so many, in spans of first and last index."""
+    inside = np.zeros(count, dtype=np.bool_)
+    for first, last in spans:
+        inside[first : last + 1] = True
+    return inside
+
+
 def measure_spread(values: Array) -> float:
     """Return the robust standard deviation of values (k,) about 0, as of a normal distribution with their median."""
     return 1.4826 * float(np.median(np.abs(values)))
@@ -76,15 +84,12 @@ def wrap_degrees(angle_deg: Array) -> Array:
 
 def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Array:
     """Return by how much values (k,) at times (k,) change from start times to end times (n,)."""
-    change: Array = np.interp(ends, time, values) - np.interp(starts, time, values)
-    return change
+    return np.asarray(np.interp(ends, time, values) - np.interp(starts, time, values))
 
 
 def interpolate_between(column: Array, time: Array, rows: Rows, knots: Rows, values: Array | None = None) -> Array:
-    """Return a column (n,) that runs straight, in these rows (k,) of it, between the knots (indices of `rows`).
-
-    `values` (k,) stand for those of the column, such as angles without steps of a circle.
-    """
+    """Return a column (n,) that runs straight, in these rows (k,) of it, between the knots (indices of `rows`), or
+    `values` (k,) in its place, such as angles without steps of a circle."""
     out = column.copy()
     shown = column[rows] if values is None else values
     out[rows] = np.interp(time[rows], time[rows][knots], shown[knots])
@@ -149,10 +154,8 @@ def denoise_angles(time: Array, values: Array) -> Array:
 
 
 def estimate_angle_noise(values: Array) -> float:
-    """Return the standard deviation of white noise on angles (k, rad) that move smoothly in most rows.
-
-    Not below the rounding to their last digit, where second differences are 0 in most rows.
-    """
+    """Return the standard deviation of white noise on angles (k, rad) that move smoothly in most rows, not below the
+    rounding to their last digit."""
     if len(values) < 3:
         return 0.0
     spread = measure_noise(values)

@@ -19,7 +19,7 @@ import numpy as np
 
 from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, RawMotion
 from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, Columns, LogFault, Mask, Rows
-from vehicle.identification.logs.series import measure_noise
+from vehicle.identification.logs.series import mark_spans, measure_noise
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
@@ -62,10 +62,9 @@ class StandingSpan(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
-    """Means over seconds (n,): first rows, times, and speed, target, pace (m/s), heading, heading minus course (deg,
-    folded so that gears do not matter), NaN where not known."""
+    """Means over seconds (n,): times, and speed, target, pace (m/s), heading, heading minus course (deg, folded so that
+    gears do not matter), NaN where not known."""
 
-    rows: Rows
     time_s: Array
     speed: Array
     target: Array
@@ -85,10 +84,20 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
     # The first row of each second that has rows, and how far means of a value that stands may be from each other.
     starts = np.append(0, np.flatnonzero(np.diff(np.floor((motion.time_s - motion.time_s[0]) / READING_S)) > 0.0) + 1)
     limit = reading.wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(READING_S))
-    hold_s = _measure_hold_s(motion, values)
+    changes = np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0) & motion.moving[1:])
+    gaps_s = np.diff(motion.time_s[changes])
+    hold_s = float(np.quantile(gaps_s, ALMOST_ALL_SHARE)) if len(gaps_s) else math.inf
     if len(starts) < FEWEST_READINGS or limit > reading.most:
         return []
-    blocks = _build_blocks(motion, starts)
+    none = np.full(len(motion.time_s), np.nan)
+    speed, target = (none if own is None else own for own in (motion.speed, motion.target))
+    heading, folded = none, none
+    if motion.heading is not None:
+        heading = np.degrees(np.unwrap(np.radians(motion.heading)))
+        folded = np.exp(2j * (np.radians(heading) - motion.course))
+    apart = 0.5 * np.degrees(np.angle(_average(folded, starts)))
+    speed, target, pace, heading = (_average(own, starts) for own in (speed, target, motion.pace, heading))
+    blocks = _Blocks(motion.time_s[starts], speed, target, pace, heading, apart)
     means = np.stack([_average(axis, starts) for axis in values])
     found = list[StandingSpan]()
     for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, HOLDS * hold_s)):
@@ -96,48 +105,21 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
             continue
         shown = reading.check(blocks, first, last)
         if shown is not None:
-            found.append(_find_standing_rows(values, starts, shown, limit))
+            edges = np.append(starts, values.shape[1])
+            begin, limit_row = int(edges[max(shown[0] - 1, 0)]), int(edges[min(shown[1] + 2, len(edges) - 1)])
+            begins, end = int(edges[shown[0]]), int(edges[shown[1] + 1])
+            level = np.median(values[:, begins:end], axis=1)[:, None]
+            moves: Mask = np.max(np.abs(values - level), axis=0) > limit
+            before, after = np.flatnonzero(moves[begin:begins]), np.flatnonzero(moves[end:limit_row])
+            start = begin + (int(before[-1]) + 1 if len(before) else 0)
+            stop = end + int(after[0]) if len(after) else limit_row
+            found.append(StandingSpan(start, stop - 1, start if shown[2] == shown[0] else int(edges[shown[2]])))
     return sorted(found, key=lambda one: one.first)
-
-
-def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int], limit: float) -> StandingSpan:
-    """Return the rows of a span of blocks, with those of the seconds at its ends in which the column stands already."""
-    edges = np.append(starts, values.shape[1])
-    begin, limit_row = int(edges[max(shown[0] - 1, 0)]), int(edges[min(shown[1] + 2, len(edges) - 1)])
-    first, end = int(edges[shown[0]]), int(edges[shown[1] + 1])
-    level = np.median(values[:, first:end], axis=1)[:, None]
-    moves: Mask = np.max(np.abs(values - level), axis=0) > limit
-    before, after = np.flatnonzero(moves[begin:first]), np.flatnonzero(moves[end:limit_row])
-    start = begin + (int(before[-1]) + 1 if len(before) else 0)
-    stop = end + int(after[0]) if len(after) else limit_row
-    return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else int(edges[shown[2]]))
 
 
 def _average(values: Array, starts: Rows) -> Array:
     counts = np.diff(np.append(starts, len(values)))
-    mean: Array = np.add.reduceat(values, starts) / counts
-    return mean
-
-
-def _measure_hold_s(motion: RawMotion, values: Array) -> float:
-    changes = np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0) & motion.moving[1:])
-    if len(changes) < 2:
-        return math.inf
-    return float(np.quantile(np.diff(motion.time_s[changes]), ALMOST_ALL_SHARE))
-
-
-def _build_blocks(motion: RawMotion, starts: Rows) -> _Blocks:
-    none = np.full(len(motion.time_s), np.nan)
-    speed, target = (none if values is None else values for values in (motion.speed, motion.target))
-    heading, folded = none, none
-    if motion.heading is not None:
-        heading = np.degrees(np.unwrap(np.radians(motion.heading)))
-        folded = np.exp(2j * (np.radians(heading) - motion.course))
-    apart = 0.5 * np.degrees(np.angle(_average(folded, starts)))
-    mean_speed, mean_target, pace, mean_heading = (
-        _average(values, starts) for values in (speed, target, motion.pace, heading)
-    )
-    return _Blocks(starts, motion.time_s[starts], mean_speed, mean_target, pace, mean_heading, apart)
+    return np.asarray(np.add.reduceat(values, starts) / counts)
 
 
 def _list_still_blocks(means: Array, time: Array, limit: float, least_s: float) -> list[tuple[int, int]]:
@@ -187,7 +169,11 @@ def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
 
 def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
     """Whether speed and pace are alike in most of the blocks of driving outside a span."""
-    outside = _find_outside(blocks, first, last) & np.isfinite(blocks.pace) & np.isfinite(blocks.speed)
+    outside = (
+        ~mark_spans(len(blocks.pace), [(max(first - 1, 0), last + 1)])
+        & np.isfinite(blocks.pace)
+        & np.isfinite(blocks.speed)
+    )
     pace, speed = blocks.pace[outside], blocks.speed[outside]
     driven = np.maximum(pace, speed) > MOVING_MPS
     if np.count_nonzero(driven) < FEWEST_EVENTS:
@@ -195,20 +181,13 @@ def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
     return float(np.mean(~_is_other_pace(pace, speed)[driven])) >= MOST_SHARE
 
 
-def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
-    outside = np.ones(len(blocks.time_s), dtype=np.bool_)
-    outside[max(first - 1, 0) : last + 2] = False
-    return outside
-
-
 def _is_other_pace(pace: Array, speed: Array) -> Mask:
-    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, ALIKE_SHARE * speed)
-    return apart
+    return np.asarray(np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, ALIKE_SHARE * speed))
 
 
 def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
     """A heading stays while the course leaves it, which it follows elsewhere."""
-    outside = _find_outside(blocks, first, last) & np.isfinite(blocks.apart)
+    outside = ~mark_spans(len(blocks.apart), [(max(first - 1, 0), last + 1)]) & np.isfinite(blocks.apart)
     if np.count_nonzero(outside) < FEWEST_EVENTS:
         return None
     folded = np.exp(2j * np.radians(blocks.apart))
@@ -313,18 +292,30 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     if float(np.median(np.diff(time))) < READING_S:
         return []
     spans = _find_still_spans(time, command, wheel)
-    inside = np.zeros(len(readings), dtype=np.bool_)
-    for first, last in spans:
-        inside[first : last + 1] = True
+    inside = mark_spans(len(readings), spans)
     others = np.stack([command[~inside], wheel[~inside]])
     if not spans or others.shape[1] < FEWEST_READINGS or (np.std(others, axis=1) == 0.0).any():
         return []
     if float(np.corrcoef(others[0], others[1])[0, 1]) <= CLEAR_CORRELATION:
         return []
     every_s = columns["time_s"]
-    faults = [_build_fault(name, time, wheel, inside, span, float(np.nanmax(every_s))) for span in spans]
-    is_bad = [(every_s > one.earliest_s) & (every_s <= (np.inf if one.to_s is None else one.to_s)) for one in faults]
-    return [ColumnFault(fault, np.flatnonzero(bad)) for fault, bad in zip(faults, is_bad, strict=True)]
+    found, end_s = [], float(np.nanmax(every_s))
+    for first, last in spans:
+        # It began between the last reading that followed and the first that did not. Commands near the angle at which
+        # the wheels stay look followed.
+        away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > STEERING_SPREAD_DEG)
+        before_s, shown_s = float(time[away[-1] if len(away) else 0]), float(time[first])
+        angle = float(np.median(wheel[first : first + FEWEST_TIMES]))
+        is_at_end = abs(angle) > NEARLY_SHARE * float(np.quantile(np.sign(angle) * wheel[~inside], 0.99))
+        fault_id = STEERING_STUCK if is_at_end else STEERING_LOOSE
+        to_s = None if last == len(time) - 1 else float(time[last])
+        if to_s is not None and end_s - to_s < float(np.median(np.diff(time))):
+            to_s = None
+        words, from_s = STEERING_WORDS[fault_id], 0.5 * (before_s + shown_s)
+        fault = LogFault(fault_id, name, from_s, to_s, words, between_s=(before_s, shown_s))
+        bad = (every_s > before_s) & (every_s <= (np.inf if to_s is None else to_s))
+        found.append(ColumnFault(fault, np.flatnonzero(bad)))
+    return found
 
 
 def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
@@ -349,21 +340,3 @@ def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
                 spans.append((first, first + count - 1))
         first += count if is_fault else 1
     return spans
-
-
-def _build_fault(name: str, time: Array, wheel: Array, inside: Mask, span: Span, end_s: float) -> LogFault:
-    """Build a fault: it began between the last reading that followed and the first that did not."""
-    first, last = span
-    # Commands near the angle at which the wheels stay look followed.
-    away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > STEERING_SPREAD_DEG)
-    before_s, shown_s = float(time[away[-1] if len(away) else 0]), float(time[first])
-    angle = float(np.median(wheel[first : first + FEWEST_TIMES]))
-    others = np.sign(angle) * wheel[~inside]
-    is_at_end = abs(angle) > NEARLY_SHARE * float(np.quantile(others, 0.99))
-    fault_id = STEERING_STUCK if is_at_end else STEERING_LOOSE
-    to_s = None if last == len(time) - 1 else float(time[last])
-    if to_s is not None and end_s - to_s < float(np.median(np.diff(time))):
-        to_s = None
-    return LogFault(
-        fault_id, name, 0.5 * (before_s + shown_s), to_s, STEERING_WORDS[fault_id], between_s=(before_s, shown_s)
-    )

@@ -39,32 +39,24 @@ _EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a", "inf", "-inf", "
 
 
 def read_table(path: Path) -> pd.DataFrame:
-    """Read the table of a CSV or Parquet file, cells of a CSV as text.
-
-    Raises LogError.
-    """
+    """Read the table of a CSV or Parquet file, cells of a CSV as text; raises LogError."""
     if path.is_dir():
         raise LogError(f"{path} is a directory, not a log; name its files, for example {path}/*.csv.")
     if not path.is_file():
         raise LogError(f"{path} does not exist; give the path of a CSV or Parquet log.")
     if path.stat().st_size == 0:
         raise LogError(f"{path} is empty (0 bytes); a log needs a header and at least two rows.")
-    if path.suffix.lower() not in (".parquet", ".pq"):
-        return _read_csv(path)
     import pandas as pd
 
-    try:
-        return pd.read_parquet(path)
-    except ImportError as error:
-        raise LogError(f"{path} is Parquet, which needs pyarrow; install pyarrow or save the log as CSV.") from error
-    except (ValueError, OSError) as error:
-        raise LogError(f"{path} is not a Parquet file ({error}); save the log again, or as CSV.") from error
-
-
-def _read_csv(path: Path) -> pd.DataFrame:
-    """The cells as text; raises LogError."""
-    import pandas as pd
-
+    if path.suffix.lower() in (".parquet", ".pq"):
+        try:
+            return pd.read_parquet(path)
+        except ImportError as error:
+            raise LogError(
+                f"{path} is Parquet, which needs pyarrow; install pyarrow or save the log as CSV."
+            ) from error
+        except (ValueError, OSError) as error:
+            raise LogError(f"{path} is not a Parquet file ({error}); save the log again, or as CSV.") from error
     text = io.StringIO(read_table_text(path, "a log", LogError))
     try:
         with warnings.catch_warnings():
@@ -115,34 +107,27 @@ def extract_columns(frame: pd.DataFrame, name: str) -> tuple[Columns, tuple[str,
 
 
 def _parse_numbers(cells: pd.Series, column: str, name: str) -> Array:
-    """Return the numbers of a column, those of times and of words for gears and states where it has no other; refuse
-    one that holds text and no number."""
+    """Return the numbers of a column; refuse one that holds text and no number.
+
+    Where it has none, times count as seconds since 1970 (UTC), or since midnight without a date (ISO 8601 or
+    31.12.2024), and words for gears and states as their numbers.
+    """
     import pandas as pd
 
     values: Array = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
     if not np.isfinite(values).any():
         text = [cell for cell in map(str.strip, map(str, cells)) if cell.lower() not in _EMPTY_CELLS]
         if text and column == "time_s":
-            values = _parse_times(cells)
+            times = cells.astype(str).str.strip().str.replace(",", ".", regex=False)
+            times = times.str.replace(r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", regex=True)
+            stamps = pd.to_datetime(times, format="ISO8601", utc=True, errors="coerce") - pd.Timestamp(0, tz="UTC")
+            since = pd.to_timedelta(times, errors="coerce") if stamps.isna().all() else stamps
+            values = np.asarray(since / pd.Timedelta(seconds=1), dtype=np.float64)
         elif text and column in (numbers := load_vocabulary().tables["values"]):
             values = np.array([numbers[column].get(str(cell).strip().casefold(), np.nan) for cell in cells])
         if text and not np.isfinite(values).any():
             raise LogError(f"{name} has no number in column {column} (its first cell is {text[0]!r}); write numbers.")
     return values
-
-
-def _parse_times(cells: pd.Series) -> Array:
-    """Return seconds since 1970 (UTC) of dates with times, since midnight of times alone, NaN for other text.
-
-    Dates are ISO 8601 or 31.12.2024.
-    """
-    import pandas as pd
-
-    text = cells.astype(str).str.strip().str.replace(",", ".", regex=False)
-    text = text.str.replace(r"^(\d\d)\.(\d\d)\.(\d{4})", r"\3-\2-\1", regex=True)
-    stamps = pd.to_datetime(text, format="ISO8601", utc=True, errors="coerce") - pd.Timestamp(0, tz="UTC")
-    since = pd.to_timedelta(text, errors="coerce") if stamps.isna().all() else stamps
-    return np.asarray(since / pd.Timedelta(seconds=1), dtype=np.float64)
 
 
 # --- columns under other names --------------------------------------------------------------------------------
@@ -218,10 +203,7 @@ def guess_column(name: str) -> NamedColumn | None:
 
 
 def read_mapping_file(path: str | Path) -> tuple[dict[str, str], dict[str, Any]]:
-    """The columns of a mapping file, in its table [columns] or outside of tables, and its table [values].
-
-    Raises LogError.
-    """
+    """The columns of a mapping file, in [columns] or outside of tables, and its table [values]; raises LogError."""
     text, label = read_text(path, "a mapping file (TOML)", LogError), f"The mapping {quote_path(path)}"
     try:
         content = parse_toml(text)
@@ -281,19 +263,17 @@ def _parse_pair(pair: str, source: str) -> tuple[str, NamedColumn]:
 
 
 def map_columns(frame: pd.DataFrame, mapping: Mapping[str, NamedColumn], name: str) -> pd.DataFrame:
-    """The table with the columns of a mapping under the contract's names and in its units, in place of any so named.
-
-    Raises LogError for a column that the table has not, or has twice.
-    """
+    """The table with mapped columns under our names, in our units; raises LogError for one it lacks or has twice."""
     import pandas as pd
 
     header = [str(column) for column in frame.columns]
     for column, target in mapping.items():
         if header.count(column) != 1:
             close = "" if column in header else suggest_name(column, header)
+            shown = shorten_middle(", ".join(header), SHOWN_HEADER_CHARS)
             raise LogError(
                 f"{name} has {'two columns' if column in header else 'no column'} {column!r}{close} for "
-                f"{mark_parameter('mapping')} {target.key}={column} (it has: {_show_header(header)}); name one of its "
+                f"{mark_parameter('mapping')} {target.key}={column} (it has: {shown}); name one of its "
                 "columns that is there once."
             )
     if not mapping:
@@ -306,10 +286,8 @@ def map_columns(frame: pd.DataFrame, mapping: Mapping[str, NamedColumn], name: s
 
 
 def refuse_missing_columns(header: Sequence[str], present: Collection[str], name: str) -> None:
-    """Raise ColumnError where a needed column is absent, with all that are and the mapping that names suggest.
-
-    Of several columns that may be ours none is suggested: that is a question.
-    """
+    """Raise ColumnError where a needed column is absent, with all that are and the mapping that names suggest, if there
+    is one column for each."""
     lacks = [column for column in NEEDED_COLUMNS if column not in present]
     if not any(column in present for column in STEERING_COLUMNS):
         lacks.append(" or ".join(STEERING_COLUMNS))
@@ -329,14 +307,11 @@ def refuse_missing_columns(header: Sequence[str], present: Collection[str], name
     if unknown:
         name_it = f"{mark_parameter('mapping')} {unknown[0].split()[0]}=NAME"
         advice.append(f"no name looks like {' and '.join(unknown)}: say which it is with {name_it}, or log it")
+    shown = shorten_middle(", ".join(header), SHOWN_HEADER_CHARS)
     raise ColumnError(
-        f"{name} has no column {', '.join(lacks)} (it has: {_show_header(header)}); {'; '.join(advice)}.",
+        f"{name} has no column {', '.join(lacks)} (it has: {shown}); {'; '.join(advice)}.",
         dict(pair.split("=", 1) for pair in sure),
     )
-
-
-def _show_header(header: Sequence[str]) -> str:
-    return shorten_middle(", ".join(header), SHOWN_HEADER_CHARS)
 
 
 def _show_options(pairs: Sequence[str], between: str) -> str:

@@ -43,25 +43,20 @@ class GroundFall:
     """Used rows of all logs, concatenated: the fall of the ground in one direction, and related values.
 
     `fall` (m/m) is positive where the ground falls to the right (from roll, positive with the right side lower) or
-    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of PART_S,
-    `log` the logs. `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
-    `source` says which known heights it follows from, as a plural; it is empty for a sensor.
+    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of PART_S.
+    `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
     """
 
     fall: Array
     heading: Array
     block: Array
-    log: Array
     rms_fall: float
     mounting_deg: float
-    source: str = ""
 
 
 def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
-    """Return the fall of the ground from `roll_deg` or `pitch_deg`, or a clause why it cannot be measured.
-
-    Where a log lacks the column and the ground under all of them is known, the fall is that of the ground.
-    """
+    """Return the fall of the ground from `roll_deg` or `pitch_deg` (where a log lacks it, of ground known under all),
+    or a clause why it cannot be measured."""
     if get_ground_source(logs, column):
         return _project_known_fall(logs, column)
     logs_with_column = [log for log in logs if getattr(log, column) is not None]
@@ -74,13 +69,23 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
         return "it is constant, so the sensor is off or the ground is flat"
     width, noise = _select_width(logs, shown_falls)
     shown = np.concatenate([smooth_values(log, own, width) for log, own in zip(logs, shown_falls, strict=True)])
-    heading, block, log_of = _list_directions(logs)
+    heading, block = _list_directions(logs)
     push = np.concatenate([_measure_push(log, column) for log in logs])
     east = np.concatenate([log.easting_m[log.used] for log in logs])
     north = np.concatenate([log.northing_m[log.used] for log in logs])
     aside = 0.5 * math.pi if column == "roll_deg" else 0.0
     direction = heading + aside
-    mounting_lean = _estimate_mounting(shown, push, _build_ground_columns(east, north, direction), block)
+    # The fall in the direction of travel where the height is a polynomial of the place, per coefficient (n, 9).
+    size = max(float(np.std(east)), float(np.std(north)), 1.0)
+    east, north = ((axis - float(np.mean(axis))) / size for axis in (east, north))
+    to_east, to_north = np.sin(direction), np.cos(direction)
+    ground = []
+    for degree in (1, 2, 3):
+        for p in range(degree + 1):
+            q = degree - p
+            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
+            ground.append(along / degree)
+    mounting_lean = _estimate_mounting(shown, push, np.stack(ground, axis=1), block)
     if mounting_lean is None:
         return "the drives cannot separate the ground from the mounting of the sensor; driving there and back would"
     mounting, lean = mounting_lean
@@ -89,19 +94,19 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     if rms_fall < _LEAST_SLOPE or noise > (1.0 - NEARLY_SHARE) * rms_fall**2:
         return "it shows no slope above its noise, so the ground is flat or the sensor is off"
     degrees = math.degrees(math.atan(mounting)) * (1.0 if column == "roll_deg" else -1.0)
-    return GroundFall(fall, direction - aside, block, log_of, rms_fall, degrees)
+    return GroundFall(fall, direction - aside, block, rms_fall, degrees)
 
 
-def _list_directions(logs: Sequence[Log]) -> tuple[Array, Array, Array]:
-    """Return heading (rad, clockwise from north), piece of PART_S and log of the used rows of all logs."""
+def _list_directions(logs: Sequence[Log]) -> tuple[Array, Array]:
+    """Return heading (rad, clockwise from north) and piece of PART_S of the used rows of all logs."""
     parts = []
     for number, log in enumerate(logs):
         assert log.heading_deg is not None
         time = log.time_s[log.used]
         block = np.floor((time - time[0]) / PART_S) + 1e6 * number
-        parts.append((np.unwrap(np.radians(log.heading_deg[log.used])), block, np.full(len(time), number)))
-    heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
-    return heading, block, log_of
+        parts.append(np.stack([np.unwrap(np.radians(log.heading_deg[log.used])), block]))
+    heading, block = np.concatenate(parts, axis=1)
+    return heading, block
 
 
 def _measure_push(log: Log, column: str) -> Array:
@@ -116,21 +121,6 @@ def _measure_push(log: Log, column: str) -> Array:
     return np.asarray(pace * np.gradient(heading, time))
 
 
-def _build_ground_columns(east: Array, north: Array, direction: Array) -> Array:
-    """Return the fall in the direction of travel for a ground whose height is a polynomial of position, per coefficient
-    (n, 9)."""
-    size = max(float(np.std(east)), float(np.std(north)), 1.0)
-    east, north = ((axis - float(np.mean(axis))) / size for axis in (east, north))
-    to_east, to_north = np.sin(direction), np.cos(direction)
-    columns = []
-    for degree in (1, 2, 3):
-        for p in range(degree + 1):
-            q = degree - p
-            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
-            columns.append(along / degree)
-    return np.stack(columns, axis=1)
-
-
 def get_ground_source(logs: Sequence[Log], column: str) -> str:
     """Return where the known ground under all logs comes from, in place of a column; empty where the column is used."""
     is_used = any(log.ground_fall is None for log in logs) or all(getattr(log, column) is not None for log in logs)
@@ -141,7 +131,7 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     """Return the known fall of the ground to the right (`roll_deg`) or ahead (`pitch_deg`) in the used rows."""
     if any(log.heading_deg is None for log in logs):
         return "heading_deg is not in all logs"
-    heading, block, log_of = _list_directions(logs)
+    heading, block = _list_directions(logs)
     to_east, to_north = np.sin(heading), np.cos(heading)
     if column == "roll_deg":
         to_east, to_north = to_north, -to_east
@@ -150,17 +140,16 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     rms_fall = float(np.sqrt(np.mean(fall**2)))
     if rms_fall < _LEAST_SLOPE:
         return "the ground is flat there"
-    return GroundFall(fall, heading, block, log_of, rms_fall, 0.0, logs[0].ground_source)
+    return GroundFall(fall, heading, block, rms_fall, 0.0)
 
 
-def split_per_log(logs: Sequence[Log], ground_fall: GroundFall, values: Array) -> tuple[Array, ...]:
+def split_per_log(logs: Sequence[Log], values: Array) -> tuple[Array, ...]:
     """Split values of the used rows into one array per log with all its rows, 0 in unused rows."""
-    parts = []
-    for number, log in enumerate(logs):
-        row_values = np.zeros(len(log.used))
-        row_values[log.used] = values[ground_fall.log == number]
-        parts.append(row_values)
-    return tuple(parts)
+    parts = tuple(np.zeros(len(log.used)) for log in logs)
+    ends = np.cumsum([log.rows_used for log in logs])
+    for log, part, own in zip(logs, parts, np.split(values, ends[:-1]), strict=True):
+        part[log.used] = own
+    return parts
 
 
 def _compute_shown_fall(log: Log, column: str) -> Array:
@@ -193,22 +182,16 @@ def _compute_moving_means(log: Log, values: Array, width_s: float) -> tuple[Arra
 
 
 def _select_width(logs: Sequence[Log], shown_falls: Sequence[Array]) -> tuple[float, float]:
-    """Return the width (s) whose means best predict rows that are left out of them, and the variance of the remaining
-    noise."""
+    """Return the width (s) whose means best predict left-out rows, and the variance of the remaining noise."""
     best = (np.inf, 0.0, 0.0)
     for width in SMOOTHING_WIDTHS_S:
         squared_error, rows, shares = 0.0, 0, 0.0
         for log, values in zip(logs, shown_falls, strict=True):
             mean, count = _compute_moving_means(log, values, width)
-            has_neighbours = count > 1.0
+            apart, count = (values - mean)[count > 1.0], count[count > 1.0]
             # A row's own share of its mean is 1 / count: without it the error is count / (count - 1) times as large.
-            squared_error += float(
-                np.sum(((values - mean)[has_neighbours] * count[has_neighbours] / (count[has_neighbours] - 1.0)) ** 2)
-            )
-            rows, shares = (
-                rows + int(np.count_nonzero(has_neighbours)),
-                shares + float(np.sum(1.0 / count[has_neighbours])),
-            )
+            squared_error += float(np.sum((apart * count / (count - 1.0)) ** 2))
+            rows, shares = rows + len(count), shares + float(np.sum(1.0 / count))
         if rows and squared_error / rows < best[0]:
             share = shares / rows
             best = (squared_error / rows, width, squared_error / rows * share / (1.0 + share))
@@ -250,16 +233,13 @@ class GradeSpeed:
 
 
 def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
-    """Estimate how pitch, or the known ground, explains the speeds of all logs; empty where they or one of the speeds
-    are missing."""
+    """Estimate how pitch, or the known ground, explains the speeds of all logs; empty where one of them is missing."""
     source = get_ground_source(logs, "pitch_deg")
     if all(log.pitch_deg is None for log in logs) and not source:
         return GradeSpeed()
 
     def leave_unused(why: str) -> GradeSpeed:
-        return GradeSpeed(
-            remarks=(f"{f'{source} do not explain speed' if source else 'pitch_deg is not used'}: {why}.",)
-        )
+        return GradeSpeed((), (f"{f'{source} do not explain speed' if source else 'pitch_deg is not used'}: {why}.",))
 
     if any(log.speed_mps is None or log.speed_command_mps is None for log in logs):
         needed = "it also needs speed_mps and speed_command_mps"
@@ -278,16 +258,15 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
         return leave_unused(f"the speed does not depend on {'them' if source else 'it'}")
     remark = (
         f"{f'{source} explain' if source else 'pitch_deg explains'} speed: on a slope of 10 % the tractor drives "
-        f"{10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were corrected for "
-        "it; "
+        f"{10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were corrected for it"
     )
     remark += (
-        f"over {PART_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
+        f"; over {PART_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
         "(root mean square)."
         if source
-        else f"the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
+        else f"; the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
     )
-    return GradeSpeed(split_per_log(logs, ground_fall, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
+    return GradeSpeed(split_per_log(logs, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
 
 
 def _estimate_grade_gain(
@@ -298,19 +277,13 @@ def _estimate_grade_gain(
     Slip, in general and of the implement, is estimated separately. The last two values are the root mean squares, over
     blocks, of what is left of the share of speed without the gain and with it.
     """
-    ratios, falls, blocks, implement_states = [], [], [], []
-    for number, log in enumerate(logs):
-        assert log.speed_mps is not None and log.speed_command_mps is not None
-        is_own_row, used = ground_fall.log == number, log.used
-        steady = measure_steady_time_s(log)[used] >= STEADY_COMMAND_S
-        use = steady & (log.speed_command_mps[used] > MOVING_MPS)
-        ratios.append(log.speed_mps[used][use] / log.speed_command_mps[used][use])
-        falls.append(forward_fall[is_own_row][use])
-        blocks.append(ground_fall.block[is_own_row][use])
-        implement_states.append(log.implement[used][use])
-    ratio, fall, block, implement = (
-        np.concatenate(block_number) for block_number in (ratios, falls, blocks, implement_states)
+    speed, command, implement = (
+        np.concatenate([getattr(log, name)[log.used] for log in logs])
+        for name in ("speed_mps", "speed_command_mps", "implement")
     )
+    steady_s = np.concatenate([measure_steady_time_s(log)[log.used] for log in logs])
+    use = (steady_s >= STEADY_COMMAND_S) & (command > MOVING_MPS)
+    ratio, fall, block, implement = speed[use] / command[use], forward_fall[use], ground_fall.block[use], implement[use]
     columns = np.stack([fall, np.ones(len(fall)), implement], axis=1)
     if implement.size and np.ptp(implement) == 0.0:
         columns = columns[:, :2]
@@ -323,8 +296,7 @@ def _estimate_grade_gain(
 
 
 def _fit_by_blocks(columns: Array, values: Array, block: Array) -> tuple[Array, float]:
-    """Fit values (k,) by columns (k, m); return the coefficients, and the standard error of the first of them where the
-    rows of a block are one observation."""
+    """Fit values (k,) by columns (k, m); return coefficients, and the error of the first, a block one observation."""
     coefficients = np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
     inverse = np.linalg.pinv(columns.T @ columns)
     scores = columns * (values - columns @ coefficients)[:, None]
@@ -373,8 +345,7 @@ class CrossSlope:
 
 
 def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
-    """Estimate the slope across the direction of travel of all logs, from roll or the known ground; only a remark where
-    neither can be used."""
+    """Estimate the slope across the direction of travel, from roll or the known ground; without, only a remark."""
     source = get_ground_source(logs, "roll_deg")
     if all(log.roll_deg is None for log in logs) and not source:
         return CrossSlope()
@@ -410,7 +381,7 @@ def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
         )
     sides = np.stack([np.cos(ground_fall.heading), -np.sin(ground_fall.heading)], axis=1)
     east, north = np.linalg.lstsq(sides, ground_fall.fall, rcond=None)[0]
-    across = split_per_log(logs, ground_fall, ground_fall.fall)
+    across = split_per_log(logs, ground_fall.fall)
     return CrossSlope(across, float(east), float(north), ground_fall.rms_fall, (remark,))
 
 
@@ -420,30 +391,24 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
 
     The last two values are the root mean squares, over blocks, of course minus heading (rad) without it and with it.
     """
-    columns = [
-        split_per_log(logs, ground_fall, values)
-        for values in (ground_fall.fall, ground_fall.heading, ground_fall.block)
-    ]
-    slopes, crabs, blocks, bends = [], [], [], []
-    for number, log in enumerate(logs):
+    columns = (ground_fall.fall, ground_fall.heading, ground_fall.block)
+    parts = []
+    for log, *own in zip(logs, *(split_per_log(logs, values) for values in columns), strict=True):
         chords = compute_path_chords(log)
-        if chords is None:
-            continue
-        across, heading, block = (column[number] for column in columns)
-        use = (np.abs(chords.curvature) < STRAIGHT_PER_M) & (log.shuttle[chords.row] > 0.0) & (chords.speed > 0.3)
-        crab = chords.course - heading[chords.row]
-        slopes.append(across[chords.row][use])
-        crabs.append(np.arctan2(np.sin(crab), np.cos(crab))[use])
-        blocks.append(block[chords.row][use])
-        bends.append(chords.curvature[use])
-    x, y, block = (np.concatenate(column) if column else np.zeros(0) for column in (slopes, crabs, blocks))
+        if chords is not None:
+            slope, heading, block = (values[chords.row] for values in own)
+            use = (np.abs(chords.curvature) < STRAIGHT_PER_M) & (log.shuttle[chords.row] > 0.0) & (chords.speed > 0.3)
+            crab = chords.course - heading
+            wrapped = np.arctan2(np.sin(crab), np.cos(crab))
+            parts.append(np.stack([slope, wrapped, block, chords.curvature])[:, use])
+    x, y, block, curvature = np.concatenate([np.zeros((4, 0)), *parts], axis=1)
     x, y = x - (x.mean() if len(x) else 0.0), y - (np.median(y) if len(y) else 0.0)
     if len(np.unique(block)) < FEWEST_PARTS or float(x @ x) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
     (drift, _), error = _fit_by_blocks(np.stack([x, np.ones(len(x))], axis=1), y, block)
-    compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))
+    compass = _COMPASS_ERROR_RAD / (np.sqrt(len(parts)) * float(np.std(x)))
     # What follows from slight bends, where the antenna is off the rear axle, does not count.
-    bent = np.stack([np.ones(len(y)), np.concatenate(bends)], axis=1)
+    bent = np.stack([np.ones(len(y)), curvature], axis=1)
     before, left = (
         _compute_block_rms(values - bent @ np.linalg.lstsq(bent, values, rcond=None)[0], block)
         for values in (y, y - drift * x)

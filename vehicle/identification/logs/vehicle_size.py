@@ -33,16 +33,12 @@ _LOCK_SHARE = 1.3  # of the file's lock, and clear steering beyond that: more th
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
 _LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
 _MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
-_COMMAND_LAG_SHARE = 0.5  # least apparent gain where the wheels hardly reach the command
+_COMMAND_LAG_SHARE = 1.0 / _COMMAND_SHARE  # least apparent gain where the wheels hardly reach the command
 
 
 @dataclass(frozen=True)
 class MeasuredSize:
-    """Size shown by logs: curvature over the file's at the same angle and its standard error, largest angle, range of
-    speeds.
-
-    `bend_ratio` is None where the logs do not show it.
-    """
+    """Size shown by logs: curvature over the file's (None: not shown) and its error, largest angle, range of speeds."""
 
     bend_ratio: float | None
     bend_ratio_error: float
@@ -51,19 +47,14 @@ class MeasuredSize:
 
 
 def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> MeasuredSize:
-    """Measure the size of a vehicle from logs, relative to a tractor file on a ground.
-
-    Measured over expected curvature is the slope of a line; where the steering hardly varies or the line fits badly, a
-    line through zero gives a rough ratio.
-    """
-    angles, curvatures, paces = [np.empty(0)], [np.empty(0)], [np.empty(0)]
+    """Measure the size relative to a tractor file on a ground: measured over expected curvature, the slope of a line,
+    or roughly of one through zero where the steering hardly varies."""
+    parts = [np.empty((3, 0))]
     for log in logs:
         bends, chords = compute_bends(log), compute_path_chords(log)
         if bends is not None and chords is not None:
-            angles.append(bends[0])
-            curvatures.append(bends[1])
-            paces.append(chords.speed)
-    angle, curvature, pace = np.concatenate(angles), np.concatenate(curvatures), np.concatenate(paces)
+            parts.append(np.stack([*bends[:2], chords.speed]))
+    angle, curvature, pace = np.concatenate(parts, axis=1)
     expected, is_clear = compute_file_curvature(angle, tractor, ground), np.abs(angle) >= _CLEAR_ANGLE_DEG
     ratio, error = None, math.inf
     if len(angle) >= FEWEST_LINE_CHORDS and float(np.std(angle)) >= STEERING_SPREAD_DEG:
@@ -108,8 +99,7 @@ def explain_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) ->
     ):
         return (
             f"at the same wheel angles their path bends {size.bend_ratio:.2g} times as much as the file of "
-            f"{tractor.name} "
-            f"says, and faults of a tractor only explain {gain_param.low:g} to {gain_param.high:g}"
+            f"{tractor.name} says, and faults of a tractor only explain {gain_param.low:g} to {gain_param.high:g}"
         )
     share = _LOCK_SHARE if sensed else _COMMAND_SHARE
     if size.angle_deg > share * tractor.max_steering_deg + CLEAR_STEERING_DEG:
@@ -128,11 +118,9 @@ def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> 
     suggested, speeds = scale_to_logs(logs, tractor, ground), measure_size(logs, tractor, ground).speed_mps
     slow_and_fast = dict.fromkeys(f"{speed:.2g}" for speed in speeds)
     radius = 1.0 / float(compute_file_curvature(np.array([suggested.max_steering_deg]), suggested, ground)[0])
-    make = (
-        "make a tractor file of this size with `headland tractor new`"
-        if suggested.wheelbase_m >= _SMALLEST_WHEELBASE_M
-        else ("write a tractor file of this size")
-    )
+    make = "write a tractor file of this size"
+    if suggested.wheelbase_m >= _SMALLEST_WHEELBASE_M:
+        make = "make a tractor file of this size with `headland tractor new`"
     raise LogError(
         f"These logs are not of this tractor: {misfit}. Driven at {' to '.join(slow_and_fast)} m/s, they suggest a "
         f"wheelbase of {suggested.wheelbase_m:.2g} m and a turning radius of {radius:.2g} m at "
@@ -143,11 +131,8 @@ def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> 
 
 
 def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor:
-    """Return the tractor scaled to the size that the logs suggest; unchanged where they fit it.
-
-    All lengths scale with the wheelbase, the mass with its cube and forces with the mass: logs of a path do not show
-    them. Radii are those driven at the same angles.
-    """
+    """Return the tractor scaled to the size that the logs suggest: lengths by the wheelbase, mass by its cube, forces
+    by the mass, radii as driven; unchanged where they fit it."""
     if not explain_other_vehicle(logs, tractor, ground):
         return tractor
     size = measure_size(logs, tractor, ground)
@@ -161,9 +146,9 @@ def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor
     mass = min(max(tractor.mass_kg * scale**3, _MASSES_KG[0]), _MASSES_KG[1])
     changed["mass_kg"] = mass
     changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGEST_LOCK_DEG)
-    sides = {name: {"right": law.right, "left": law.left} for name, law in tractor.radius.items()}
     changed["radius"] = {
-        name: {side: (factor / scale, power) for side, (factor, power) in laws.items()} for name, laws in sides.items()
+        name: {side: (factor / scale, power) for side, (factor, power) in (("right", law.right), ("left", law.left))}
+        for name, law in tractor.radius.items()
     }
     forces = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m", "max_drive_n")
     lengths_ahead = ("lookahead_m", "turn_lookahead_m", "lateral_limit_m")

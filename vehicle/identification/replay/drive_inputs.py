@@ -86,10 +86,6 @@ class DriveInputs:
         """The step of the path (s)."""
         return self.stride * DT_S
 
-    def spread(self, per_segment: Sequence[float] | Array) -> npt.NDArray[np.int64]:
-        """One value per segment on every step of its path."""
-        return np.repeat(np.asarray(per_segment), np.diff(self.path_starts))
-
 
 def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInputs:
     """Lay segments one after the other, every column read in every row."""
@@ -100,22 +96,23 @@ def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInpu
         _join([_get_input(segment, name) for segment in segments], steps) for name in ("command", "target", "working")
     )
     pose, sensor = (sample_rows(segments, path_starts, stride * DT_S), sample_rows(segments, step_starts, DT_S))
+    # On the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds.
+    wheels = [_get_input(segment, "wheel") for segment in segments]
+    pairs = list(zip(segments, wheels, strict=True))
+    columns = {name: [one.grids[name] for one in segments] for name in ("east", "north", "heading", "speed", "working")}
+    columns |= {
+        "wheel": wheels,
+        "steady": [one.denoised_wheel_angle if one.wheel is not None else wheel for one, wheel in pairs],
+        "across": [one.grids.get("across", np.zeros(len(wheel))) for one, wheel in pairs],
+        "seconds": [np.asarray(one.start_s + np.arange(len(wheel)) * DT_S) for one, wheel in pairs],
+    }
+    path = {name: _join(parts, steps, stride) for name, parts in columns.items()}
+    path |= {"cosine": np.cos(path["heading"]), "sine": np.sin(path["heading"])}
+    first_wheel = np.array([wheel[0] for wheel in wheels])
     return DriveInputs(
-        tuple(segments),
-        stride,
-        step_starts,
-        path_starts,
-        command,
-        np.array([_get_input(segment, "wheel")[0] for segment in segments]),
-        target,
-        working,
-        _build_path(segments, steps, stride),
-        pose,
-        pose,
-        pose,
-        sensor,
-        sensor,
-    )
+        tuple(segments), stride, step_starts, path_starts, command, first_wheel, target, working, path,
+        pose, pose, pose, sensor, sensor,
+    )  # fmt: skip
 
 
 def _join(parts: Sequence[Array], steps: Sequence[int], stride: int = 1) -> Array:
@@ -132,18 +129,3 @@ def _get_input(segment: DriveSegment, name: str) -> Array:
     """An input on the grid of a segment; in place of one that was not logged, what shows the same."""
     other = {"command": "wheel", "wheel": "command", "target": "speed"}.get(name, name)
     return segment.grids[name if getattr(segment, name) is not None else other]
-
-
-def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int], stride: int) -> dict[str, Array]:
-    """Inputs on the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds."""
-    wheels = [_get_input(segment, "wheel") for segment in segments]
-    pairs = list(zip(segments, wheels, strict=True))
-    columns = {name: [one.grids[name] for one in segments] for name in ("east", "north", "heading", "speed", "working")}
-    columns |= {
-        "wheel": wheels,
-        "steady": [one.denoised_wheel_angle if one.wheel is not None else wheel for one, wheel in pairs],
-        "across": [one.grids.get("across", np.zeros(len(wheel))) for one, wheel in pairs],
-        "seconds": [np.asarray(one.start_s + np.arange(len(wheel)) * DT_S) for one, wheel in pairs],
-    }
-    path = {name: _join(parts, steps, stride) for name, parts in columns.items()}
-    return {**path, "cosine": np.cos(path["heading"]), "sine": np.sin(path["heading"])}

@@ -31,7 +31,7 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
-from vehicle.identification.logs.thresholds import ALIKE_SHARE, TURN_S, WHEEL_NOISE_DEG
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, GRID_S, TURN_S, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
@@ -83,24 +83,17 @@ class DriveSegment:
 
     @cached_property
     def steps_s(self) -> Array:
-        """Times of the steps of the grid (n, s).
-
-        Divided by 60 instead of multiplied by DT_S: the last bit differs, and the last digits of a diagnosis with it.
-        """
+        """Times of the steps of the grid (n, s); times DT_S, the last digits of a diagnosis would differ."""
         return np.arange(len(self.grids["speed"]), dtype=np.float64) / STEP_HZ
 
     @cached_property
     def denoised_wheel_angle(self) -> Array:
-        """The measured wheel angle on the grid (n,), denoised.
-
-        Raises AttributeError where none was measured.
-        """
+        """The measured wheel angle on the grid (n,), denoised; raises AttributeError where none was measured."""
         if self.wheel is None:
             raise AttributeError("This segment has no measured wheel angle.")
         grid = np.arange(len(self.grids["wheel"])) * DT_S
         time, wheel = self.logged_wheel or (self.time, self.wheel)
-        steady: Array = np.interp(grid, time, denoise_angles(time, wheel))
-        return steady
+        return np.asarray(np.interp(grid, time, denoise_angles(time, wheel)))
 
     @property
     def speed_in_gear(self) -> Array:
@@ -115,10 +108,7 @@ class DriveSegment:
 
 @dataclass(frozen=True, eq=False)
 class DriveDataset:
-    """All runs: names, segments, the origin subtracted from the positions, rows read, the ground's slope.
-
-    `remarks` are sentences on the use of roll and pitch.
-    """
+    """All runs: names, segments, the origin subtracted, rows read, the ground's slope, sentences on its use."""
 
     names: tuple[str, ...]
     segments: tuple[DriveSegment, ...]
@@ -127,20 +117,15 @@ class DriveDataset:
     cross_slope: CrossSlope = field(default_factory=CrossSlope)
     remarks: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def effect_places(self) -> dict[str, tuple[float, ...]]:
         """Known places of effects, by effect (see EffectKind.get_kind_for_place)."""
         places: dict[str, tuple[float, ...]] = {}
         if self.cross_slope.is_usable:
             places[SLOPE_DRIFT] = self.cross_slope.mean_plane
-        if self.wheel_lag_s < WHEEL_LEAD_S:
-            places[STEERING_CLOCK] = (self.wheel_lag_s,)
+        if (lag_s := measure_wheel_lag(self.segments)) < WHEEL_LEAD_S:
+            places[STEERING_CLOCK] = (lag_s,)
         return places
-
-    @cached_property
-    def wheel_lag_s(self) -> float:
-        """How much later than the commands the wheels move, over all segments (s); inf without both columns."""
-        return measure_wheel_lag(self.segments)
 
     @property
     def rows(self) -> int:
@@ -158,7 +143,7 @@ class DriveDataset:
         return all(segment.speed_measured for segment in self.segments)
 
 
-_STANDING_S = 0.2  # chosen: wheels that follow a command move by more than noise meanwhile
+_STANDING_S = 2.0 * GRID_S  # chosen: wheels that follow a command move by more than noise meanwhile
 WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
 _WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
@@ -181,10 +166,7 @@ def measure_wheel_lag(segments: Sequence[DriveSegment]) -> float:
 
 
 def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDataset:
-    """Build the segments of all logs; `antenna` (m) is its position ahead of the rear axle and to the right.
-
-    Raises LogError when no segment is long enough.
-    """
+    """Build segments; `antenna` (m) is ahead of the rear axle and to the right. Raises LogError where all are short."""
     used = [log.used for log in logs]
     east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
     north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
@@ -197,35 +179,22 @@ def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDa
         for rows in split_drive_segments(log)[0]:
             segments.append(_build_segment(log, rows, run, origin, antenna, None if across is None else across[rows]))
     if not segments:
-        raise LogError(_explain_no_segment(logs))
+        reasons = []
+        for log in logs[:MAX_NAMED]:
+            lasts_s = (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in split_drive_segments(log)[1])
+            reasons.append(f"in {log.name} the longest lasts {max(lasts_s, default=0.0):.1f} s")
+            if log.gated:
+                worst = max(log.gated, key=lambda one: one.rows)
+                reasons[-1] += f", {worst.rows} of {len(log.used)} rows are unusable: {worst.rule} (first in line "
+                reasons[-1] += f"{worst.first_line})"
+        more_logs = f"; and {len(logs) - MAX_NAMED} more" if len(logs) > MAX_NAMED else ""
+        raise LogError(
+            f"No log holds {SHORTEST_SEGMENT_S:g} s driven in one gear without a gap: {'; '.join(reasons)}{more_logs}; "
+            "fill or leave out such columns, or log at least one such run."
+        )
     rows_read = sum(len(log.used) for log in logs)
     ground = (*cross_slope.remarks, *grade_speed.remarks)
     return DriveDataset(tuple(log.name for log in logs), tuple(segments), origin, rows_read, cross_slope, ground)
-
-
-def _explain_no_segment(logs: Sequence[Log]) -> str:
-    """Why no log has a segment to replay: the rule that excluded most rows, for up to three logs."""
-    reasons = []
-    for log in logs[:MAX_NAMED]:
-        worst_rule = max(log.gated, key=lambda one: one.rows, default=None)
-        lost = (
-            ""
-            if worst_rule is None
-            else (
-                f", {worst_rule.rows} of {len(log.used)} rows are unusable: {worst_rule.rule} (first in line "
-                f"{worst_rule.first_line})"
-            )
-        )
-        longest = max(
-            (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in split_drive_segments(log)[1]), default=0.0
-        )
-        reasons.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
-    more_logs = f"; and {len(logs) - MAX_NAMED} more" if len(logs) > MAX_NAMED else ""
-    return (
-        f"No log holds {SHORTEST_SEGMENT_S:g} s driven in one gear without a gap: {'; '.join(reasons)}{more_logs}; "
-        "fill or leave out "
-        "such columns, or log at least one such run."
-    )
 
 
 def _build_segment(
@@ -272,9 +241,7 @@ def _build_segment(
 
 def _select_earlier_commands(log: Log, rows: Rows) -> Array:
     """Return the commands (m, rad) on the grid before the first of the rows, used for a replay or not, up to a gap.
-
-    After a gap, or at the start of a log, wheels that stand had reached the command before.
-    """
+    After a gap, or at the start of a log, wheels that stand had reached the command before."""
     command, row = log.steering_command_deg, int(rows[0])
     if command is None:
         return np.empty(0)
@@ -336,10 +303,7 @@ def find_compared_rows(angle: Mask, commanded: Mask, command: Array) -> Mask:
 
 
 def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
-    """Resample columns on the grid: measured values linearly, commands held from halfway between two rows.
-
-    None stands for a column that the log lacks.
-    """
+    """Resample columns (None: not logged) on the grid, commands held from halfway between two rows."""
     steps = math.ceil((time[-1] - time[0]) / DT_S) + 1
     grid = np.arange(steps) * DT_S
     middles = 0.5 * (time[1:] + time[:-1])
@@ -384,30 +348,24 @@ def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array
 
 
 def compute_course_offset(time: Array, course: Array, pace: Array, length: float) -> Array:
-    """Return the angle (k, rad) from the heading to the antenna's course.
-
-    `length` (m) is the distance from the rear axle to the antenna, negative where the antenna trails the axle.
-    """
+    """Return the angle (k, rad) from the heading to the antenna's course; `length` (m) is from the rear axle to the
+    antenna, negative where it trails the axle."""
     out = np.zeros(len(time))
     if length == 0.0 or len(time) < 2:
         return out
     distances = 0.5 * (pace[1:] + pace[:-1]) * np.diff(time)
     # Behind the axle the rod is pushed, which is unstable; backwards in time it is pulled.
-    step = 1 if length > 0.0 else -1
+    step, length = (1 if length > 0.0 else -1), abs(length)
     since = time if step > 0 else time[-1] - time[::-1]
     course, distances = course[::step].copy(), distances[::step].copy()
-    first = _compute_initial_angle(since, course, distances, abs(length))
-    _compute_pulled_rod_angles(course, distances, abs(length), first, out)
-    return out[::step].copy()
-
-
-def _compute_initial_angle(time: Array, course: Array, distances: Array, length: float) -> float:
-    """Return the angle at the first row, as on a circle with the curvature of the path there."""
-    rows = min(int(np.searchsorted(time, TURN_S)), len(distances))
+    # The angle at the first row is as on a circle with the curvature of the path there.
+    rows = min(int(np.searchsorted(since, TURN_S)), len(distances))
     path_length = float(distances[:rows].sum())
     bend = float(course[rows] - course[0]) / path_length if path_length > 0.1 * length else 0.0
     most_sine = math.sin(_MOST_ANGLE_RAD)
-    return math.asin(min(max(length * bend, -most_sine), most_sine))
+    first = math.asin(min(max(length * bend, -most_sine), most_sine))
+    _compute_pulled_rod_angles(course, distances, length, first, out)
+    return out[::step].copy()
 
 
 @compile_function

@@ -24,10 +24,8 @@ from vehicle.sim.compile import build_ground_records, build_model_record
 
 @dataclass(frozen=True, eq=False)
 class ReplayRig:
-    """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
-
-    `ranges` limit a discrepancy model to where it was observed; one that is still being fitted has none.
-    """
+    """A tractor ready for replay: its compiled model without effects, the ground, the steering table, and limits to
+    where a discrepancy model was observed; one that is still being fitted has none."""
 
     tractor: Tractor
     model: Any
@@ -49,10 +47,7 @@ class ReplayRig:
 
 
 def build_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> ReplayRig:
-    """Build the rig of a tractor without the effects learnt from logs.
-
-    Raises VehicleError for an unknown ground.
-    """
+    """Build the rig of a tractor without the effects learnt from logs; raises VehicleError for an unknown ground."""
     bare = remove_log_corrections(tractor)
     index = find_ground_index(ground)
     model = np.zeros(1, dtype=build_model_record(bare, Implement()).dtype)
@@ -61,7 +56,6 @@ def build_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> Rep
 
 
 def build_rig_and_corrections(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[ReplayRig, Settings]:
-    """Build the rig of a tractor, and return what its file has from logs: effects, and the discrepancy model with its
-    ranges."""
+    """Build the rig of a tractor, with the ranges of its discrepancy model, and return what its file has from logs."""
     learnt_effects = get_log_corrections(tractor)
     return replace(build_rig(tractor, ground, origin), ranges=learnt_effects.ranges), learnt_effects.settings
