@@ -146,7 +146,7 @@ def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: 
             strategies=("split-field",), samples=0,
         )
     ).run  # fmt: skip
-    assert run is not None and run.duration_s == pytest.approx(wet["jobs"][1]["time_s"], abs=0.1)
+    assert run.duration_s == pytest.approx(wet["jobs"][1]["time_s"], abs=0.1)
     steps_m = np.hypot(*np.diff(run.get_poses(0)[:, :2], axis=0).T)
     at_work = np.array([leg.implement for leg in run.plan.missions[0].legs])[run.get_leg_numbers(0)[1:]]
     undone = run.time_s[1:] > 8 * 3600 + 58 * 60 - wet["jobs"][1]["start_s"]

@@ -76,7 +76,7 @@ def test_the_sample_log_is_that_of_the_truth_model() -> None:
 def harmful() -> Diagnosis:
     """A diagnosis whose extension raised the error on runs held out."""
     found = diagnose("sample", holdout="auto")
-    assert found.holdout is not None and found.holdout.is_requested and found.holdout.helps and found.is_savable
+    assert found.holdout.is_requested and found.holdout.helps and found.is_savable
     worse = replace(found.holdout, before=found.holdout.after, after=found.holdout.before, helps=False)
     return replace(found, holdout=worse)
 

@@ -55,7 +55,7 @@ def test_a_search_finds_lines_with_all_words(headland: Callable[..., Any]) -> No
 
 def test_attachments_are_files_beside_the_pages_alone() -> None:
     found = read_attachment("nginx.conf")
-    assert found is not None and found[1] == "text/plain"
+    assert found[1] == "text/plain"
     assert [
         read_attachment(name) for name in ("../errors.py", "obstacles.md", "guide_pages.py", "nothing.png")
     ] == 4 * [None]

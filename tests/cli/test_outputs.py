@@ -180,7 +180,6 @@ def test_files_are_written_whatever_becomes_of_standard_output(command: list[str
         assert "Standard output cannot be used: No space left on device; map.png was written" in done.stderr
     else:
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None and process.stderr is not None
             process.stdout.close()
             said = process.stderr.read()
         assert process.returncode == 0 and said == ""

@@ -239,7 +239,6 @@ class TestProcess:
         one = ("--tractors", "1", "--strategies", "split-field", "--no-headland")
         words = [*command, "plan", str(small), "--local", *one, "--json"]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None and process.stderr is not None
             process.stdout.close()
             complaint = process.stderr.read()
             status = process.wait(240)

@@ -35,7 +35,7 @@ class TestDivided:
         """South of the ditch remain 40 - 0.75 - 0.3 m of 100 m."""
         (part,) = divided_ranking.parts
         assert part.ground.m2 == pytest.approx(3895.0) and part.neck_width_m == 0.0
-        assert part.plan is not None and part.plan.worked_pct is not None and part.plan.worked_pct > 90.0
+        assert part.plan.worked_pct > 90.0
 
     def test_the_answer_tells_it(self, divided_ranking: PlanRanking) -> None:
         (sentence,) = [each for each in describe_ranking(divided_ranking) if each.startswith("0.39 ha")]

@@ -43,7 +43,7 @@ def test_a_registered_strategy_is_planned_with(small_site: PlanningContext, toy:
     assert alone.feasible and alone.rank is not None and alone.collisions == 0
     assert (refused.feasible, refused.reason) == (False, "Alone is for one tractor.")
     length = sum(swath.length_m for swath in small_site.layout.swaths)
-    assert alone.time_s is not None and alone.time_s > length / small_site.driving_rules.work_speed_mps
+    assert alone.time_s > length / small_site.driving_rules.work_speed_mps
 
 
 def test_an_unregistered_name_stays_unknown() -> None:

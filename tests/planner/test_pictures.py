@@ -48,7 +48,7 @@ def test_the_largest_piece_left_is_named_unless_it_is_cut_off(cut: PlanningConte
 def test_a_plan_names_the_largest_piece_of_ground_that_can_be_reached(cut: PlanningContext) -> None:
     result = simulate_candidate(cut, Candidate("split-field", 1)).result
     piece, (left,) = result.largest_missed, cut.layout.field.cut_off_parts
-    assert result.missed_m2 is not None and piece is not None and result.missed_m2 > left.area > piece.m2
+    assert result.missed_m2 > left.area > piece.m2
     assert not left.intersects(shapely.Point(piece.x_m, piece.y_m))
     # What nobody can get to is missed, and not charged: the rest of the field is finished at the rate it was driven.
     worked_m2 = cut.layout.field.area_m2 - result.missed_m2

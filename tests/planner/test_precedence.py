@@ -50,7 +50,6 @@ class TestCrossingPaths:
     def test_the_one_that_comes_later_waits_at_its_hold_point(self) -> None:
         first, second = straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -42, math.pi / 2, 84, [0, 12, 84])
         table = PrecedenceSearch(plan_on([first, second]), crossings([first, second])).find_timetable()
-        assert table is not None
         assert table.begins_s[0][-1] == pytest.approx(10.0 + START_LOSS_S)  # 10 m from the start, for which it stood
         lag = table.begins_s[1][-1] - table.begins_s[0][-1]
         assert lag == pytest.approx(self.lag_m() + GAP_BEHIND_S, abs=1.1)  # poses lie 1 m apart
@@ -58,7 +57,6 @@ class TestCrossingPaths:
     def test_the_gate_opens_where_the_first_is_then(self) -> None:
         first, second = straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -42, math.pi / 2, 84, [0, 12, 84])
         table = PrecedenceSearch(plan_on([first, second]), crossings([first, second])).find_timetable()
-        assert table is not None
         waits = {(tractor, leg): gate for tractor, leg, gate in table.gates}
         assert set(waits) == {(1, 1)} and (waits[1, 1].tractor, waits[1, 1].leg) == (0, 1)
         assert waits[1, 1].after_m == pytest.approx(self.lag_m() + GAP_BEHIND_S, abs=1.6)
@@ -66,7 +64,6 @@ class TestCrossingPaths:
     def test_who_is_far_ahead_keeps_nobody_waiting(self) -> None:
         first, second = straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -90, math.pi / 2, 130, [0, 60, 130])
         table = PrecedenceSearch(plan_on([first, second]), crossings([first, second])).find_timetable()
-        assert table is not None
         assert table.begins_s[1][-1] == pytest.approx(table.begins_s[1][0] + 60.0 + START_LOSS_S)
 
     def test_who_stands_in_the_way_for_long_is_waited_for(self) -> None:
@@ -75,7 +72,7 @@ class TestCrossingPaths:
         trajectories = [crosses, waits, straight(0, 500, 0.0, 600, [0, 600])]
         plan = plan_on(trajectories, {(0, 0): [LegGate(1, 0, 9.0)], (1, 1): [LegGate(2, 0, 599.0)]})
         table = PrecedenceSearch(plan, crossings(trajectories, {0: {0}, 1: {1}})).find_timetable()
-        assert table is not None and table.begins_s[0][0] > table.begins_s[1][1] > 598.0
+        assert table.begins_s[0][0] > table.begins_s[1][1] > 598.0
         assert (0, 0, 1, 1) in {(tractor, leg, gate.tractor, gate.leg) for tractor, leg, gate in table.gates}
 
     def test_a_hold_point_from_which_nothing_is_crossed_is_not_used(self) -> None:
@@ -111,7 +108,6 @@ class TestCorridor:
     def test_the_second_enters_when_the_first_is_out(self) -> None:
         trajectories = through_a_corridor()
         table = PrecedenceSearch(plan_on(trajectories), crossings(trajectories)).find_timetable()
-        assert table is not None
         later = max(range(2), key=lambda one: table.begins_s[one][0])
         first = 1 - later
         out_s = (
@@ -184,7 +180,7 @@ def slanted(place: Any) -> Any:
 def test_three_tractors_work_a_slanted_field_and_its_headland(slanted: Any, strategy: str) -> None:
     evaluation = simulate_candidate(slanted, Candidate(strategy, 3))
     assert evaluation.result.feasible, evaluation.result.reason
-    assert evaluation.run is not None and evaluation.run.contacts == ()
+    assert evaluation.run.contacts == ()
     assert evaluation.run.min_clearance_m >= 0.05
     assert (evaluation.result.worked_pct or 0.0) > 97.0
 

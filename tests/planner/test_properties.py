@@ -67,7 +67,7 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, nam
     result, run = evaluation.result, evaluation.run
     if run is None:
         assert not result.feasible and result.time_s is None
-        assert result.reason is not None and result.reason.endswith(".") and "\n" not in result.reason
+        assert result.reason.endswith(".") and "\n" not in result.reason
         return
     check_plan(run.plan)
     for mission in run.plan.missions:
@@ -93,15 +93,12 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, nam
     longest = max(sum(leg.length_m / leg.speed_mps for leg in m.legs) for m in run.plan.missions)
     # Guidance cuts corners by a little, so the path may be a trace shorter than planned.
     assert run.duration_s >= 0.98 * longest
-    assert result.time_s is not None and result.tractor_time_s is not None and result.cost is not None
-    assert result.worked_pct is not None and result.overlap_pct is not None
     assert 0 < result.time_s <= result.tractor_time_s + 1e-9 <= result.tractors * result.time_s + 1e-6
     assert result.cost == pytest.approx(result.tractors * result.time_s / 3600 * 40)
     assert 0 < result.worked_pct <= 100 and 0 <= result.overlap_pct < 60
     swaths = [shapely.LineString([t.start_m, t.end_m]).buffer(1.5, cap_style="flat") for t in site.layout.swaths]
     planned = 100 * shapely.union_all(swaths, grid_size=1e-6).intersection(site.layout.field.boundary).area
     assert result.worked_pct == pytest.approx(planned / site.layout.field.area_m2, abs=3.0)
-    assert result.turning_s is not None and result.waiting_s is not None
     assert result.turning_s + result.waiting_s < result.tractor_time_s + 1.0
 
 

@@ -254,7 +254,7 @@ class TestWords:
         """Against the noise, then in a plan, then what it depends on: twice the noise over 5 s at 1 m/s."""
         wrong = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
         what = diagnosis(unexplained_share=share, depends_on=depends, after=wrong, pace_mps=0.5)
-        assert what.residual_error is not None and what.residual_error.aside_cm == pytest.approx(2.5 * math.sqrt(3.0))
+        assert what.residual_error.aside_cm == pytest.approx(2.5 * math.sqrt(3.0))
         assert what.residual_error.late_s == pytest.approx(0.1 * math.sqrt(3.0))
         for text in both(what):
             parts = (

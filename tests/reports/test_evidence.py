@@ -39,7 +39,7 @@ def evidence() -> ReplayEvidence:
 class TestEvidence:
     def test_bars_have_the_heights_of_the_errors(self) -> None:
         content = build_evidence_content(diagnosis(evidence=evidence()))
-        assert content is not None and [chart["kind"] for chart in content["charts"]] == 3 * ["cross"] + 3 * ["along"]
+        assert [chart["kind"] for chart in content["charts"]] == 3 * ["cross"] + 3 * ["along"]
         by_speed, errors = content["charts"][1], evidence().by_speed
         heights = [float(bar["height"]) for bar in by_speed["bars"]]
         values = np.column_stack([errors.cross_before_cm, errors.cross_after_cm]).ravel()
@@ -50,12 +50,12 @@ class TestEvidence:
     def test_a_chart_without_a_bin_is_left_out(self) -> None:
         short = diagnosis(evidence=replace(evidence(), by_speed=pieces(2, 0)), along_judged=False)
         content = build_evidence_content(short)
-        assert content is not None and len(content["charts"]) == 2
+        assert len(content["charts"]) == 2
         assert "by wheel angle" in render_diagnosis_page(short)
 
     def test_along_is_left_out_where_it_is_not_judged(self) -> None:
         content = build_evidence_content(diagnosis(evidence=evidence(), along_judged=False))
-        assert content is not None and {chart["kind"] for chart in content["charts"]} == {"cross"}
+        assert {chart["kind"] for chart in content["charts"]} == {"cross"}
 
     def test_the_path_that_gains_most_is_shown_first(self) -> None:
         page = render_diagnosis_page(diagnosis(evidence=evidence()))

@@ -195,7 +195,7 @@ def test_places_without_a_value_stay_on_the_picture() -> None:
              for line in crosses]  # fmt: skip
     assert low < edges[0] < edges[1] < 10.0 - 1.7
     legend = axes.get_legend()
-    assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
+    assert [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
 
 
 def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive: PlanDrive) -> None:

@@ -209,7 +209,7 @@ def test_a_field_with_another_best_way_is_named(comparison: HeadlandComparison) 
     """East: square 36 EUR, round 40 EUR; west: 72 and 60."""
     dear = replace_plan(comparison.rows[1], make_plan(4000.0, 0.0, 10_000.0))
     changed = HeadlandComparison((comparison.rows[0], dear, *comparison.rows[2:]))
-    assert changed.best is not None and changed.best.label == ROUND
+    assert changed.best.label == ROUND
     assert "On east square corners, headland first, 3 passes is better by 4.00 EUR (10.0 %)." in describe_comparison(
         changed
     )

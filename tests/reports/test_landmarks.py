@@ -85,9 +85,9 @@ def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: PlanDrive) 
     far = replace(drive, largest_missed=piece, entrance=(10.0, 10.0))
     box = MapExtent(0.0, 0.0, 100.0, 100.0)
     label = place_unworked_label(far, box)
-    assert label is not None and label.place.tolist() == [50.0, 40.0]
+    assert label.place.tolist() == [50.0, 40.0]
     moved = place_unworked_label(replace(far, entrance=(51.0, 40.5)), box)
-    assert moved is not None and moved.text == label.text == "120 m2 missed"
+    assert moved.text == label.text == "120 m2 missed"
     assert moved.place[0] == 50.0 and abs(moved.place[1] - 40.5) >= 2.0
 
 
@@ -95,4 +95,4 @@ def test_the_largest_piece_tells_how_much_is_missed_in_all(drive: PlanDrive) -> 
     missed = replace(drive, largest_missed=UnworkedPiece(400.0, 60.0, 60.0), missed_m2=700.0)
     for one, text in ((missed, "400 m2 of 700 m2 missed"), (replace(missed, missed_m2=400.2), "400 m2 missed")):
         label = place_unworked_label(one, MapExtent(0.0, 0.0, 100.0, 100.0))
-        assert label is not None and label.text == text
+        assert label.text == text

@@ -25,7 +25,6 @@ def test_places_at_their_times_are_those_of_the_drive(ranking: PlanRanking, list
 
 def test_the_best_plan_is_first_and_others_follow_by_their_names(ranking: PlanRanking, drive: PlanDrive) -> None:
     best = ranking.best
-    assert best is not None
     others = {("row-by-row", 5): replace(drive, title="other"), (best.strategy, best.tractors): drive}
     plans = json.loads(format_maps_json(ranking, drive, others))["plans"]
     assert [(plan["strategy"], plan["tractors"]) for plan in plans] == [

@@ -188,7 +188,6 @@ def test_the_script_knows_place_and_manner_of_every_tractor_at_every_moment(
 def test_every_plan_of_the_table_can_be_chosen_for_the_map(ranking: PlanRanking, drive: PlanDrive) -> None:
     every = drives(ranking, drive)
     best = ranking.best
-    assert best is not None
     page = render_plan_page(ranking, every[best.strategy, best.tractors], every)
     plans = told(page)
     assert [plan["title"] for plan in plans] == ["plan 2", "plan 0", "plan 1", "plan 3", "plan 5"], (
@@ -265,7 +264,6 @@ def test_bars_share_the_longest(drive: PlanDrive) -> None:
 
 def test_front_is_drawn_to_scale(ranking: PlanRanking) -> None:
     front = build_time_chart(ranking)
-    assert front is not None
     box, zero = front["box"], front["times"][0][0]
     assert zero == box.north
     scale = (zero - front["deadline"]["y"]) / 3600.0
@@ -276,19 +274,16 @@ def test_front_is_drawn_to_scale(ranking: PlanRanking) -> None:
 
 def test_deadline_is_drawn_at_the_seconds_allowed_and_only_then(ranking: PlanRanking) -> None:
     clocked = build_time_chart(ranking)
-    assert clocked is not None and clocked["deadline"]["text"] == "deadline 09:00"
+    assert clocked["deadline"]["text"] == "deadline 09:00"
     later = build_time_chart(replace(ranking, allowed_s=5000.0, start=None, deadline=None))
-    assert later is not None
     assert later["deadline"]["text"] == "deadline 1:23:20"
     free = build_time_chart(replace(ranking, allowed_s=None))
-    assert free is not None
     assert free["deadline"] is None
 
 
 def test_no_point_of_the_front_hides_another(ranking: PlanRanking) -> None:
     twins = tuple(replace(ranking.plans[0], strategy=name) for name in "abcd")
     front = build_time_chart(replace(ranking, plans=twins))
-    assert front is not None
     assert len({(point["x"], point["y"]) for point in front["points"]}) == 4
 
 
@@ -317,7 +312,6 @@ def test_where_nothing_is_missed_nothing_is_said_of_it(ranking: PlanRanking, dri
 def test_the_front_shows_the_time_to_finish(leaving: PlanRanking) -> None:
     plain = build_time_chart(replace(leaving, plans=tuple(replace(p, time_s=p.finished_s) for p in leaving.plans)))
     front = build_time_chart(leaving)
-    assert front is not None and plain is not None
     assert [point["y"] for point in front["points"]] == [point["y"] for point in plain["points"]]
     assert front["points"][-1]["text"] == "5 x row-by-row, omega: 0:20:53, to finish 0:26:06"
 
@@ -355,7 +349,6 @@ def test_points_stay_nearest_their_own_count(ranking: PlanRanking) -> None:
         replace(ranking.plans[0], strategy=name, tractors=count) for count in range(1, 12) for name in "abcdefgh"
     )
     front = build_time_chart(replace(ranking, plans=plans))
-    assert front is not None
     columns = np.array([tick["x"] for tick in front["counts"]])
     for point in front["points"]:
         left = columns[columns <= point["x"]].max()

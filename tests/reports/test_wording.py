@@ -151,7 +151,6 @@ class TestWhatIsLeft:
     def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:
         """Not of what was left out on request, which no time is charged for."""
         best = leaving.best
-        assert best is not None and best.missed_m2 is not None
         for spared_m2, told in (
             (best.missed_m2 - 212.0, "the 212 m2 of it that was to be worked adds"),
             (0.0, "the missed 0."),

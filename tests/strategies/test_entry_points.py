@@ -141,7 +141,7 @@ def test_faults_while_planning_are_a_reason_and_leave_other_plans(install: Insta
     install("faulty_one", source, {"faulty": "faulty_one:STRATEGY"})
     request = PlanRequest(strategies=("faulty", "split-field"), tractors=(1,), width_m=6.0, local=True)
     ranking = plan(request, field=FIELD, executor=SerialExecutor()).ranking
-    assert ranking.best is not None and ranking.best.strategy == "split-field"
+    assert ranking.best.strategy == "split-field"
     assert ranking.plans[-1].reason is not None
     assert "Strategy 'faulty' of the package faulty_one failed (ZeroDivisionError" in ranking.plans[-1].reason
 
