@@ -4,12 +4,11 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
 
@@ -29,7 +28,7 @@ def mask_figures(line: str) -> str:
 
 
 @pytest.mark.slow
-def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) -> None:
+def test_first_screen_at_80_columns(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS)
     lines = outcome.out.splitlines()
     assert outcome.status == 0 and outcome.err == "" and max(map(len, lines)) <= 80
@@ -49,7 +48,7 @@ def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) ->
 
 
 @pytest.mark.slow
-def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
+def test_json_csv_and_page_say_the_same(headland: Run, farm: Path, tmp_path: Path) -> None:
     page = tmp_path / "headlands.html"
     asked = ("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--operations-per-year", "3")
     told = json.loads(headland(*asked, "--json", "--html", page).out)
@@ -80,7 +79,7 @@ def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path
 
 
 @pytest.mark.slow
-def test_few_passes_are_worked_line_by_line_and_compared(headland: Callable[..., Any], farm: Path) -> None:
+def test_few_passes_are_worked_line_by_line_and_compared(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-passes", "1,3",
                        "--headland-order", "last")  # fmt: skip
     assert outcome.status == 0
@@ -92,9 +91,7 @@ def test_few_passes_are_worked_line_by_line_and_compared(headland: Callable[...,
     ]
 
 
-def test_a_lost_file_is_refused_alone_and_named_among_others(
-    headland: Callable[..., Any], farm: Path, tmp_path: Path
-) -> None:
+def test_a_lost_file_is_refused_alone_and_named_among_others(headland: Run, farm: Path, tmp_path: Path) -> None:
     outcome = headland("compare-headlands", tmp_path / "lost.geojson", *QUICK)
     assert_refused(outcome, "There is no field file")
     outcome = headland("compare-headlands", tmp_path / "lost.geojson", f"{farm}#north", *QUICK, *WAYS)
@@ -103,7 +100,7 @@ def test_a_lost_file_is_refused_alone_and_named_among_others(
 
 
 @pytest.mark.slow
-def test_widths_are_compared(headland: Callable[..., Any], farm: Path) -> None:
+def test_widths_are_compared(headland: Run, farm: Path) -> None:
     options = (*QUICK, "--corners", "round", "--headland-order", "last")
     lines = headland("compare-headlands", f"{farm}#south", *options, "--width", "2.5,3").out.splitlines()
     rows = [line for line in lines if line.startswith("round, last, ")]
@@ -111,7 +108,7 @@ def test_widths_are_compared(headland: Callable[..., Any], farm: Path) -> None:
     assert lines[0].startswith("Worth it on south (0.11 ha): round corners, ") and max(map(len, lines)) <= 80
 
 
-def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: Path) -> None:
+def test_a_deadline_that_is_missed_is_said(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-order", "last",
                        "--start", "8:00", "--deadline", "8:02", "--samples", "100")  # fmt: skip
     assert outcome.status == 3
@@ -143,7 +140,7 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
     ],
 )
 def test_bad_input_is_one_sentence_before_any_work(
-    headland: Callable[..., Any], farm: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], words: str
+    headland: Run, farm: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], words: str
 ) -> None:
     monkeypatch.setattr("planner.cli.comparisons.warm_up", lambda: pytest.fail("something was computed"))
     monkeypatch.chdir(farm.parent)

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import pandas as pd
 import pytest
 
 from planner.pipeline.diagnosis import diagnose
+from tests.cli.conftest import Run
 from tests.truth.sample_log import HIDDEN, format_sample_log
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
 from vehicle.identification.diagnosis.results import Diagnosis
@@ -21,7 +21,7 @@ from vehicle.model.tractor import load_tractor
 
 
 @pytest.mark.matrix
-def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> None:
+def test_the_demonstration_says_what_it_hid(headland: Run) -> None:
     outcome = headland("diagnose", "--demo", "--seed", "3", "--hide", "steering_gain", "--json")
     assert outcome.status == 0, outcome.err
     found = json.loads(outcome.out)
@@ -34,7 +34,7 @@ def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> Non
 
 
 @pytest.mark.slow
-def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_the_sample_log_says_what_was_hidden_in_it(headland: Run, tmp_path: Path) -> None:
     page = tmp_path / "sample.html"
     plan = tmp_path / "next.json"
     outcome = headland("diagnose", "sample", "--json", "--html", str(page), "--next-drive", str(plan))
@@ -55,7 +55,7 @@ def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any],
 
 
 def test_the_sample_log_is_replayed_and_gives_way_to_a_file_of_that_name(
-    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = json.loads(headland("replay", "sample", "--json").out)
     assert found["run"] == "sample_log" and found["error"]["20"]["cross_cm"] > 10.0
@@ -83,7 +83,7 @@ def harmful() -> Diagnosis:
 
 @pytest.mark.slow
 def test_what_does_not_help_on_runs_held_out_is_not_saved(
-    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, harmful: Diagnosis
+    headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, harmful: Diagnosis
 ) -> None:
     asked: list[Any] = []
 
@@ -104,7 +104,7 @@ def test_what_does_not_help_on_runs_held_out_is_not_saved(
     assert told["holdout"]["helps"] is False and told["unsaved_reason"]
 
 
-def test_runs_that_are_not_there_cannot_be_held_out(headland: Callable[..., Any]) -> None:
+def test_runs_that_are_not_there_cannot_be_held_out(headland: Run) -> None:
     outcome = headland("diagnose", "sample", "--holdout", "other")
     assert outcome.status == 2 and "'other' is none of the runs (sample_log)" in outcome.err
 
@@ -116,8 +116,6 @@ def test_runs_that_are_not_there_cannot_be_held_out(headland: Callable[..., Any]
     (("--crs", "EPSG:32632"), "--crs EPSG:32632 needs heights; add --elevation or leave out --crs."),
     (("--elevation", "nowhere.tif"), "There is no file of heights 'nowhere.tif'"),
 ])  # fmt: skip
-def test_options_that_would_be_ignored_are_refused(
-    headland: Callable[..., Any], options: tuple[str, ...], sentence: str
-) -> None:
+def test_options_that_would_be_ignored_are_refused(headland: Run, options: tuple[str, ...], sentence: str) -> None:
     outcome = headland("diagnose", "sample", *options)
     assert outcome.status == 2 and sentence in outcome.err

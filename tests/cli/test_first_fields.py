@@ -3,14 +3,13 @@
 import csv
 import io
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import feature, rectangle, ring, write_features
 
@@ -18,7 +17,7 @@ ONE = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
 
 
 @pytest.mark.slow
-def test_fields_that_share_an_id_are_all_planned(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_fields_that_share_an_id_are_all_planned(headland: Run, tmp_path: Path) -> None:
     squares = [feature(rectangle(x, 0, 60, 40), id=key) for x, key in ((0, 2), (100, 2), (200, 1))]
     file = write_features(tmp_path / "farm.geojson", *squares)
     outcome = headland("plan", f"{file}#*", "--local", *ONE, "--no-headland", "--csv")
@@ -28,7 +27,7 @@ def test_fields_that_share_an_id_are_all_planned(headland: Callable[..., Any], t
     assert outcome.err.count("got a number: '2-1', '2-2'.") == 1
 
 
-def test_swapped_axes_are_refused_and_the_advice_helps(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_swapped_axes_are_refused_and_the_advice_helps(headland: Run, tmp_path: Path) -> None:
     west, south, side = 9.5, 56.0, 0.002
     corners = [(west, south), (west + side, south), (west + side, south + side), (west, south + side)]
     file = write_features(tmp_path / "farm.geojson", feature(ring(*[(y, x) for x, y in corners])))
@@ -41,7 +40,7 @@ def test_swapped_axes_are_refused_and_the_advice_helps(headland: Callable[..., A
 
 
 @pytest.mark.slow
-def test_a_rough_outline_is_cleaned_and_planned(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_rough_outline_is_cleaned_and_planned(headland: Run, tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     outline = shapely.LinearRing([(0, 0), (90, 0), (90, 60), (0, 60)])
     places = shapely.line_interpolate_point(outline, np.linspace(0.0, outline.length, 2_000, endpoint=False))

@@ -2,10 +2,8 @@
 
 import os
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.guide.guide_pages import list_pages, read_page
+from tests.cli.conftest import Run
 from tests.cli.examples import (
     EXPERIMENTS,
     README,
@@ -97,7 +96,7 @@ def printed() -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("line", [line for line in list_readme_commands() if not line.startswith(LEFT_OUT)])
 def test_command(
-    line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, printed: dict[str, str]
+    line: str, folder: Path, headland: Run, monkeypatch: pytest.MonkeyPatch, printed: dict[str, str]
 ) -> None:
     monkeypatch.chdir(folder)
     printed[line] = run_as_written(line, folder, headland)
@@ -116,7 +115,7 @@ def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 
 @pytest.mark.slow
-def test_the_first_answer_is_what_the_command_prints(headland: Callable[..., Any], printed: dict[str, str]) -> None:
+def test_the_first_answer_is_what_the_command_prints(headland: Run, printed: dict[str, str]) -> None:
     text = README.read_text(encoding="utf-8")
     shown = re.findall(r"```text\n(.*?)```", text, flags=re.DOTALL)[0]
     command = next(line for line in list_readme_commands() if "--deadline" in line)
@@ -140,7 +139,7 @@ def test_every_beginning_is_one_of_the_guide() -> None:
     pytest.param(line, marks=pytest.mark.matrix if line.startswith(SELDOM) else ())
     for line in list_guide_commands() if not line.startswith(LEFT_OUT)
 ])  # fmt: skip
-def test_guide_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_guide_command(line: str, folder: Path, headland: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
     if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):

@@ -1,14 +1,13 @@
 """The study of chapter 6: every printed row, every claim with a verdict; and `headland study` from the outside."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
 from planner.pipeline.executors import create_executor
 from planner.pipeline.thesis_study import list_thesis_times, study
 from reports.trials.report import FleetStudy, ThesisTableRow, format_study_json
+from tests.cli.conftest import Run
 
 pytestmark = pytest.mark.slow
 
@@ -81,9 +80,7 @@ def test_the_assumptions_are_sentences(result: FleetStudy) -> None:
     assert any("24 tracks" in sentence for sentence in result.assumptions)
 
 
-def test_json_keeps_its_contract_and_does_not_depend_on_processes(
-    headland: Callable[..., Any], result: FleetStudy
-) -> None:
+def test_json_keeps_its_contract_and_does_not_depend_on_processes(headland: Run, result: FleetStudy) -> None:
     outcome = headland("study", "--json")
     assert outcome.status == 0 and outcome.err == ""
     assert outcome.out == format_study_json(result)
