@@ -15,15 +15,9 @@ def plan(tractors: int, strategy: str, probability: float | None, cost: float) -
     )  # fmt: skip
 
 
+PLANS = plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)
 RANKING = PlanRanking(
-    "drawn",
-    1.0,
-    1,
-    (plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)),
-    currency="EUR",
-    samples=1000,
-    chosen=("a", 2),
-    check_sentences=("Checked.",),
+    "drawn", 1.0, 1, PLANS, currency="EUR", samples=1000, chosen=("a", 2), check_sentences=("Checked.",)
 )
 
 
