@@ -4,10 +4,15 @@ import csv
 import io
 import json
 import re
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from planner.pipeline.comparisons import compare_headlands
+from planner.pipeline.many_fields import FieldQuestion
+from reports.plan.comparison import HeadlandComparison
 from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
@@ -16,10 +21,30 @@ QUICK = ("--local", "--tractors", "1", "--processes", "1", "--bearing", "90")
 WAYS = ("--corners", "square,round", "--headland-order", "last", "--headland-passes", "3")
 
 
-@pytest.fixture
-def farm(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def farm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two rectangles in local metres: 40 m by 30 m and 36 m by 30 m."""
-    return write_farm(tmp_path / "farm.geojson", north=(0, 40, 30), south=(400, 36, 30))
+    place = tmp_path_factory.mktemp("farm") / "farm.geojson"
+    return write_farm(place, north=(0, 40, 30), south=(400, 36, 30))
+
+
+@pytest.fixture(scope="module")
+def kept() -> dict[str, HeadlandComparison]:
+    """Comparisons by their questions."""
+    return {}
+
+
+@pytest.fixture
+def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, HeadlandComparison]) -> None:
+    """What was compared before with the same questions is not compared again, as its output is what is tested."""
+
+    def compare(questions: Sequence[FieldQuestion], *more: Any) -> HeadlandComparison:
+        key = str(questions)
+        if key not in kept:
+            kept[key] = compare_headlands(questions, *more)
+        return kept[key]
+
+    monkeypatch.setattr("planner.pipeline.comparisons.compare_headlands", compare)
 
 
 def mask_figures(line: str) -> str:
@@ -28,6 +53,7 @@ def mask_figures(line: str) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compared_once")
 def test_first_screen_at_80_columns(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS)
     lines = outcome.out.splitlines()
@@ -48,6 +74,7 @@ def test_first_screen_at_80_columns(headland: Run, farm: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("compared_once")
 def test_json_csv_and_page_say_the_same(headland: Run, farm: Path, tmp_path: Path) -> None:
     page = tmp_path / "headlands.html"
     asked = ("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--operations-per-year", "3")

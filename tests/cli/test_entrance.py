@@ -8,6 +8,8 @@ import pytest
 
 from tests.cli.conftest import Run
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 PLAN = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1")
 FARM = """
 [times]

@@ -4,7 +4,6 @@ import json
 
 import pytest
 
-from planner.pipeline.executors import create_executor
 from planner.pipeline.thesis_study import list_thesis_times, study
 from reports.trials.report import FleetStudy, ThesisTableRow, format_study_json
 from tests.cli.conftest import Run
@@ -14,8 +13,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def result() -> FleetStudy:
-    with create_executor(2) as executor:
-        return study(executor=executor)
+    return study()
 
 
 def row(result: FleetStudy, table: str, label: str) -> ThesisTableRow:
@@ -80,7 +78,9 @@ def test_the_assumptions_are_sentences(result: FleetStudy) -> None:
     assert any("24 tracks" in sentence for sentence in result.assumptions)
 
 
-def test_json_keeps_its_contract_and_does_not_depend_on_processes(headland: Run, result: FleetStudy) -> None:
+def test_json_keeps_its_contract(headland: Run, result: FleetStudy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same study: that processes change no plan is tested with the executors."""
+    monkeypatch.setattr("planner.pipeline.thesis_study.study", lambda **_: result)
     outcome = headland("study", "--json")
     assert outcome.status == 0 and outcome.err == ""
     assert outcome.out == format_study_json(result)
