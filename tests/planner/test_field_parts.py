@@ -18,6 +18,8 @@ from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_page import render_plan_page
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 TOUCHED = PlanFault(OBSTACLE, 0, 10.0, 20.0)
 
 

@@ -30,6 +30,8 @@ from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
 from vehicle.records import STANDING
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDTH_M, ROOM_M, PASSAGE_M = 9.0, (90.0, 70.0), (15.0, 6.0)
 FOLD_S = 30.0
 

@@ -27,6 +27,8 @@ from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDE_M, HIGH_M, CELL_M = 48.0, 36.0, 0.2
 Grid = npt.NDArray[np.int64]
 

@@ -131,7 +131,7 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
 
 @pytest.mark.slow
 def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    shape = shapely.Polygon([(0, 0), (90, 0), (70, 60), (0, 45)])
+    shape = shapely.Polygon([(0, 0), (70, 0), (55, 45), (0, 35)])
     scenario = PlanRequest(tractors=(1, 2, 3), strategies=("row-by-row", "split-field"))
     found = []
     for worth_s in (0.0, 1e9):
