@@ -40,6 +40,8 @@ from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.rules.supply import Supply
 from vehicle.missions.plan import Leg
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDTH_M, CUT_S = 4.0, 300.0
 OUTLINE: list[list[float]] = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
 

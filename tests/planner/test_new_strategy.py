@@ -19,6 +19,8 @@ from strategies.rules.supply import HEADLAND, Supply
 from strategies.strategy_record import Strategy
 from tests.planner.conftest import site_on
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def deal_to_one(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) -> LineDeal:
     """One tractor may work all lines; the others are not needed."""

@@ -15,6 +15,8 @@ from planner.request.plan_request import PlanRequest
 from reports.common.plan_records import UnworkedPiece
 from reports.plan.map_labels import place_headland_pass_labels
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 BOX = shapely.box(0, 0, 100, 60)
 
 
@@ -58,8 +60,8 @@ def test_a_plan_names_the_largest_piece_of_ground_that_can_be_reached(cut: Plann
 @pytest.mark.slow
 def test_the_map_names_lines_as_the_list_of_legs_does() -> None:
     """A tree cuts a track: its pieces have one name each, on the map, in the list and in what is asked of lines."""
-    tree = Obstacle("tree", shapely.Point(50.0, 41.0), 3.0)
-    treed = Field("treed", shapely.box(0, 0, 120, 90), obstacles=(tree,))
+    tree = Obstacle("tree", shapely.Point(40.0, 31.0), 3.0)
+    treed = Field("treed", shapely.box(0, 0, 90, 60), obstacles=(tree,))
     result = plan(PlanRequest(width_m=3.0, tractors=(1,)), field=treed)
     drawn = next(iter(result.pictures.values()))
     worked = {f"{step.number}{step.part}" for step in drawn.steps[0] if step.kind == "track"}

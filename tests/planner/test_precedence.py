@@ -188,7 +188,7 @@ def test_three_tractors_work_a_slanted_field_and_its_headland(slanted: Any, stra
 @pytest.mark.slow
 def test_an_annexe_behind_a_neck_is_left_out_and_told(place: Any) -> None:
     """Its tracks are few and no tractor fits through a neck of 1 m, even with half a metre over either edge."""
-    field = shapely.union_all([shapely.box(0, 0, 70, 120), shapely.box(70, 50, 76, 51), shapely.box(76, 36, 104, 66)])
+    field = shapely.union_all([shapely.box(0, 0, 50, 80), shapely.box(50, 50, 56, 51), shapely.box(56, 36, 84, 66)])
     site = place(field, no_headland=False, bearing_deg=0.0)
     result = simulate_candidate(site, Candidate("split-field", 2)).result
     assert result.feasible, result.reason
