@@ -52,9 +52,7 @@ def farm(tmp_path: Path) -> Path:
 
 def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
     return [
-        FieldQuestion(
-            WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",))), width
-        )
+        FieldQuestion(WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), no_headland=True)), width)
         for field in expand_field_names([f"{farm}#*"], local=True)
         for width in widths
     ]
