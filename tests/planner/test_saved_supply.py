@@ -18,6 +18,8 @@ from strategies.rules.supply import Supply
 from vehicle.missions.plan import REFILL
 from vehicle.missions.plan_file import parse_saved_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 CARRIED = Supply(200.0, 0.1, 40.0)  # lasts for 500 m of track
 
 

@@ -26,6 +26,8 @@ from tests.examples import draw_seed
 from tests.printing import print_text
 from vehicle.missions.plan_file import parse_saved_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 EIGHT_S = 8 * 3600
 SCENARIOS = [*range(4), *(pytest.param(number, marks=pytest.mark.matrix) for number in range(4, 20))]
 SAMPLES = 400
