@@ -16,6 +16,8 @@ from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import rectangle
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FARM = """
 [[tractors]]
 name = "Carrier"

@@ -11,6 +11,8 @@ import shapely
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.machine_outlines import build_body
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FIELD = shapely.box(0, 0, 110, 54)
 PARALLEL = math.radians(10.0)
 

@@ -35,6 +35,8 @@ from vehicle.missions.plan import LegGate
 from vehicle.sim.compile import compute_contact_boxes
 from vehicle.sim.path_conflicts import EXTRA_CLEARANCE_M
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 class TestCrossingPaths:
     """One drives along x, the other along y; both may stand 30 m before the crossing at (0, 0)."""

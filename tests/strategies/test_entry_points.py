@@ -31,6 +31,8 @@ from strategies.path_planning.errors import StrategyError
 from strategies.registry import STRATEGIES, describe_hidden_strategies, get_strategy
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 ROOT = Path(__file__).parents[2]
 FACE = ROOT / "planner/cli/alias"
 FIELD = Field("box", shapely.box(0.0, 0.0, 60.0, 90.0))
