@@ -9,6 +9,8 @@ from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import feature, point, rectangle, write_features
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FARM = """
 [[implements]]
 name = "spreader"

@@ -34,6 +34,8 @@ from vehicle.missions.run import Stall
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import StabilityParameters, load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FIELD = Field("drawn", shapely.box(0, 0, 36, 80))
 ONE = Candidate("row-by-row", 1)
 
