@@ -17,6 +17,8 @@ import pytest
 from tests.cli.conftest import Run
 from tests.drawn_fields import write_farm, write_heights
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 CONTRACT = [
     "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
     "worked_pct", "overlap_pct", "outside_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",

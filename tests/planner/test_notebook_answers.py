@@ -27,6 +27,8 @@ from tests.truth.model import make_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.missions.plan_file import parse_saved_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 UTM = "EPSG:32654"
 GROUND = shapely.box(0, 0, 40, 70).difference(shapely.box(15, 30, 20, 34))
 
