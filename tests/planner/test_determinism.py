@@ -22,6 +22,8 @@ from reports.plan.figures import format_ranking_csv, format_ranking_json
 from tests.drawn_fields import rectangle
 from vehicle.model.tractor import load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def spawned() -> Executor:
     """Two clean processes of the standard library."""
