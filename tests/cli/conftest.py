@@ -28,6 +28,10 @@ class Outcome(NamedTuple):
         return [line for line in lines if not line.startswith("Compiling the simulator")]
 
 
+Run = Callable[..., Outcome]
+"""Runs the command with its words."""
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiled_simulator() -> None:
     """Compile before the first test: the notice that this takes a while would stand among the lines on stderr."""
@@ -53,7 +57,7 @@ def built() -> Any:
 
 
 @pytest.fixture
-def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, built: Any) -> Callable[..., Outcome]:
+def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, built: Any) -> Run:
     """Run the command in this process, through the same entry as the installed script, as on a machine with one core.
 
     Where processes are the point they are asked for, or the command runs in its own.
@@ -84,7 +88,7 @@ def answers() -> dict[tuple[str, ...], Outcome]:
 
 
 @pytest.fixture
-def once(headland: Callable[..., Outcome], answers: dict[tuple[str, ...], Outcome]) -> Callable[..., Outcome]:
+def once(headland: Run, answers: dict[tuple[str, ...], Outcome]) -> Run:
     """`headland` for words that write nothing: the same words of a file are run once."""
 
     def run(*arguments: str | Path) -> Outcome:
@@ -97,7 +101,7 @@ def once(headland: Callable[..., Outcome], answers: dict[tuple[str, ...], Outcom
 
 
 @pytest.fixture
-def headland_process(tmp_path: Path) -> Callable[..., Outcome]:
+def headland_process(tmp_path: Path) -> Run:
     """Run the command in a process of its own, in an empty folder."""
 
     def run(*arguments: str | Path) -> Outcome:

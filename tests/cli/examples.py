@@ -1,11 +1,10 @@
 """Commands of the README and the guide, and running one as it is written."""
 
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 from planner.guide.guide_pages import list_pages
+from tests.cli.conftest import Run
 
 README = Path(__file__).parents[2] / "README.md"
 EXPERIMENTS = "headland validate"
@@ -33,7 +32,7 @@ def list_guide_commands() -> list[str]:
     return [line for line in dict.fromkeys(lines) if line not in list_readme_commands()]
 
 
-def run_as_written(line: str, folder: Path, headland: Callable[..., Any]) -> str:
+def run_as_written(line: str, folder: Path, headland: Run) -> str:
     """Run a line in the folder that is the current one: it succeeds, prints what is returned, and writes the files it
     names."""
     words: list[str] = []

@@ -4,12 +4,16 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from planner.pipeline.comparisons import compare_headlands
+from planner.pipeline.many_fields import FieldQuestion
+from reports.plan.comparison import HeadlandComparison
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
 
@@ -17,10 +21,30 @@ QUICK = ("--local", "--tractors", "1", "--processes", "1", "--bearing", "90")
 WAYS = ("--corners", "square,round", "--headland-order", "last", "--headland-passes", "3")
 
 
-@pytest.fixture
-def farm(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def farm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two rectangles in local metres: 40 m by 30 m and 36 m by 30 m."""
-    return write_farm(tmp_path / "farm.geojson", north=(0, 40, 30), south=(400, 36, 30))
+    place = tmp_path_factory.mktemp("farm") / "farm.geojson"
+    return write_farm(place, north=(0, 40, 30), south=(400, 36, 30))
+
+
+@pytest.fixture(scope="module")
+def kept() -> dict[str, HeadlandComparison]:
+    """Comparisons by their questions."""
+    return {}
+
+
+@pytest.fixture
+def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, HeadlandComparison]) -> None:
+    """What was compared before with the same questions is not compared again, as its output is what is tested."""
+
+    def compare(questions: Sequence[FieldQuestion], *more: Any) -> HeadlandComparison:
+        key = str(questions)
+        if key not in kept:
+            kept[key] = compare_headlands(questions, *more)
+        return kept[key]
+
+    monkeypatch.setattr("planner.pipeline.comparisons.compare_headlands", compare)
 
 
 def mask_figures(line: str) -> str:
@@ -29,7 +53,8 @@ def mask_figures(line: str) -> str:
 
 
 @pytest.mark.slow
-def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) -> None:
+@pytest.mark.usefixtures("compared_once")
+def test_first_screen_at_80_columns(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS)
     lines = outcome.out.splitlines()
     assert outcome.status == 0 and outcome.err == "" and max(map(len, lines)) <= 80
@@ -49,7 +74,8 @@ def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) ->
 
 
 @pytest.mark.slow
-def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
+@pytest.mark.usefixtures("compared_once")
+def test_json_csv_and_page_say_the_same(headland: Run, farm: Path, tmp_path: Path) -> None:
     page = tmp_path / "headlands.html"
     asked = ("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--operations-per-year", "3")
     told = json.loads(headland(*asked, "--json", "--html", page).out)
@@ -80,7 +106,7 @@ def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path
 
 
 @pytest.mark.slow
-def test_few_passes_are_worked_line_by_line_and_compared(headland: Callable[..., Any], farm: Path) -> None:
+def test_few_passes_are_worked_line_by_line_and_compared(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-passes", "1,3",
                        "--headland-order", "last")  # fmt: skip
     assert outcome.status == 0
@@ -92,9 +118,7 @@ def test_few_passes_are_worked_line_by_line_and_compared(headland: Callable[...,
     ]
 
 
-def test_a_lost_file_is_refused_alone_and_named_among_others(
-    headland: Callable[..., Any], farm: Path, tmp_path: Path
-) -> None:
+def test_a_lost_file_is_refused_alone_and_named_among_others(headland: Run, farm: Path, tmp_path: Path) -> None:
     outcome = headland("compare-headlands", tmp_path / "lost.geojson", *QUICK)
     assert_refused(outcome, "There is no field file")
     outcome = headland("compare-headlands", tmp_path / "lost.geojson", f"{farm}#north", *QUICK, *WAYS)
@@ -103,7 +127,7 @@ def test_a_lost_file_is_refused_alone_and_named_among_others(
 
 
 @pytest.mark.slow
-def test_widths_are_compared(headland: Callable[..., Any], farm: Path) -> None:
+def test_widths_are_compared(headland: Run, farm: Path) -> None:
     options = (*QUICK, "--corners", "round", "--headland-order", "last")
     lines = headland("compare-headlands", f"{farm}#south", *options, "--width", "2.5,3").out.splitlines()
     rows = [line for line in lines if line.startswith("round, last, ")]
@@ -111,7 +135,7 @@ def test_widths_are_compared(headland: Callable[..., Any], farm: Path) -> None:
     assert lines[0].startswith("Worth it on south (0.11 ha): round corners, ") and max(map(len, lines)) <= 80
 
 
-def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: Path) -> None:
+def test_a_deadline_that_is_missed_is_said(headland: Run, farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-order", "last",
                        "--start", "8:00", "--deadline", "8:02", "--samples", "100")  # fmt: skip
     assert outcome.status == 3
@@ -143,7 +167,7 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
     ],
 )
 def test_bad_input_is_one_sentence_before_any_work(
-    headland: Callable[..., Any], farm: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], words: str
+    headland: Run, farm: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], words: str
 ) -> None:
     monkeypatch.setattr("planner.cli.comparisons.warm_up", lambda: pytest.fail("something was computed"))
     monkeypatch.chdir(farm.parent)

@@ -4,7 +4,6 @@ import csv
 import io
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +12,12 @@ import pytest
 
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import rectangle
 
-Headland = Callable[..., Any]
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FARM = """
 [[tractors]]
 name = "Carrier"
@@ -100,7 +101,7 @@ def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return tmp_path
 
 
-def planned(headland: Headland, text: str, *options: str) -> dict[str, Any]:
+def planned(headland: Run, text: str, *options: str) -> dict[str, Any]:
     Path("other.toml").write_text(text, encoding="utf-8")
     told = headland("day", "other.toml", "--json", "--processes", 1, *options)
     assert told.status == 0, told.err
@@ -108,7 +109,7 @@ def planned(headland: Headland, text: str, *options: str) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
+def test_two_fields_by_hand(headland: Run, folder: Path) -> None:
     """360 s of road and 60 s of unfolding, a break from 08:10, work, 30 + 450 + 60 s to the other field, work, home."""
     told = planned(headland, DAY)
     near, far = told["jobs"]
@@ -132,7 +133,7 @@ def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: Path) -> None:
+def test_a_window_and_the_rain_turn_the_order_round(headland: Run, folder: Path) -> None:
     """Near is done at 08:45:29 at the latest, far is begun at 08:54:29 then; the other way round far is done first."""
     window = DAY.replace('name = "far"', 'name = "far"\nwindows = ["08:00-08:55"]')
     assert [job["field"] for job in planned(headland, window)["jobs"]] == ["far", "near"]
@@ -146,7 +147,7 @@ def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: 
             strategies=("split-field",), samples=0,
         )
     ).run  # fmt: skip
-    assert run is not None and run.duration_s == pytest.approx(wet["jobs"][1]["time_s"], abs=0.1)
+    assert run.duration_s == pytest.approx(wet["jobs"][1]["time_s"], abs=0.1)
     steps_m = np.hypot(*np.diff(run.get_poses(0)[:, :2], axis=0).T)
     at_work = np.array([leg.implement for leg in run.plan.missions[0].legs])[run.get_leg_numbers(0)[1:]]
     undone = run.time_s[1:] > 8 * 3600 + 58 * 60 - wet["jobs"][1]["start_s"]
@@ -155,7 +156,7 @@ def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: 
 
 
 @pytest.mark.parametrize("rain", ["", 'rain = "09:00"'])
-def test_the_money_of_a_day_adds_up(headland: Headland, folder: Path, rain: str) -> None:
+def test_the_money_of_a_day_adds_up(headland: Run, folder: Path, rain: str) -> None:
     """Work, ways, lost ground and a field that is not worth its way."""
     poor = (
         DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 1)
@@ -184,7 +185,7 @@ def test_the_money_of_a_day_adds_up(headland: Headland, folder: Path, rain: str)
                     ("transport_per_tractor = 8.0", "transport_per_km = 0.5"))
     for by_hour in (True, False)
 ])  # fmt: skip
-def test_one_field_costs_what_its_plan_does(headland: Headland, folder: Path, brought: str, by_hour: bool) -> None:
+def test_one_field_costs_what_its_plan_does(headland: Run, folder: Path, brought: str, by_hour: bool) -> None:
     """Two tractors from the yard to one field and back, on their own wheels or by lorry, and nothing varies."""
     own = "" if by_hour else "supervision_per_hour = 20.0\n"
     farm = FARM.replace("supervision_share = 0.0", f"supervision_share = 0.5\n{brought}\n{own}")
@@ -203,7 +204,7 @@ def test_one_field_costs_what_its_plan_does(headland: Headland, folder: Path, br
     assert day["cost"] == pytest.approx(json.loads(told.out)["best"]["paid_cost"], abs=1e-4)
 
 
-def test_what_does_not_pay_is_left(headland: Headland, folder: Path) -> None:
+def test_what_does_not_pay_is_left(headland: Run, folder: Path) -> None:
     poor = DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 2)
     told = headland("day", "day.toml", "--json")
     assert told.status == 0
@@ -217,7 +218,7 @@ def test_what_does_not_pay_is_left(headland: Headland, folder: Path) -> None:
     assert [one["field"] for one in left] == ["near"] and left[0]["cost"] == pytest.approx(0.36)
 
 
-def test_what_is_put_off_costs_as_much_later(headland: Headland, folder: Path) -> None:
+def test_what_is_put_off_costs_as_much_later(headland: Run, folder: Path) -> None:
     """0.36 ha at 10 bring 3.60, less than the work costs; put off, the 3.60 are lost and the work remains."""
     brings = DAY.replace("value_per_ha = 1000.0", "value_per_ha = 10.0").replace("7.2", "0.0").replace("3.6", "0.0")
     Path("brings.toml").write_text(brings, encoding="utf-8")
@@ -228,7 +229,7 @@ def test_what_is_put_off_costs_as_much_later(headland: Headland, folder: Path) -
     assert left["cost"] == pytest.approx(3.6 + done["cost"], abs=1e-6)
 
 
-def test_a_day_that_is_too_short_says_what_comes_closest(headland: Headland, folder: Path) -> None:
+def test_a_day_that_is_too_short_says_what_comes_closest(headland: Run, folder: Path) -> None:
     short = DAY.replace('farm = "farm.toml"', 'farm = "farm.toml"\nlight = "08:00-08:20"')
     Path("short.toml").write_text(short, encoding="utf-8")
     told = headland("day", "short.toml")
@@ -236,7 +237,7 @@ def test_a_day_that_is_too_short_says_what_comes_closest(headland: Headland, fol
     assert len(told.sentences) == 1 and "No field can be done on this day." in told.out
 
 
-def test_two_fleets_share_the_work(headland: Headland, folder: Path) -> None:
+def test_two_fleets_share_the_work(headland: Run, folder: Path) -> None:
     two = DAY + '\n[[fleets]]\nname = "two"\ncount = 2\nimplement = "harrow"\n'
     hurry = two.replace('farm = "farm.toml"', 'farm = "farm.toml"\nrain = "08:58"')
     told = planned(headland, hurry)
@@ -244,7 +245,7 @@ def test_two_fleets_share_the_work(headland: Headland, folder: Path) -> None:
     assert {job["tractors"] for job in told["jobs"]} == {1, 2}
 
 
-def test_a_night_ends_on_the_next_day(headland: Headland, folder: Path) -> None:
+def test_a_night_ends_on_the_next_day(headland: Run, folder: Path) -> None:
     night = DAY.replace('farm = "farm.toml"', 'farm = "farm.toml"\nstart = "23:00"').replace(
         'name = "far"', 'name = "far"\nwindows = ["00:30-04:00"]'
     )
@@ -256,7 +257,7 @@ def test_a_night_ends_on_the_next_day(headland: Headland, folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_same_bytes_with_and_without_a_cache(headland: Headland, folder: Path) -> None:
+def test_same_bytes_with_and_without_a_cache(headland: Run, folder: Path) -> None:
     words = ("day", "day.toml", "--json", "--processes", 1, "--cache")
     fresh = headland(*words, folder / "a")
     assert fresh.status == 0 and len(list((folder / "a").iterdir())) == 1, "two fields of one shape are simulated once"
@@ -267,7 +268,7 @@ def test_same_bytes_with_and_without_a_cache(headland: Headland, folder: Path) -
     assert headland(*words, folder / "a").out == fresh.out
 
 
-def test_tables_pages_and_pictures(headland: Headland, folder: Path) -> None:
+def test_tables_pages_and_pictures(headland: Run, folder: Path) -> None:
     told = headland("day", "day.toml", "--html", "day.html", "--png", "day.png", "--map", "map.png")
     assert told.status == 0 and "All 2 fields are done by" in told.out and "08:07" in told.out
     assert "There is no map" in told.err, "nobody placed anything"
@@ -278,7 +279,7 @@ def test_tables_pages_and_pictures(headland: Headland, folder: Path) -> None:
     assert [row["field"] for row in rows] == ["near", "far"] and rows[0]["machine"] == "one"
 
 
-def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Path) -> None:
+def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path) -> None:
     printed = headland("day", "example").out
     assert headland("day", "new", "mine.toml").status == 0
     assert (folder / "mine.toml").read_text(encoding="utf-8") == printed
@@ -325,7 +326,7 @@ def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Pa
         ('between = ["near", "far"]', 'between = ["far"]', "a road has two ends, not 1; give two names."),
     ],
 )
-def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, new: str, words: str) -> None:
+def test_bad_input_is_one_sentence(headland: Run, folder: Path, old: str, new: str, words: str) -> None:
     (folder / "bad.toml").write_text(DAY.replace(old, new, 1), encoding="utf-8")
     told = headland("day", "bad.toml")
     assert_refused(told, words)
@@ -349,7 +350,7 @@ def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, n
         (("day.toml", "--certainty", "30"), "--certainty is 30; use 50 to 99 percent"),
     ],
 )
-def test_bad_options_are_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_bad_options_are_one_sentence(headland: Run, folder: Path, arguments: tuple[str, ...], words: str) -> None:
     texts = {
         "empty": "", "lists": 'fields = ["x"]\nfleets = []\n', "bare": "fields = []\nfleets = []\n",
         "open": '[[fields]]\nfile = "sweden"\n[[fleets]]\nname = "a"\n',

@@ -3,8 +3,6 @@
 import io
 import json
 import math
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +10,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from planner.pipeline.diagnosis import diagnose
+from tests.cli.conftest import Run
+from tests.reports.test_diagnosis_logs import HARMFUL
 from tests.truth.sample_log import HIDDEN, format_sample_log
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
 from vehicle.identification.diagnosis.results import Diagnosis
@@ -21,7 +20,7 @@ from vehicle.model.tractor import load_tractor
 
 
 @pytest.mark.matrix
-def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> None:
+def test_the_demonstration_says_what_it_hid(headland: Run) -> None:
     outcome = headland("diagnose", "--demo", "--seed", "3", "--hide", "steering_gain", "--json")
     assert outcome.status == 0, outcome.err
     found = json.loads(outcome.out)
@@ -34,14 +33,15 @@ def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> Non
 
 
 @pytest.mark.slow
-def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any], tmp_path: Path) -> None:
-    page = tmp_path / "sample.html"
-    plan = tmp_path / "next.json"
-    outcome = headland("diagnose", "sample", "--json", "--html", str(page), "--next-drive", str(plan))
+def test_the_sample_log_says_what_was_hidden_in_it_with_a_part_held_out(headland: Run, tmp_path: Path) -> None:
+    page, plan = tmp_path / "sample.html", tmp_path / "next.json"
+    words = ("diagnose", "sample", "--holdout", "auto", "--json", "--html", page, "--next-drive", plan)
+    outcome = headland(*words)
     assert outcome.status == 0, outcome.err
     assert "no doubt" in outcome.err and not plan.exists()
     found = json.loads(outcome.out)
     assert found["named"] == ["understeer"]
+    assert found["holdout"]["is_requested"] and found["holdout"]["helps"] and found["unsaved_reason"] is None
     low, high = next(one["interval"]["deg_per_mps2"] for one in found["effects"] if one["id"] == "understeer")
     assert low <= HIDDEN["understeer"]["deg_per_mps2"] <= high
     # The errors of all bins together are those of the table, for the file as it was.
@@ -50,12 +50,12 @@ def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any],
         squares = sum(one["rows"] * one["cross_before_cm"] ** 2 for one in errors) / sum(one["rows"] for one in errors)
         assert math.sqrt(squares) == pytest.approx(expected, rel=1e-3)
     by_speed = [one for one in found["residuals"]["by_speed_mps"] if one["low"] >= 2.0]
-    assert all(one["cross_after_cm"] < 0.6 * one["cross_before_cm"] for one in by_speed), "it shows at speed"
+    assert all(one["cross_after_cm"] < 0.7 * one["cross_before_cm"] for one in by_speed), "it shows at speed"
     assert page.read_text(encoding="utf-8").count('class="at"') == 4
 
 
 def test_the_sample_log_is_replayed_and_gives_way_to_a_file_of_that_name(
-    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     found = json.loads(headland("replay", "sample", "--json").out)
     assert found["run"] == "sample_log" and found["error"]["20"]["cross_cm"] > 10.0
@@ -72,24 +72,14 @@ def test_the_sample_log_is_that_of_the_truth_model() -> None:
     np.testing.assert_allclose(made, shipped, atol=0.002)
 
 
-@pytest.fixture(scope="module")
-def harmful() -> Diagnosis:
-    """A diagnosis whose extension raised the error on runs held out."""
-    found = diagnose("sample", holdout="auto")
-    assert found.holdout is not None and found.holdout.is_requested and found.holdout.helps and found.is_savable
-    worse = replace(found.holdout, before=found.holdout.after, after=found.holdout.before, helps=False)
-    return replace(found, holdout=worse)
-
-
-@pytest.mark.slow
 def test_what_does_not_help_on_runs_held_out_is_not_saved(
-    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, harmful: Diagnosis
+    headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[Any] = []
 
     def answer(*_: Any, **options: Any) -> Diagnosis:
         asked.append(options["holdout"])
-        return harmful
+        return HARMFUL
 
     monkeypatch.setattr("planner.pipeline.diagnosis.diagnose", answer)
     file, page = tmp_path / "own.toml", tmp_path / "page.html"
@@ -97,14 +87,14 @@ def test_what_does_not_help_on_runs_held_out_is_not_saved(
     assert outcome.status == 3 and not file.exists() and page.exists() and asked == [["a*", "#2"]]
     (sentence,) = outcome.sentences
     assert sentence.startswith(f"{file} is not written: What was found does not lower the error on runs held out")
-    assert "does not help there" in outcome.out and "steering offset" not in outcome.out
+    assert "does not help there" in outcome.out and "understeer" not in outcome.out
     explained = headland("diagnose", "sample", "--holdout", "auto", "--explain")
-    assert explained.status == 0 and "steering offset" in explained.out, "nothing was to be saved"
+    assert explained.status == 0 and "understeer" in explained.out, "nothing was to be saved"
     told = json.loads(headland("diagnose", "sample", "--holdout", "auto", "--json").out)
     assert told["holdout"]["helps"] is False and told["unsaved_reason"]
 
 
-def test_runs_that_are_not_there_cannot_be_held_out(headland: Callable[..., Any]) -> None:
+def test_runs_that_are_not_there_cannot_be_held_out(headland: Run) -> None:
     outcome = headland("diagnose", "sample", "--holdout", "other")
     assert outcome.status == 2 and "'other' is none of the runs (sample_log)" in outcome.err
 
@@ -116,8 +106,6 @@ def test_runs_that_are_not_there_cannot_be_held_out(headland: Callable[..., Any]
     (("--crs", "EPSG:32632"), "--crs EPSG:32632 needs heights; add --elevation or leave out --crs."),
     (("--elevation", "nowhere.tif"), "There is no file of heights 'nowhere.tif'"),
 ])  # fmt: skip
-def test_options_that_would_be_ignored_are_refused(
-    headland: Callable[..., Any], options: tuple[str, ...], sentence: str
-) -> None:
+def test_options_that_would_be_ignored_are_refused(headland: Run, options: tuple[str, ...], sentence: str) -> None:
     outcome = headland("diagnose", "sample", *options)
     assert outcome.status == 2 and sentence in outcome.err

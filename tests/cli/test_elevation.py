@@ -1,9 +1,7 @@
 """`headland field --elevation` says slopes; `headland field heights` makes such a file of logs."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +9,7 @@ import shapely
 
 from fields.documents.writer import write_field
 from fields.geometry.field import Field
+from tests.cli.conftest import Run
 from tests.fields.terrain.heights import (
     CRS,
     ORIGIN_M,
@@ -34,7 +33,7 @@ def field_file(tmp_path: Path) -> Path:
 
 
 def test_slopes_and_aspect_of_a_plane(
-    headland: Callable[..., Any], field_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    headland: Run, field_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_geotiff(tmp_path / "dtm.tif", SURFACE)
     monkeypatch.chdir(tmp_path)
@@ -51,12 +50,12 @@ def test_slopes_and_aspect_of_a_plane(
     assert "Median slope (%) 5" in text and "Aspect (degrees) 216.9" in text and "cells of 5 m" in text
 
 
-def test_without_heights_nothing_is_said_of_slopes(headland: Callable[..., Any], field_file: Path) -> None:
+def test_without_heights_nothing_is_said_of_slopes(headland: Run, field_file: Path) -> None:
     facts = json.loads(headland("field", field_file, "--no-headland", "--json").out)
     assert [key for key in facts if "slope" in key or "aspect" in key or "height" in key] == []
 
 
-def test_a_field_file_names_its_heights(headland: Callable[..., Any], field_file: Path, tmp_path: Path) -> None:
+def test_a_field_file_names_its_heights(headland: Run, field_file: Path, tmp_path: Path) -> None:
     write_geotiff(tmp_path / "dtm.tif", SURFACE)
     content = json.loads(field_file.read_text(encoding="utf-8"))
     content["features"][0]["properties"]["elevation"] = "dtm.tif"
@@ -65,7 +64,7 @@ def test_a_field_file_names_its_heights(headland: Callable[..., Any], field_file
     assert facts["median_slope_pct"] == pytest.approx(5.0, abs=0.01)
 
 
-def test_what_was_filled_in_is_a_remark(headland: Callable[..., Any], field_file: Path, tmp_path: Path) -> None:
+def test_what_was_filled_in_is_a_remark(headland: Run, field_file: Path, tmp_path: Path) -> None:
     points = lay_passes(8.0, 4.0)
     heights = SURFACE(*points.T)
     heights[100] += 50.0
@@ -74,7 +73,7 @@ def test_what_was_filled_in_is_a_remark(headland: Callable[..., Any], field_file
     assert outcome.status == 0 and "m above those around at longitude" in " ".join(outcome.err.split())
 
 
-def test_refusals_name_the_options(headland: Callable[..., Any], field_file: Path, tmp_path: Path) -> None:
+def test_refusals_name_the_options(headland: Run, field_file: Path, tmp_path: Path) -> None:
     grid = write_ascii_grid(tmp_path / "dtm.asc", SURFACE)
     words = ("field", field_file, "--elevation", grid, "--no-headland")
     refused = headland(*words)
@@ -84,9 +83,7 @@ def test_refusals_name_the_options(headland: Callable[..., Any], field_file: Pat
     assert steep.status == 2 and "gives a slope of 70 %" in steep.err
 
 
-def test_heights_of_logs_become_a_raster_for_plans(
-    headland: Callable[..., Any], field_file: Path, tmp_path: Path
-) -> None:
+def test_heights_of_logs_become_a_raster_for_plans(headland: Run, field_file: Path, tmp_path: Path) -> None:
     points = lay_passes(8.0, 2.0)
     folder = import_folder(tmp_path / "runs", write_log(tmp_path / "a.csv", points, SURFACE(*points.T)))
     outcome = headland("field", "heights", folder, "-o", tmp_path / "heights.tif")
@@ -99,7 +96,7 @@ def test_heights_of_logs_become_a_raster_for_plans(
     assert facts["median_slope_pct"] == pytest.approx(5.0, abs=0.05)
 
 
-def test_rasters_are_not_overwritten_unasked(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_rasters_are_not_overwritten_unasked(headland: Run, tmp_path: Path) -> None:
     points = lay_passes(8.0, 2.0)
     folder = import_folder(tmp_path / "runs", write_log(tmp_path / "a.csv", points, SURFACE(*points.T)))
     words = ("field", "heights", folder, "-o", tmp_path / "heights.asc")
@@ -112,7 +109,7 @@ def test_rasters_are_not_overwritten_unasked(headland: Callable[..., Any], tmp_p
     assert refused.status == 2 and "end it in .tif" in refused.err
 
 
-def test_help_of_both_commands(headland: Callable[..., Any]) -> None:
+def test_help_of_both_commands(headland: Run) -> None:
     shown = " ".join(headland("field", "heights", "--help").out.replace("│", " ").split())
     assert (
         "headland field heights [OPTIONS]" in shown and "Example: headland field heights runs -o heights.tif" in shown

@@ -1,13 +1,15 @@
 """`--entrance`, entrances of files, and the farm's day, on the command line."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-Headland = Callable[..., Any]
+from tests.cli.conftest import Run
+
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 PLAN = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1")
 FARM = """
 [times]
@@ -24,7 +26,7 @@ def planned(told: Any) -> dict[str, Any]:
 
 
 @pytest.mark.slow
-def test_an_entrance_on_the_command_line_is_driven_to(headland: Headland, small: Path, tmp_path: Path) -> None:
+def test_an_entrance_on_the_command_line_is_driven_to(headland: Run, small: Path, tmp_path: Path) -> None:
     """The ways take time; saved and shown again each tractor's list begins and ends at the entrance."""
     plain = planned(headland("plan", small, *PLAN, "--json"))
     saved = tmp_path / "plan.json"
@@ -42,14 +44,14 @@ def test_an_entrance_on_the_command_line_is_driven_to(headland: Headland, small:
     ("22,-80", "80 m outside;"), ("22,40", "22 m inside,"), ("22", "is not a place"), ("nan,3", "two numbers"),
 ])  # fmt: skip
 def test_entrances_that_cannot_be_used_are_refused(
-    headland: Headland, small: Path, command: str, entrance: str, words: str
+    headland: Run, small: Path, command: str, entrance: str, words: str
 ) -> None:
     told = headland(command, small, "--local", "--entrance", entrance)
     assert (told.status, told.out, len(told.sentences)) == (2, "", 1), told
     assert words in told.err and "--entrance" in told.err
 
 
-def test_the_day_of_a_farm_is_told_in_lines(headland: Headland, small: Path, tmp_path: Path) -> None:
+def test_the_day_of_a_farm_is_told_in_lines(headland: Run, small: Path, tmp_path: Path) -> None:
     farm = tmp_path / "farm.toml"
     farm.write_text(FARM, encoding="utf-8")
     words = ("plan", small, *PLAN, "--tractors", "1", "--no-headland", "--farm", farm, "--transport-width", "2.5")

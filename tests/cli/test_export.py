@@ -5,7 +5,6 @@ import io
 import json
 import os
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +12,13 @@ import pytest
 import shapely
 
 from fields.documents.reader import read_field
-from tests.cli.conftest import Outcome
+from tests.cli.conftest import Run
 from tests.drawn_fields import ring
 from tests.planner.saved_plans import saved
 from vehicle.missions.plan_file import format_plan
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
-Run = Callable[..., Outcome]
 TASKDATA = Path("TASKDATA", "TASKDATA.XML")
 
 

@@ -1,17 +1,16 @@
 """`headland farm`, and plans with the machines and prices of a farm."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
-Headland = Callable[..., Any]
 FARM = """
 [[tractors]]
 name = "Carrier"
@@ -53,7 +52,7 @@ def asked(told: Any) -> dict[str, Any]:
     return dict(json.loads(told.out)["scenario"])
 
 
-def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Path) -> None:
+def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path) -> None:
     printed = headland("farm", "example").out
     made = headland("farm", "new", "mine.toml")
     assert made.status == 0 and (folder / "mine.toml").read_text(encoding="utf-8") == printed
@@ -63,7 +62,7 @@ def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Pa
     assert headland("farm", "new", "mine.toml", "--force").status == 0
 
 
-def test_the_check_gives_every_value_with_its_source(headland: Headland, folder: Path) -> None:
+def test_the_check_gives_every_value_with_its_source(headland: Run, folder: Path) -> None:
     content = json.loads(headland("farm", "check", "farm.toml", "--json").out)
     assert content["tractors"][0]["name"] == "Carrier" and content["implements"] == ["harrow", "drill"]
     told = {(value["section"], value["key"]): value for value in content["values"]}
@@ -72,7 +71,7 @@ def test_the_check_gives_every_value_with_its_source(headland: Headland, folder:
     assert all(value["source"] for value in content["values"])
 
 
-def test_a_plan_is_made_with_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
+def test_a_plan_is_made_with_the_farms_machines(headland: Run, folder: Path, small: Path) -> None:
     words = ("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--json")
     scenario = asked(headland(*words, "--no-headland"))
     assert (scenario["tractor"], scenario["width_m"]) == ("Carrier", 4.0)
@@ -84,7 +83,7 @@ def test_a_plan_is_made_with_the_farms_machines(headland: Headland, folder: Path
 
 
 def test_a_plan_of_a_farm_is_shown_as_it_was_driven_and_its_shift_is_the_start(
-    headland: Headland, folder: Path, small: Path
+    headland: Run, folder: Path, small: Path
 ) -> None:
     other = FARM.replace("hitch_m = 1.0", "hitch_m = 1.6") + '\n[times]\nshift_start = "07:30"\n'
     (folder / "farm.toml").write_text(other, encoding="utf-8")
@@ -103,19 +102,19 @@ def test_a_plan_of_a_farm_is_shown_as_it_was_driven_and_its_shift_is_the_start(
     assert refused.status == 2 and "save the plan again" in refused.err
 
 
-def test_the_headline_names_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
+def test_the_headline_names_the_farms_machines(headland: Run, folder: Path, small: Path) -> None:
     told = headland("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--no-headland")
     assert told.out.splitlines()[0] == "small, 0.36 ha, Carrier, harrow 4 m"
 
 
-def test_a_field_is_looked_at_with_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
+def test_a_field_is_looked_at_with_the_farms_machines(headland: Run, folder: Path, small: Path) -> None:
     told = headland("field", small, "--local", "--farm", "farm.toml", "--json")
     plain = headland("field", small, "--local", "--width", 4.0, "--json")
     own, thesis = (json.loads(each.out)["turning_radius_m"] for each in (told, plain))
     assert own < thesis
 
 
-def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Headland, folder: Path) -> None:
+def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Run, folder: Path) -> None:
     told = headland("tractor", "check", "Carrier", "--farm", "farm.toml", "--json")
     assert told.status == 0 and json.loads(told.out)["holds_together"] is True
 
@@ -135,7 +134,7 @@ def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Headland, folder
         (("tractor", "check", "Fendt", "--farm", "farm.toml"), "no tractor 'Fendt'"),
     ],
 )
-def test_bad_input_is_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:
+def test_bad_input_is_one_sentence(headland: Run, folder: Path, arguments: tuple[str, ...], words: str) -> None:
     (folder / "bad.toml").write_text("[prices]\nfuel_per_l = -1.0\n[uncertainty]\nspeed_cw = 1\n", encoding="utf-8")
     told = headland(*arguments)
     assert_refused(told, words)

@@ -2,12 +2,12 @@
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.drawn_fields import feature, line, point, rectangle, ring, write_features
 from tests.examples import seldom
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 
 @pytest.fixture
-def facts(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
+def facts(headland: Run, small: Path) -> dict[str, Any]:
     outcome = headland("field", small, "--local", "--json", "--no-headland")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
@@ -41,14 +41,14 @@ def test_turns_over_more_tracks_are_no_slower_once_a_u_turn_fits(facts: dict[str
 
 
 @pytest.mark.parametrize("name", ["iwamizawa", *seldom("denmark", "netherlands"), "sweden"])
-def test_samples_are_described(headland: Callable[..., Any], name: str) -> None:
+def test_samples_are_described(headland: Run, name: str) -> None:
     outcome = headland("field", name)
     assert outcome.status == 0 and outcome.err == ""
     assert name in outcome.out and "Area (ha)" in outcome.out
 
 
 def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
-    headland: Callable[..., Any], small: Path, facts: dict[str, Any]
+    headland: Run, small: Path, facts: dict[str, Any]
 ) -> None:
     wide = json.loads(headland("field", small, "--local", "--json", "--no-headland", "--headland", "16").out)
     assert wide["longest_swath_m"] == pytest.approx(48, abs=0.1)
@@ -60,7 +60,7 @@ def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
     assert wide["turns"][over]["3"]["u"] == 100.0
 
 
-def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) -> None:
+def test_turns_that_a_plan_uses_are_said_to_fit(headland: Run) -> None:
     fits = json.loads(headland("field", "netherlands", "--json", "--no-headland").out)["turns"]
     words = ("plan", "netherlands", "--tractors", "2", "--strategies", "split-field", "--processes", "1")
     words = (*words, "--no-headland", "--json")
@@ -70,7 +70,7 @@ def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) ->
     assert fits["omega_fits"] == ("omega" in said)
 
 
-def test_where_no_turn_fits_the_estimate_stands_apart(headland: Callable[..., Any], small: Path) -> None:
+def test_where_no_turn_fits_the_estimate_stands_apart(headland: Run, small: Path) -> None:
     # In 4 m behind a cultivator no turn of radius 4.3 m has room; where a plan goes a long way round instead, it
     # reckons with two full circles at turn speed.
     words = ("field", small, "--local", "--no-headland", "--headland", "4")
@@ -90,7 +90,7 @@ def test_where_every_turn_fits_nothing_is_estimated(facts: dict[str, Any]) -> No
     assert facts["turns"]["estimated_turn_s_by_swaths"] == {}
 
 
-def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_obstacles_are_told_and_cut_out(headland: Run, tmp_path: Path) -> None:
 
     def saved(**properties: Any) -> Path:
         pole = feature(point(30, 50), role="obstacle", **properties)
@@ -120,7 +120,7 @@ def left_open(told: dict[str, Any]) -> dict[str, float]:
     return {one["reason"].split(",")[0].split(" (")[0]: one["area_m2"] for one in told["unworked"]}
 
 
-def test_rounds_are_told_with_their_lengths(headland: Callable[..., Any], small: Path) -> None:
+def test_rounds_are_told_with_their_lengths(headland: Run, small: Path) -> None:
     told = json.loads(headland("field", small, "--local", "--json", "--corners", "square").out)
     count = told["headland_m"] / 3
     # Round k of a rectangle runs (k - 1/2) widths inside it: 2 (45 + 80) - 8 (3 k - 1.5).
@@ -141,7 +141,7 @@ def test_a_headland_for_turning_is_told_as_left(facts: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Run, tmp_path: Path) -> None:
     # A block of 60 m by 100 m, a spur of 2 m by 30 m, and behind a neck of 2 m by 10 m a piece of 20 m by 20 m.
     outline = ring(
         (0, 0), (60, 0), (60, 10), (70, 10), (70, 0), (90, 0), (90, 20), (70, 20), (70, 12), (60, 12),
@@ -156,7 +156,7 @@ def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any
     assert "headland passes do not cover" in text and "narrower than the implement (3 m)" in " ".join(text.split())
 
 
-def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_pieces_behind_an_obstacle_are_told(headland: Run, tmp_path: Path) -> None:
     ditch = feature(line((-5, 80), (65, 80)), role="obstacle", width_m=2.0)
     place = write_features(tmp_path / "ditch.geojson", feature(rectangle(0, 0, 60, 100)), ditch)
     told = json.loads(headland("field", place, "--local", "--json").out)
@@ -169,7 +169,7 @@ def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_pa
     assert (told["obstacles"][0]["width_m"], told["obstacles"][0]["radius_m"]) == (2.0, None)
 
 
-def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts: dict[str, Any]) -> None:
+def test_turns_stand_in_a_table(headland: Run, small: Path, facts: dict[str, Any]) -> None:
     lines = headland("field", small, "--local", "--no-headland").out.splitlines()
     assert max(map(len, lines)) <= 80
     rows = [line.split() for line in lines[lines.index("Turns") + 2 :] if line[:1] == " " and line.strip()[0].isdigit()]
@@ -178,7 +178,7 @@ def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts
     assert [float(row[-1]) for row in rows] == pytest.approx(list(turns["turn_s_by_swaths"].values()))
 
 
-def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Run, tmp_path: Path) -> None:
     """A ditch of 1.5 m across 100 m by 60 m, 30 m from the left; a margin of 0.3 m is kept to it."""
     ditch = feature(line((30, -5), (30, 65)), role="obstacle", kind="ditch")
     place = write_features(tmp_path / "cut.geojson", feature(rectangle(0, 0, 100, 60)), ditch)
@@ -192,7 +192,7 @@ def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., 
     assert picture.stat().st_size > 10_000
 
 
-def test_obstacles_are_added_and_left_out(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+def test_obstacles_are_added_and_left_out(headland: Run, small: Path, tmp_path: Path) -> None:
     mast = feature(point(20.0, 40.0), name="Strommast")
     marked = write_features(tmp_path / "marked.geojson", feature(json.loads(small.read_text())), mast)
     words = ("field", marked, "--local", "--json", "--no-headland")

@@ -1,8 +1,6 @@
 """`headland guide` and the pages of the guide: topics, search, links, and what the service shows."""
 
 import re
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 from fastapi import FastAPI
@@ -22,6 +20,7 @@ from planner.guide.guide_pages import (
 from planner.request.options import list_options
 from planner.request.plan_request import PlanRequest
 from planner.service.pages.static_files import mount_pages
+from tests.cli.conftest import Run
 from tests.cli.examples import README
 
 
@@ -32,14 +31,14 @@ def test_every_page_is_a_topic_and_the_readme_links_it() -> None:
     assert set(TOPICS) - set(BUILT_PAGES) <= set(linked)
 
 
-def test_topics_are_listed_and_printed(headland: Callable[..., Any]) -> None:
+def test_topics_are_listed_and_printed(headland: Run) -> None:
     done = headland("guide")
     assert done.status == 0 and all(f"`{topic}`" in done.out for topic in TOPICS)
     done = headland("guide", "obstacles")
     assert done.status == 0 and done.out.startswith("# Fields, obstacles")
 
 
-def test_an_unknown_topic_is_refused_with_the_nearest(headland: Callable[..., Any]) -> None:
+def test_an_unknown_topic_is_refused_with_the_nearest(headland: Run) -> None:
     done = headland("guide", "obstacle")
     assert done.status == 2 and "'obstacles'" in done.err and done.err.count("\n") == 1
     with pytest.raises(RequestError) as refusal:
@@ -47,7 +46,7 @@ def test_an_unknown_topic_is_refused_with_the_nearest(headland: Callable[..., An
     assert refusal.value.parameter == "topic"
 
 
-def test_a_search_finds_lines_with_all_words(headland: Callable[..., Any]) -> None:
+def test_a_search_finds_lines_with_all_words(headland: Run) -> None:
     assert {match.topic for match in search_pages("Fence boundary")} >= {"obstacles"}
     assert search_pages("  ") == [] and search_pages("no page has zzyzx") == []
     assert "No page" in headland("guide", "--search", "zzyzx").out
@@ -55,7 +54,7 @@ def test_a_search_finds_lines_with_all_words(headland: Callable[..., Any]) -> No
 
 def test_attachments_are_files_beside_the_pages_alone() -> None:
     found = read_attachment("nginx.conf")
-    assert found is not None and found[1] == "text/plain"
+    assert found[1] == "text/plain"
     assert [
         read_attachment(name) for name in ("../errors.py", "obstacles.md", "guide_pages.py", "nothing.png")
     ] == 4 * [None]

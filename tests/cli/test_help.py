@@ -2,10 +2,11 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
 from typing import Any
 
 import pytest
+
+from tests.cli.conftest import Run
 
 # The second module is that of the process that stops tractors.
 DRAWING = ("matplotlib", "pandas", "ortools", "jinja2")
@@ -41,14 +42,14 @@ def commands() -> list[tuple[str, ...]]:
 
 
 @pytest.mark.parametrize("words", [(), *commands()])
-def test_help_shows_an_example(headland: Callable[..., Any], words: tuple[str, ...]) -> None:
+def test_help_shows_an_example(headland: Run, words: tuple[str, ...]) -> None:
     outcome = headland(*words, "--help")
     assert outcome.status == 0 and outcome.err == ""
     text = " ".join(outcome.out.replace("│", " ").split())
     assert f"Example: headland {' '.join(words)}".strip() in text
 
 
-def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None:
+def test_every_option_of_plan_is_explained(headland: Run) -> None:
     text = headland("plan", "--help").out
     for option in ("--width", "--tractors", "--strategies", "--turn", "--start", "--deadline", "--price-per-hour",
                    "--html", "--png", "--save", "--json", "--csv", "--seed", "--processes", "--local", "--operation",
@@ -56,14 +57,14 @@ def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None
         assert option in text
 
 
-def test_the_strategies_to_choose_from_are_those_of_the_registry(headland: Callable[..., Any]) -> None:
+def test_the_strategies_to_choose_from_are_those_of_the_registry(headland: Run) -> None:
     from strategies.registry import STRATEGIES
 
     text = " ".join(headland("plan", "--help").out.replace("│", " ").split())
     assert f"commas: {', '.join(STRATEGIES)}; or all." in text
 
 
-def test_no_words_at_all_show_the_help(headland: Callable[..., Any]) -> None:
+def test_no_words_at_all_show_the_help(headland: Run) -> None:
     outcome = headland()
     assert "plan" in outcome.out + outcome.err and "study" in outcome.out + outcome.err
     assert outcome.status in (0, 2)

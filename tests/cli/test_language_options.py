@@ -1,10 +1,8 @@
 """Language and units on the command line: what programs read, and the exit status, are the same for every reader."""
 
-from collections.abc import Callable
-from typing import Any
-
 import pytest
 
+from tests.cli.conftest import Run
 from tests.reports.brackets import Brackets, brackets
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -18,7 +16,7 @@ READERS = [("--language", "de"), ("--units", "us"), ("--language=de", "--units=u
     *(((command, "example"), reader) for command in ("farm", "day") for reader in READERS),
 ])  # fmt: skip
 def test_programs_read_the_same_bytes(
-    headland: Callable[..., Any], brackets: Brackets, words: tuple[str, ...], reader: tuple[str, ...]
+    headland: Run, brackets: Brackets, words: tuple[str, ...], reader: tuple[str, ...]
 ) -> None:
     english, other = headland(*words), headland(*reader, *words)
     assert (other.status, other.out) == (english.status, english.out)
@@ -27,13 +25,13 @@ def test_programs_read_the_same_bytes(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["--json", pytest.param("--csv", marks=pytest.mark.matrix)])
-def test_a_plan_is_the_same_for_programs(headland: Callable[..., Any], brackets: Brackets, form: str) -> None:
+def test_a_plan_is_the_same_for_programs(headland: Run, brackets: Brackets, form: str) -> None:
     words = ("plan", "netherlands", "--tractors", "1", "--strategies", "split-field", form)
     english, other = headland(*words), headland("--language", "de", "--units", "us", *words)
     assert (other.status, other.out) == (english.status, english.out)
 
 
-def test_a_refusal_is_in_the_language_of_the_reader(headland: Callable[..., Any], brackets: Brackets) -> None:
+def test_a_refusal_is_in_the_language_of_the_reader(headland: Run, brackets: Brackets) -> None:
     for words in [("plan", "--tractors", "x"), ("plan", "--widht", "3"), ("plna",), ("day", "none.toml")]:
         english, other = headland(*words), headland("--language", "de", *words)
         assert english.status == other.status == 2 and "⟦" not in english.err
@@ -41,7 +39,7 @@ def test_a_refusal_is_in_the_language_of_the_reader(headland: Callable[..., Any]
         assert other.err.replace("⟦", "").replace("⟧", "") == english.err
 
 
-def test_help_is_in_the_language_of_the_reader(headland: Callable[..., Any], brackets: Brackets) -> None:
+def test_help_is_in_the_language_of_the_reader(headland: Run, brackets: Brackets) -> None:
     outcome = headland("--language", "de", "plan", "--help")
     text = " ".join(outcome.out.replace("│", " ").split())
     for part in ("⟦Options⟧", "⟦Write the map of the best plan.⟧", "⟦Show this message and exit.⟧", "⟦Field⟧"):
@@ -59,9 +57,7 @@ def test_help_is_in_the_language_of_the_reader(headland: Callable[..., Any], bra
         (("--language",), None),
     ],
 )
-def test_an_unknown_reader_is_refused(
-    headland: Callable[..., Any], words: tuple[str, ...], sentence: str | None
-) -> None:
+def test_an_unknown_reader_is_refused(headland: Run, words: tuple[str, ...], sentence: str | None) -> None:
     outcome = headland(*words)
     assert outcome.status == 2 and len(outcome.sentences) == 1
     assert sentence is None or outcome.sentences == [sentence]

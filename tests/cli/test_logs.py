@@ -3,15 +3,13 @@
 import json
 import re
 import shlex
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
-Run = Callable[..., Any]
+from tests.cli.conftest import Run
 
 
 def log(rows: int = 400) -> pd.DataFrame:

@@ -3,12 +3,12 @@
 import csv
 import io
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
 
@@ -25,7 +25,7 @@ def farm(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: Path) -> None:
+def test_one_table_of_all_fields_and_widths(headland: Run, farm: Path) -> None:
     outcome = headland("plan", f"{farm}#*", *WHOLE, "--width", "3,4", "--csv")
     rows = list(csv.DictReader(io.StringIO(outcome.out)))
     places = [(row["requested_field"].rpartition("#")[2], row["width_m"]) for row in rows]
@@ -46,7 +46,7 @@ def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: 
 
 @pytest.mark.slow
 def test_answers_that_are_kept_are_not_worked_out_again(
-    headland: Callable[..., Any], farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    headland: Run, farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = tmp_path / "kept.jsonl"
     asked = ("plan", f"{farm}#*", *QUICK, "--checkpoint", kept, "--json")
@@ -78,7 +78,7 @@ def test_answers_that_are_kept_are_not_worked_out_again(
     ],
 )
 def test_a_damaged_file_of_answers_is_refused_before_anything_is_printed(
-    headland: Callable[..., Any], farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: Any, words: str
+    headland: Run, farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: Any, words: str
 ) -> None:
     keep = tmp_path / "kept.jsonl"
     asked = ("plan", f"{farm}#north", *QUICK, "--checkpoint", keep, "--csv")
@@ -92,7 +92,7 @@ def test_a_damaged_file_of_answers_is_refused_before_anything_is_printed(
     assert keep.read_bytes() == damaged
 
 
-def test_names_with_any_line_end_are_kept(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
+def test_names_with_any_line_end_are_kept(headland: Run, farm: Path, tmp_path: Path) -> None:
     odd = tmp_path / "odd\u2028place.geojson"
     odd.write_bytes(farm.read_bytes())
     asked = ("plan", f"{odd}#north", *QUICK, "--checkpoint", tmp_path / "kept.jsonl", "--json")
@@ -100,7 +100,7 @@ def test_names_with_any_line_end_are_kept(headland: Callable[..., Any], farm: Pa
 
 
 @pytest.mark.slow
-def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any], farm: Path) -> None:
+def test_the_table_for_people_names_what_has_no_plan(headland: Run, farm: Path) -> None:
     outcome = headland("plan", f"{farm}#*", *QUICK, "--explain")
     assert outcome.out.startswith("3 m: 2 of 3 fields, 0.58 ha, ") and "Without a plan: 1 of 3" in outcome.out
     (total,) = [line.split() for line in outcome.out.splitlines() if line.startswith("Total ")]
@@ -109,9 +109,7 @@ def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any
 
 
 @pytest.mark.slow
-def test_a_page_shows_every_field_from_kept_answers_too(
-    headland: Callable[..., Any], farm: Path, tmp_path: Path
-) -> None:
+def test_a_page_shows_every_field_from_kept_answers_too(headland: Run, farm: Path, tmp_path: Path) -> None:
     """Answers kept without maps are computed again for a page; kept with maps they give the same page."""
     kept, page = tmp_path / "kept.jsonl", tmp_path / "fields.html"
     asked = ("plan", f"{farm}#*", *QUICK, "--checkpoint", kept, "--json")
@@ -142,7 +140,7 @@ def test_a_page_shows_every_field_from_kept_answers_too(
     ],
 )
 def test_what_does_not_go_together_is_one_sentence(
-    headland: Callable[..., Any], farm: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch
+    headland: Run, farm: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("planner.pipeline.executors.PATIENCE_S", 0.5)
     monkeypatch.chdir(farm.parent)

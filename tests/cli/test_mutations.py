@@ -3,17 +3,17 @@
 import json
 import random
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.mutations import FIELD, ODD, paths, replaced, small_field, small_plan
 from tests.cli.mutations import Path as Place
 from tests.examples import count_examples
 
-Run = Callable[..., Any]
 CONTROLS = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202e]")
 SAVED = (
     ("show", "plan.json"), ("show", "plan.json", "--json"),

@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -13,10 +12,10 @@ from typing import Any
 import pytest
 
 from planner.cli.common.outputs import _is_same_file, write_results
+from tests.cli.conftest import Run
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
-Run = Callable[..., Any]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs links and devices")
 ONE = ("--local", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
 
@@ -180,7 +179,6 @@ def test_files_are_written_whatever_becomes_of_standard_output(command: list[str
         assert "Standard output cannot be used: No space left on device; map.png was written" in done.stderr
     else:
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None and process.stderr is not None
             process.stdout.close()
             said = process.stderr.read()
         assert process.returncode == 0 and said == ""

@@ -9,13 +9,15 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.drawn_fields import write_farm, write_heights
+
+pytestmark = pytest.mark.usefixtures("first_layout")
 
 CONTRACT = [
     "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
@@ -27,7 +29,7 @@ QUICK = ("--tractors", "1-2", "--strategies", "split-field", "--no-headland", "-
 
 
 @pytest.fixture
-def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
+def answer(once: Run, small: Path) -> dict[str, Any]:
     outcome = once("plan", small, "--local", *TWO, "--json", "--start", "8:00", "--deadline", "8:25", "--seed", "5")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
@@ -61,9 +63,7 @@ def test_json_types(answer: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-def test_a_plan_on_heights_says_its_slopes_in_every_form(
-    headland: Callable[..., Any], small: Path, tmp_path: Path
-) -> None:
+def test_a_plan_on_heights_says_its_slopes_in_every_form(headland: Run, small: Path, tmp_path: Path) -> None:
     heights = write_heights(tmp_path / "hill.asc", lambda x, y: 100.0 + 0.08 * x, -40.0, 100.0)
     page, picture, saved = (tmp_path / f"plan.{end}" for end in ("html", "png", "json"))
     asked = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--elevation", heights)
@@ -84,14 +84,14 @@ def test_a_plan_on_heights_says_its_slopes_in_every_form(
     assert max(abs(step["slope_across_pct"]) for step in steps) == pytest.approx(slopes[1], abs=0.1)
 
 
-def test_a_result_does_not_overwrite_the_heights(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+def test_a_result_does_not_overwrite_the_heights(headland: Run, small: Path, tmp_path: Path) -> None:
     heights = tmp_path / "hill.png"
     heights.write_bytes(b"heights")
     outcome = headland("plan", small, "--local", "--elevation", heights, "--png", heights)
     assert outcome.status == 2 and "would overwrite the file of heights" in outcome.err
 
 
-def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], small: Path) -> None:
+def test_without_a_deadline_there_is_no_verdict(headland: Run, small: Path) -> None:
     one = ("--tractors", "1", "--strategies", "split-field", "--no-headland")
     (plan,) = json.loads(headland("plan", small, "--local", *one, "--json").out)["plans"]
     assert plan["meets_deadline"] is None
@@ -99,7 +99,7 @@ def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], sm
 
 
 @pytest.mark.slow
-def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path) -> None:
+def test_a_deadline_that_no_plan_meets(headland: Run, small: Path) -> None:
     words = ("plan", small, "--local", *QUICK, "--start", "8:00", "--deadline", "8:05", "--json")
     outcome = headland(*words)
     answer = json.loads(outcome.out)
@@ -120,7 +120,7 @@ def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path
     ],
 )
 def test_what_no_plan_meets_is_3_with_the_closest_plan(
-    headland: Callable[..., Any], small: Path, options: tuple[str, ...], words: str
+    headland: Run, small: Path, options: tuple[str, ...], words: str
 ) -> None:
     outcome = headland("plan", small, "--local", *QUICK, "--samples", "200", "--start", "8:00", *options)
     assert outcome.status == 3 and len(outcome.sentences) == 1 and outcome.err.startswith(words)
@@ -129,7 +129,7 @@ def test_what_no_plan_meets_is_3_with_the_closest_plan(
 
 
 @pytest.mark.slow
-def test_csv_says_what_json_says(headland: Callable[..., Any], once: Callable[..., Any], small: Path) -> None:
+def test_csv_says_what_json_says(headland: Run, once: Run, small: Path) -> None:
     plans = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["plans"]
     rows = list(csv.DictReader(io.StringIO(headland("plan", small, "--local", *QUICK, "--csv").out)))
     assert len(rows) == len(plans)
@@ -141,9 +141,7 @@ def test_csv_says_what_json_says(headland: Callable[..., Any], once: Callable[..
 
 
 @pytest.mark.slow
-def test_the_table_names_the_best_and_the_cheapest(
-    headland: Callable[..., Any], once: Callable[..., Any], small: Path
-) -> None:
+def test_the_table_names_the_best_and_the_cheapest(headland: Run, once: Run, small: Path) -> None:
     outcome = headland("plan", small, "--local", *QUICK)
     best = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["best"]
     assert outcome.status == 0 and outcome.err == ""
@@ -154,7 +152,7 @@ def test_the_table_names_the_best_and_the_cheapest(
 
 
 @pytest.mark.slow
-def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+def test_files_are_written_and_valid(headland: Run, small: Path, tmp_path: Path) -> None:
     page, picture, plan_file = tmp_path / "p.html", tmp_path / "p.png", tmp_path / "p.json"
     page.write_text("older")
     words = ("plan", small, "--local", *TWO, "--html", page, "--png", picture, "--save", plan_file, "--json")
@@ -178,7 +176,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
 
 
 @pytest.mark.slow
-def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path) -> None:
+def test_options_reach_the_simulation(headland: Run, small: Path) -> None:
     def best(*options: str) -> dict[str, Any]:
         alone = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
         base = ("plan", small, "--local", *alone, "--json")
@@ -197,7 +195,7 @@ def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path)
 
 
 @pytest.mark.slow
-def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_part_of_a_collection_can_be_chosen(headland: Run, tmp_path: Path) -> None:
     place = write_farm(tmp_path / "farm.geojson", west=(0, 40, 70), east=(100, 40, 70))
     outcome = headland("plan", f"{place}#east", "--local", "--tractors", "1", "--no-headland", "--json")
     assert outcome.status == 0, outcome.err
@@ -229,7 +227,7 @@ def begun(*arguments: str, **options: Any) -> subprocess.Popen[str]:
 
 class TestProcess:
     @pytest.mark.matrix
-    def test_the_default_field_with_warnings_as_errors(self, headland_process: Callable[..., Any]) -> None:
+    def test_the_default_field_with_warnings_as_errors(self, headland_process: Run) -> None:
         outcome = headland_process("plan", "--tractors", "1", "--strategies", "split-field", "--json")
         assert outcome.status == 0, outcome.err
         assert json.loads(outcome.out)["field"] == {"name": "iwamizawa", "area_ha": 1.89}
@@ -239,7 +237,6 @@ class TestProcess:
         one = ("--tractors", "1", "--strategies", "split-field", "--no-headland")
         words = [*command, "plan", str(small), "--local", *one, "--json"]
         with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None and process.stderr is not None
             process.stdout.close()
             complaint = process.stderr.read()
             status = process.wait(240)
@@ -269,13 +266,13 @@ class TestProcess:
         assert complaint.strip() == "Error: Interrupted; nothing was written."
 
 
-def test_a_strategy_named_twice_is_tried_once(headland: Callable[..., Any], small: Path) -> None:
+def test_a_strategy_named_twice_is_tried_once(headland: Run, small: Path) -> None:
     twice = ("--tractors", "1", "--no-headland", "--strategies", "split-field,split-field")
     assert len(json.loads(headland("plan", small, "--local", *twice, "--json").out)["plans"]) == 1
 
 
 @pytest.mark.slow
-def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+def test_effects_of_the_tractor_file_are_told(headland: Run, small: Path, tmp_path: Path) -> None:
     from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
     from vehicle.model.tractor_writer import format_tractor_toml
 

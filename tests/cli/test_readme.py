@@ -2,17 +2,20 @@
 
 import os
 import re
-from collections.abc import Callable
+import shutil
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
+from fields.documents.reader import read_field
+from fields.documents.writer import write_field
 from fields.geometry.field import Field
+from fields.sample_fields import read_sample_text
 from planner.guide.guide_pages import list_pages, read_page
+from tests.cli.conftest import Run
 from tests.cli.examples import (
     EXPERIMENTS,
     README,
@@ -25,6 +28,11 @@ from tests.cli.examples import (
 
 MAX_README_LINES = 150
 LEFT_OUT = (*SERVING, EXPERIMENTS, "headland setup")  # compiles everything where it is not yet
+FIRST_ANSWER = "headland plan denmark --tractors 1-3"
+PARTS = {
+    "netherlands": shapely.box(-30.0, -150.0, 40.0, -80.0), "denmark": shapely.box(-50.0, -40.0, 50.0, 40.0),
+    "iwamizawa": shapely.box(0.0, 0.0, 90.0, 70.0),
+}  # fmt: skip
 SELDOM = (
     "headland plan denmark", "headland plan iwamizawa --tractors", "headland plan iwamizawa netherlands",
     "headland plan myfarm.geojson --soil", "headland diagnose runs", "headland diagnose --demo",
@@ -64,18 +72,19 @@ def write_hill(field: Field, path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the files that the commands name; what a service has is there as well."""
-    from fields.documents.reader import read_field
-    from fields.documents.writer import write_field
+    """A folder with the files that the commands name, and parts of samples; what a service has is there as well."""
     from tests.truth.model import make_logs
     from vehicle.model.tractor import BatteryParameters, load_tractor
     from vehicle.model.tractor_writer import format_tractor_toml
 
     place = tmp_path_factory.mktemp("readme")
     os.environ["HEADLAND_DATA"] = str(place / "data")
+    (place / "parts").mkdir()
+    for name, part in PARTS.items():
+        field = read_field(name)
+        write_field(replace(field, boundary=field.boundary & part), place / "parts" / name)
+    shutil.copy(place / "parts" / "netherlands", place / "myfarm.geojson")
     parcel = read_field("netherlands")
-    part = shapely.box(-30.0, -150.0, 40.0, -80.0)  # chosen: 70 m of 360, as sizes are not tested here
-    write_field(replace(parcel, boundary=parcel.boundary & part), place / "myfarm.geojson")
     write_hill(parcel, place / "dtm.tif")
     battery = BatteryParameters(capacity_kwh=30.0)
     electric = load_tractor("eg105").model_copy(update={"drive": "electric", "battery": battery})
@@ -88,25 +97,30 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-@pytest.fixture(scope="module")
-def printed() -> dict[str, str]:
-    """What lines of the README printed that have run."""
-    return {}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("line", [line for line in list_readme_commands() if not line.startswith(LEFT_OUT)])
-def test_command(
-    line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, printed: dict[str, str]
-) -> None:
+@pytest.fixture
+def in_short(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Commands run in the folder, on parts of samples and their first layouts: neither is tested here."""
     monkeypatch.chdir(folder)
-    printed[line] = run_as_written(line, folder, headland)
+    monkeypatch.setattr(
+        "fields.documents.sources.read_sample_text",
+        lambda name: (folder / "parts" / name).read_text("utf-8") if name in PARTS else read_sample_text(name),
+    )
+    monkeypatch.setattr("planner.evaluation.preparation.choose_quickest_index", lambda *_: 0)
 
 
 @pytest.mark.slow
-def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.usefixtures("in_short")
+@pytest.mark.parametrize(
+    "line", [line for line in list_readme_commands() if not line.startswith((*LEFT_OUT, FIRST_ANSWER))]
+)
+def test_command(line: str, folder: Path, headland: Run) -> None:
+    run_as_written(line, folder, headland)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("in_short")
+def test_examples_in_python(capsys: pytest.CaptureFixture[str]) -> None:
     """All blocks as one script, as a reader would go through them."""
-    monkeypatch.chdir(folder)
     blocks = re.findall(r"```python\n(.*?)```", read_page("python").text, flags=re.DOTALL)
     assert len(blocks) >= 5
     names: dict[str, object] = {"__name__": "__main__"}
@@ -116,19 +130,13 @@ def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsy
 
 
 @pytest.mark.slow
-def test_the_first_answer_is_what_the_command_prints(headland: Callable[..., Any], printed: dict[str, str]) -> None:
-    text = README.read_text(encoding="utf-8")
-    shown = re.findall(r"```text\n(.*?)```", text, flags=re.DOTALL)[0]
-    command = next(line for line in list_readme_commands() if "--deadline" in line)
-    if command not in printed:
-        printed[command] = headland(*command.split()[1:]).out
-    lines, printed_lines = (_drop_not_shown(text) for text in (shown, printed[command]))
-    assert len(lines) > 8 and printed_lines[: len(lines)] == lines
-
-
-def _drop_not_shown(text: str) -> list[str]:
-    """The lines without that on plans that are not shown: it counts all strategies that there are."""
-    return [line for line in text.splitlines() if not line.startswith("Not shown: ")]
+def test_the_first_answer_is_what_the_command_prints(headland: Run, folder: Path) -> None:
+    """But for the line on plans that are not shown, which counts all strategies that there are."""
+    shown = re.findall(r"```text\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)[0]
+    (command,) = [line for line in list_readme_commands() if line.startswith(FIRST_ANSWER)]
+    texts = shown, run_as_written(command, folder, headland)
+    lines, found = ([line for line in text.splitlines() if not line.startswith("Not shown: ")] for text in texts)
+    assert len(lines) > 8 and found[: len(lines)] == lines
 
 
 def test_every_beginning_is_one_of_the_guide() -> None:
@@ -140,7 +148,7 @@ def test_every_beginning_is_one_of_the_guide() -> None:
     pytest.param(line, marks=pytest.mark.matrix if line.startswith(SELDOM) else ())
     for line in list_guide_commands() if not line.startswith(LEFT_OUT)
 ])  # fmt: skip
-def test_guide_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_guide_command(line: str, folder: Path, headland: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
     if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):

@@ -1,16 +1,16 @@
 """`headland plan` with an implement that carries something."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import feature, point, rectangle, write_features
 
-Headland = Callable[..., Any]
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FARM = """
 [[implements]]
 name = "spreader"
@@ -26,7 +26,7 @@ refill_s = 60.0
 
 
 @pytest.fixture
-def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, headland: Headland) -> Headland:
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, headland: Run) -> Run:
     """`headland plan` on 60 m by 90 m with a farm that has a spreader."""
     (tmp_path / "farm.toml").write_text(FARM, encoding="utf-8")
     field = feature(rectangle(0, 0, 60, 90))
@@ -37,7 +37,7 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, headland: Headland) ->
 
 
 @pytest.mark.slow
-def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Headland) -> None:
+def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Run) -> None:
     told = plan("--refill", "headland", "--save", "plan.json", "--html", "plan.html", "--png", "plan.png", "--json")
     assert told.status == 0, told.err
     answer = json.loads(told.out)
@@ -55,14 +55,15 @@ def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Headland) -> No
 
 
 @pytest.mark.slow
-def test_the_place_of_the_field_file_is_used_and_another_wins(plan: Headland) -> None:
-    told = plan()
-    assert told.status == 0 and "refills" in told.out and "not used" not in told.err.lower()
-    assert json.loads(plan("--json").out)["scenario"]["refill"] == "0.00,0.00 m"
+def test_the_place_of_the_field_file_is_used_and_another_wins(plan: Run) -> None:
+    told = plan("--json")
+    answer = json.loads(told.out)
+    assert told.status == 0 and "not used" not in told.err.lower() and "refills" in " ".join(answer["summary"])
+    assert answer["scenario"]["refill"] == "0.00,0.00 m"
     assert json.loads(plan("--json", "--refill", "60,90").out)["scenario"]["refill"] == "60.00,90.00 m"
 
 
-def test_an_implement_that_carries_nothing_is_not_refilled(plan: Headland) -> None:
+def test_an_implement_that_carries_nothing_is_not_refilled(plan: Run) -> None:
     answer = json.loads(plan("--implement", "harrow", "--json").out)
     assert answer["best"]["refills"] is None and answer["best"]["refilling_s"] is None
     assert "capacity" not in answer["scenario"]
@@ -78,6 +79,6 @@ def test_an_implement_that_carries_nothing_is_not_refilled(plan: Headland) -> No
         (("--implement", "harrow", "--refill", "tender"), "no implement carries anything"),
     ],
 )
-def test_bad_requests_are_one_sentence(plan: Headland, options: tuple[str, ...], words: str) -> None:
+def test_bad_requests_are_one_sentence(plan: Run, options: tuple[str, ...], words: str) -> None:
     told = plan(*options)
     assert_refused(told, words)

@@ -4,12 +4,13 @@ import errno
 import json
 import os
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import SQUARE, assert_refused
 from tests.drawn_fields import feature, point, ring, write_features
 
@@ -76,18 +77,18 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
 
 @pytest.mark.parametrize(("options", "words"), OPTIONS)
 @pytest.mark.parametrize("command", ["plan", "field"])
-def test_options_of_both(headland: Callable[..., Any], folder: Path, command: str, options: str, words: Any) -> None:
+def test_options_of_both(headland: Run, folder: Path, command: str, options: str, words: Any) -> None:
     assert_refused(headland(command, "good.geojson", "--local", *options.split(" ")), *words)
 
 
 @pytest.mark.parametrize(("options", "words"), PLAN_OPTIONS)
-def test_options_of_plan(headland: Callable[..., Any], folder: Path, options: str, words: Any) -> None:
+def test_options_of_plan(headland: Run, folder: Path, options: str, words: Any) -> None:
     assert_refused(headland("plan", "good.geojson", "--local", *options.split(" ")), *words)
 
 
 @pytest.mark.parametrize("option", ["--html", "--png", "--save"])
 def test_an_unwritable_place_is_found_before_anything_is_simulated(
-    headland: Callable[..., Any], folder: Path, option: str, monkeypatch: pytest.MonkeyPatch
+    headland: Run, folder: Path, option: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import planner.pipeline.worker_tasks
     import vehicle.sim.world
@@ -110,18 +111,18 @@ KINDS += [(words, "--html", ".html") for words in DRAWING if words[0] != "field"
 
 @pytest.mark.parametrize(("words", "option", "kind"), KINDS)
 def test_a_name_that_tells_another_kind_of_file(
-    headland: Callable[..., Any], folder: Path, words: tuple[str, ...], option: str, kind: str
+    headland: Run, folder: Path, words: tuple[str, ...], option: str, kind: str
 ) -> None:
     assert_refused(headland(*words, option, "x.txt"), f"x.txt does not end in {kind}; name the file x{kind}")
 
 
 @pytest.mark.skipif(os.name != "posix" or not Path("/proc/self").exists(), reason="needs a place that takes no files")
-def test_a_place_that_takes_no_files(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_place_that_takes_no_files(headland: Run, folder: Path) -> None:
     assert_refused(headland("plan", "--save", "/proc/plan.json"), "/proc/plan.json cannot be written")
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="the superuser may write anywhere")
-def test_a_folder_without_permission(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_folder_without_permission(headland: Run, folder: Path) -> None:
     (folder / "inner").chmod(0o500)
     assert_refused(headland("plan", "--save", "inner/x.json"), "cannot be written")
 
@@ -129,31 +130,29 @@ def test_a_folder_without_permission(headland: Callable[..., Any], folder: Path)
 @pytest.mark.parametrize(
     "arguments", [("--radius", "abc"), ("--seed", "x"), ("--processes", "1.5"), ("--unknown",), ("--width",)]
 )
-def test_misuse_ends_with_2_and_names_the_word(
-    headland: Callable[..., Any], folder: Path, arguments: tuple[str, ...]
-) -> None:
+def test_misuse_ends_with_2_and_names_the_word(headland: Run, folder: Path, arguments: tuple[str, ...]) -> None:
     outcome = headland("plan", "good.geojson", "--local", *arguments)
     assert_refused(outcome, arguments[0], "--help lists the options")
 
 
-def test_an_unknown_command(headland: Callable[..., Any], folder: Path) -> None:
+def test_an_unknown_command(headland: Run, folder: Path) -> None:
     assert_refused(headland("plant"), "'plant' (did you mean 'plan'", "headland --help")
     assert_refused(headland("farm", "new"), "'file'", "headland farm new --help")
 
 
 @pytest.mark.slow
-def test_in_a_process_of_its_own(headland_process: Callable[..., Any]) -> None:
+def test_in_a_process_of_its_own(headland_process: Run) -> None:
     assert_refused(headland_process("plan", "--tractors", "51"), "51 tractors")
     assert_refused(headland_process("field", "nowhere.geojson"), "no field file")
 
 
-def test_an_earlier_result_stays_when_the_run_fails(headland: Callable[..., Any], folder: Path) -> None:
+def test_an_earlier_result_stays_when_the_run_fails(headland: Run, folder: Path) -> None:
     assert_refused(headland("plan", "bow.geojson", "--local", "--html", "old.html"), "crosses itself")
     assert (folder / "old.html").read_text() == "an earlier result"
 
 
 @pytest.mark.slow
-def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Callable[..., Any], folder: Path) -> None:
+def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Run, folder: Path) -> None:
     words = ("--local", "--tractors", "40", "--strategies", "split-field,row-by-row", "--html", "none.html", "--json")
     outcome = headland("plan", "good.geojson", *words)
     page = folder / "none.html"
@@ -178,7 +177,7 @@ class TestFaults:
         (ValueError("two\nlines"), 1, "A fault of Headland (ValueError: two lines)"),
     ])  # fmt: skip
     def test_one_sentence(
-        self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception,
+        self, headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception,
         status: int, words: str,
     ) -> None:  # fmt: skip
         import planner.pipeline.worker_tasks
@@ -192,7 +191,7 @@ class TestFaults:
         assert len(outcome.sentences) == 1 and outcome.sentences[0].startswith("Error: ") and words in outcome.err
 
     def test_the_place_of_a_fault_is_shown_on_demand(
-        self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
+        self, headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
         import planner.pipeline.worker_tasks
 
@@ -212,7 +211,7 @@ class TestTerminals:
 
     @pytest.mark.parametrize(("columns", "widest"), [("0", 80), ("1", 20), ("30", 30), ("60", 60), ("500", 160)])
     def test_widths(
-        self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, columns: str, widest: int
+        self, headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch, columns: str, widest: int
     ) -> None:
         monkeypatch.setenv("COLUMNS", columns)
         text = headland("field", "good.geojson", "--local").out
@@ -248,7 +247,7 @@ class TestFieldFiles:
             path.unlink(missing_ok=True)
 
     @pytest.mark.slow
-    def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
+    def test_what_is_not_used_is_named(self, headland: Run, pond: Path) -> None:
         words = "Features of the field file that are not used: 1 Point with role 'crop'"
         outcome = headland("field", "pond.geojson", "--local", "--json")
         assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
@@ -258,7 +257,7 @@ class TestFieldFiles:
         assert outcome.status == 0 and f"Note: {words}" in outcome.err
         assert words.replace("'", "&#39;") in (pond.parent / "pond.html").read_text(encoding="utf-8")
 
-    def test_every_field_of_a_file_is_listed(self, headland: Callable[..., Any], folder: Path) -> None:
+    def test_every_field_of_a_file_is_listed(self, headland: Run, folder: Path) -> None:
         blocks = [feature(SQUARE, name=f"plot-{i}") for i in range(94)]
         blocks[7] = feature(ring((0, 0), (100, 100), (100, 0), (0, 100)), name="bow")
         place = write_features(folder / "farm.geojson", *blocks)
@@ -275,7 +274,7 @@ class TestFieldFiles:
         assert rows[93] == plain
         assert rows[7]["area_ha"] is None and "crosses itself" in rows[7]["fault"]
 
-    def test_other_forms_and_names(self, headland: Callable[..., Any], folder: Path) -> None:
+    def test_other_forms_and_names(self, headland: Run, folder: Path) -> None:
         (folder / "farm.dxf").write_text("<kml/>")
         outcome = headland("plan", "farm.dxf")
         (folder / "farm.dxf").unlink()

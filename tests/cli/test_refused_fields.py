@@ -2,7 +2,6 @@
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +15,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.ranking import check_margin
 from planner.request.plan_request import PlanRequest
+from tests.cli.conftest import Run
 from tests.cli.refusals import SQUARE, assert_refused
 from tests.drawn_fields import feature, line, point, rectangle, ring, write_features
 
@@ -36,7 +36,7 @@ FIELD_FILES = [
 
 @pytest.mark.parametrize("command", ["plan", "field"])
 @pytest.mark.parametrize(("name", "words"), FIELD_FILES)
-def test_field_files(headland: Callable[..., Any], folder: Path, command: str, name: str, words: str) -> None:
+def test_field_files(headland: Run, folder: Path, command: str, name: str, words: str) -> None:
     assert_refused(headland(command, f"{name}.geojson", "--local"), words)
 
 
@@ -59,12 +59,12 @@ OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
 @pytest.mark.parametrize("command", ["plan", "field"])
 @pytest.mark.parametrize(("features", "words"), OBSTACLES)
 def test_obstacles_and_edges(
-    headland: Callable[..., Any], folder: Path, command: str, features: list[Any], words: tuple[str, ...]
+    headland: Run, folder: Path, command: str, features: list[Any], words: tuple[str, ...]
 ) -> None:
     assert_refused(_with(headland, folder, command, [feature(SQUARE), *features]), *words)
 
 
-def _with(headland: Callable[..., Any], folder: Path, command: str, features: list[Any], *options: str) -> Any:
+def _with(headland: Run, folder: Path, command: str, features: list[Any], *options: str) -> Any:
     """What a command says to a file of these features, which is gone afterwards."""
     place = write_features(folder / "features.geojson", *features)
     try:
@@ -74,7 +74,7 @@ def _with(headland: Callable[..., Any], folder: Path, command: str, features: li
 
 
 @pytest.mark.parametrize("command", ["plan", "field"])
-def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command: str) -> None:
+def test_fences_and_margins(headland: Run, folder: Path, command: str) -> None:
     closed = [feature(SQUARE, edge="fence", name="pen")]
     assert_refused(_with(headland, folder, command, closed), "fence round field 'pen' has no opening", "'entrance'")
     gap = feature(line((40, 0), (42, 0)), edge="open")
@@ -93,7 +93,7 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
 
 
 @pytest.mark.slow
-def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Run, folder: Path) -> None:
     """A pole in the middle of 60 m with a margin of 29 m leaves a neck of 0.75 m on either side of it."""
     pole = feature(point(50, 30), role="obstacle", kind="pole")
     options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--explain")
@@ -113,9 +113,7 @@ def test_a_margin_is_to_blame_where_no_plan_works() -> None:
 
 
 @pytest.mark.slow
-def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
-    headland: Callable[..., Any], folder: Path
-) -> None:
+def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(headland: Run, folder: Path) -> None:
     """A pole at the end of 100 m x 60 m with a margin of 60 m: some 43 m of the length are left."""
     pole = feature(point(0, 30), role="obstacle", kind="pole")
     options = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
@@ -125,7 +123,7 @@ def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
     assert told.status == 3 and "44 % is margin of 40 m" in " ".join(told.out.split())
 
 
-def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable[..., Any], folder: Path) -> None:
+def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Run, folder: Path) -> None:
     features = [
         feature(SQUARE), feature(line((0, 0), (100, 0)), edge="fence"), feature(line((3, 3), (9, 9)), role="drain"),
         feature(point(5, 5)),
@@ -139,7 +137,7 @@ def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable
     assert "of 90 m of a line with edge 'fence'" in told and "the rest is not used" in told
 
 
-def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder: Path) -> None:
+def test_obstacles_off_the_field_are_named(headland: Run, folder: Path) -> None:
     def pole(x: float, **more: Any) -> Any:
         return feature(point(x, 30), role="obstacle", kind="pole", **more)
 
@@ -158,17 +156,17 @@ def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder:
 
 
 @pytest.mark.parametrize("command", ["plan", "field"])
-def test_metres_passed_as_degrees(headland: Callable[..., Any], folder: Path, command: str) -> None:
+def test_metres_passed_as_degrees(headland: Run, folder: Path, command: str) -> None:
     assert_refused(headland(command, "good.geojson"), "add --local")
 
 
-def test_a_folder_is_no_field(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_folder_is_no_field(headland: Run, folder: Path) -> None:
     assert_refused(headland("plan", "inner"), "'inner' is a folder")
 
 
-def test_a_sample_misspelt_names_the_nearest(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_sample_misspelt_names_the_nearest(headland: Run, folder: Path) -> None:
     assert_refused(headland("plan", "iwamisawa"), "nearest", "'iwamizawa'")
 
 
-def test_a_part_that_is_not_there_lists_those_that_are(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_part_that_is_not_there_lists_those_that_are(headland: Run, folder: Path) -> None:
     assert_refused(headland("plan", "several.geojson#7", "--local"), "'7'", "0.60 ha")

@@ -1,16 +1,16 @@
 """`headland show`: a saved plan driven again, told leg by leg."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
+
 pytestmark = pytest.mark.usefixtures("first_layout")
 
 WORDS = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--json")
-Run = Callable[..., Any]
 
 
 Saved = tuple[Path, dict[str, Any]]

@@ -1,22 +1,19 @@
 """The study of chapter 6: every printed row, every claim with a verdict; and `headland study` from the outside."""
 
 import json
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
-from planner.pipeline.executors import create_executor
 from planner.pipeline.thesis_study import list_thesis_times, study
 from reports.trials.report import FleetStudy, ThesisTableRow, format_study_json
+from tests.cli.conftest import Run
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def result() -> FleetStudy:
-    with create_executor(2) as executor:
-        return study(executor=executor)
+    return study()
 
 
 def row(result: FleetStudy, table: str, label: str) -> ThesisTableRow:
@@ -66,7 +63,6 @@ def test_every_claim_has_a_verdict_that_agrees_with_the_rows(result: FleetStudy)
     verdict = {claim.claim: claim.holds for claim in result.claims}
     together, apart = (r.time_s or 0.0 for r in result.tables["6.2"])
     plain, timed = (row(result, "6.3", label).time_s for label in ("row by row", "row by row, waiting optimised"))
-    assert plain is not None and timed is not None
     assert verdict["3 tractors in formation are faster than 3 working separately"] == (together < apart)
     assert verdict["11 tractors are slower than 9"]
     assert verdict["optimised waiting is at least 10 % faster than row by row"] == (timed <= 0.9 * plain)
@@ -82,9 +78,9 @@ def test_the_assumptions_are_sentences(result: FleetStudy) -> None:
     assert any("24 tracks" in sentence for sentence in result.assumptions)
 
 
-def test_json_keeps_its_contract_and_does_not_depend_on_processes(
-    headland: Callable[..., Any], result: FleetStudy
-) -> None:
+def test_json_keeps_its_contract(headland: Run, result: FleetStudy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the same study: that processes change no plan is tested with the executors."""
+    monkeypatch.setattr("planner.pipeline.thesis_study.study", lambda **_: result)
     outcome = headland("study", "--json")
     assert outcome.status == 0 and outcome.err == ""
     assert outcome.out == format_study_json(result)

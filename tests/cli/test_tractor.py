@@ -1,18 +1,17 @@
 """`headland tractor`: own machines from a datasheet, checked by driving them."""
 
 import json
-from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from vehicle.model.tractor import load_tractor
 
 FENDT = ("--name", "Fendt 724", "--wheelbase", 2.78, "--width", 2.55, "--turning-radius", 5.5)
-Headland = Callable[..., Any]
 
 
 @pytest.fixture
@@ -24,7 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.slow
-def test_a_datasheet_makes_a_file_that_holds_together(headland: Headland, folder: Path) -> None:
+def test_a_datasheet_makes_a_file_that_holds_together(headland: Run, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--mass", 8000)
     note = "Note: Without --power-kw plans cannot check whether this tractor can pull its implement.\n"
     assert (made.status, made.err) == (0, note) and "Turning radius 5.50 m on asphalt" in made.out
@@ -44,7 +43,7 @@ def test_a_datasheet_makes_a_file_that_holds_together(headland: Headland, folder
     assert "Circles on asphalt" in (folder / "my.html").read_text(encoding="utf-8")
 
 
-def test_the_check_says_in_words_what_does_not_go_together(headland: Headland, folder: Path) -> None:
+def test_the_check_says_in_words_what_does_not_go_together(headland: Run, folder: Path) -> None:
     assert "need 27.3" in headland("tractor", "new", "odd.toml", *FENDT, "--max-steering", 45).err
     told = headland("tractor", "check", "odd.toml")
     words = " ".join(told.out.split())
@@ -53,13 +52,13 @@ def test_the_check_says_in_words_what_does_not_go_together(headland: Headland, f
     assert "Radius at full lock" in words and "look at [radius], max_steering_deg" in words
 
 
-def test_a_radius_of_the_outer_wheel_is_told_apart(headland: Headland, folder: Path) -> None:
+def test_a_radius_of_the_outer_wheel_is_told_apart(headland: Run, folder: Path) -> None:
     assert headland("tractor", "new", "my.toml", *FENDT, "--radius-of", "outer-wheel").status == 0
     assert load_tractor(folder / "my.toml").compute_smallest_radius_m("asphalt") == pytest.approx(3.89, abs=0.01)
 
 
 def test_what_is_missing_is_asked_for_on_a_terminal(
-    headland: Headland, folder: Path, monkeypatch: pytest.MonkeyPatch
+    headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("planner.cli.machines.can_prompt", lambda: True)
     answers = iter(["Robot", "278", "wide", "2,78 m", "5.5"])
@@ -72,9 +71,7 @@ def test_what_is_missing_is_asked_for_on_a_terminal(
     assert tractor.name == "Robot" and tractor.wheelbase_m == pytest.approx(2.78)
 
 
-def test_leaving_the_questions_writes_nothing(
-    headland: Headland, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_leaving_the_questions_writes_nothing(headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("planner.cli.machines.can_prompt", lambda: True)
     left = headland("tractor", "new", "my.toml")
     assert left.status == 130 and left.sentences[-1] == "Error: Interrupted; nothing was written."
@@ -102,7 +99,7 @@ def test_leaving_the_questions_writes_nothing(
         (("check", "eg105", "--png", "there.toml"), "does not end in .png"),
     ],
 )  # fmt: skip
-def test_bad_input_is_one_sentence(headland: Headland, folder: Path, arguments: tuple[Any, ...], words: str) -> None:
+def test_bad_input_is_one_sentence(headland: Run, folder: Path, arguments: tuple[Any, ...], words: str) -> None:
     (folder / "there.toml").write_text('name = "half"', encoding="utf-8")
     told = headland("tractor", *arguments)
     assert_refused(told, words)
@@ -110,12 +107,12 @@ def test_bad_input_is_one_sentence(headland: Headland, folder: Path, arguments: 
     assert (folder / "there.toml").read_text(encoding="utf-8") == 'name = "half"'
 
 
-def test_force_writes_over_a_file(headland: Headland, folder: Path) -> None:
+def test_force_writes_over_a_file(headland: Run, folder: Path) -> None:
     (folder / "my.toml").write_text("", encoding="utf-8")
     assert headland("tractor", "new", "my.toml", *FENDT, "--force").status == 0
     assert load_tractor(folder / "my.toml").name == "Fendt 724"
 
 
-def test_what_looks_odd_is_a_note(headland: Headland, folder: Path) -> None:
+def test_what_looks_odd_is_a_note(headland: Run, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--turning-radius", 11)
     assert made.status == 0 and made.err.startswith("Note: ") and "diameter" in made.err

@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from reports.trials.report import format_drive_json
+from tests.cli.conftest import Run
 from tests.cli.examples import EXPERIMENTS, list_guide_commands, run_as_written
 from vehicle.trials.sheets import catalogue
 from vehicle.trials.sheets.fixed_steering import describe_drive
@@ -19,7 +20,6 @@ from vehicle.trials.sheets.sheet import SteeredDrive
 
 pytestmark = pytest.mark.slow
 
-Run = Callable[..., Any]
 KEYS = {"experiment", "quantity", "unit", "thesis", "ours", "difference_pct", "note"}
 
 

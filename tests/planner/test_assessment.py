@@ -61,7 +61,7 @@ class TestWhatIsAsked:
     )
     def test_the_limit_in_words(self, values: dict[str, Any], words: str) -> None:
         stakes = build_decision_criteria(scenario(**values))
-        assert stakes is not None and stakes.limit_text == words
+        assert stakes.limit_text == words
 
     @pytest.mark.parametrize(
         ("values", "words"),
@@ -99,7 +99,7 @@ class TestFigures:
             WorkOrder(scenario(rain="8:02"), FIELD, uncertainty=build_certain_settings(), cost_terms=terms)
         )
         found = simulate_candidate(site, Candidate("interleaved", 1)).result
-        assert found.finish_probability == 0.0 and found.expected_cost is not None and found.paid_cost is not None
+        assert found.finish_probability == 0.0
         # 2 of some 14 minutes: about seven eighths of 0.288 ha are late
         assert found.expected_cost - found.paid_cost == pytest.approx(0.86 * 288.0, rel=0.08)
 
@@ -230,7 +230,7 @@ def test_a_whole_plan_is_the_same_every_time_and_says_how_far_it_can_be_trusted(
     one, other = (plan(asked, field=FIELD, executor=SerialExecutor()) for _ in range(2))
     assert one.ranking == other.ranking
     best = one.ranking.best
-    assert best is not None and one.run is not None and one.run.plan.tractors == best.tractors
+    assert one.run.plan.tractors == best.tractors
     assert list(one.pictures) == [(best.strategy, best.tractors)]
     assert one.ranking.check_sentences[0].startswith("4 of 4 samples simulated in full physics finish 0.")
 
@@ -251,7 +251,6 @@ def test_own_machines_cost_what_the_farm_says() -> None:
         )
     )
     own = simulate_candidate(site, Candidate("interleaved", 1)).result
-    assert own.paid_cost is not None and own.cost is not None and own.fuel_l is not None
     hours = (own.time_s or 0.0) / 3600.0
     assert 8.0 < own.fuel_l / hours < 15.0, "litres of 77 kW at a quarter of its power"
     # In an hour some 22 for the tractor, 14 for the implement and 6 for a quarter of a person; then litres with oil.

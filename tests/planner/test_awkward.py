@@ -25,12 +25,15 @@ def site_of(name: str) -> PlanningContext:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("strategy", ["split-field", *seldom(*sorted(set(STRATEGIES) - {"split-field"}))])
+@pytest.mark.parametrize("strategy", seldom(*sorted(set(STRATEGIES) - {"split-field"})))
 def test_a_strip_of_few_lines_is_worked_by_two(strategy: str) -> None:
-    """Evenly shared out its lines would be nearer to each other than machines are wide: nobody could pass."""
+    """Evenly shared out its lines would be nearer to each other than machines are wide: nobody could pass.
+
+    A golden map is that of split-field.
+    """
     result = simulate_candidate(site_of("thin strip"), Candidate(strategy, 2)).result
     assert result.feasible, result.reason
-    assert result.worked_pct is not None and result.worked_pct > 99.0
+    assert result.worked_pct > 99.0
 
 
 @pytest.mark.slow

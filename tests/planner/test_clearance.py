@@ -10,9 +10,10 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.machine_outlines import build_body
-from planner.request.plan_request import PlanRequest
 
-FIELD = shapely.box(0, 0, 150, 60)
+pytestmark = pytest.mark.usefixtures("first_layout")
+
+FIELD = shapely.box(0, 0, 110, 54)
 PARALLEL = math.radians(10.0)
 
 
@@ -24,7 +25,7 @@ def test_it_is_kept_and_who_works_side_by_side_may_be_nearer(strategy: str, besi
     """Neighbouring tracks leave 0.3 m between machines, of which a third is enough in a formation."""
     site = place(FIELD, (0.0, 0.0), tractors=(3,))
     run = simulate_candidate(site, Candidate(strategy, 3)).run
-    assert site.request.clearance_m == 0.5 and run is not None and run.contacts == ()
+    assert site.request.clearance_m == 0.5 and run.contacts == ()
     body, axle_m = build_body(site.tractor, site.implement), site.tractor.rear_axle_m
     nearest = {True: math.inf, False: math.inf}
     for first, second in combinations(range(3), 2):
@@ -42,23 +43,15 @@ def test_it_is_kept_and_who_works_side_by_side_may_be_nearer(strategy: str, besi
     assert nearest[True] > beside_m - 0.05
 
 
-def test_of_two_in_a_row_one_turns_a_little_ahead(place: Any) -> None:
+def test_of_two_in_a_row_one_turns_a_little_ahead_and_it_costs_a_formation_little(place: Any) -> None:
     """The last of three, on the side that the turn leads to, goes first; the first of them 3 m of its way later."""
-    site = place(FIELD, (0.0, 0.0), tractors=(3,))
-    run = simulate_candidate(site, Candidate("row-by-row", 3)).run
-    assert run is not None and site.driving_rules.ahead_m == 3.0
+    site, close = (place(FIELD, (0.0, 0.0), tractors=(3,), **more) for more in ({}, {"clearance_m": 0.05}))
+    run, nearer = (simulate_candidate(one, Candidate("row-by-row", 3)).run for one in (site, close))
+    assert site.driving_rules.ahead_m == 3.0 and site.request.clearance_m == 0.5
     gates = [gate for leg in run.plan.missions[0].legs for gate in leg.gates if gate.tractor == 2]
     assert any(gate.after_m == 3.0 for gate in gates)
     assert not any(gate.after_m == 3.0 for leg in run.plan.missions[2].legs for gate in leg.gates)
-
-
-def test_it_costs_a_formation_little(place: Any) -> None:
-    def time_s(clearance_m: float) -> float | None:
-        site = place(FIELD, (0.0, 0.0), tractors=(3,), clearance_m=clearance_m)
-        return simulate_candidate(site, Candidate("row-by-row", 3)).result.time_s
-
-    assert time_s(0.5) == pytest.approx(time_s(0.05), rel=0.03)
-    assert PlanRequest().clearance_m == 0.5
+    assert run.duration_s == pytest.approx(nearer.duration_s, rel=0.03)
 
 
 def test_a_clearance_that_neighbouring_tracks_do_not_leave_is_told(place: Any) -> None:
@@ -66,7 +59,7 @@ def test_a_clearance_that_neighbouring_tracks_do_not_leave_is_told(place: Any) -
     site = place(FIELD, (0.0, 0.0), tractors=(3,), clearance_m=3.0)
     result = simulate_candidate(site, Candidate("row-by-row", 3)).result
     assert result.feasible, result.reason
-    assert result.min_clearance_m is not None and 0.05 < result.min_clearance_m < 0.4
+    assert 0.05 < result.min_clearance_m < 0.4
     assert result.remark is not None and f"come within {result.min_clearance_m:.2f} m of each other" in result.remark
     assert "some tracks leave only 0.30 m between machines" in result.remark
     alone = simulate_candidate(

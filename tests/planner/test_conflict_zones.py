@@ -135,7 +135,7 @@ class TestWhatIsKnown:
         same = [along(16.0), along(16.0)]
         assert same[0].legs[0].points is not same[1].legs[0].points
         found = get_trajectories(Plan(tuple(same)), alone, known)
-        assert found is not None and found[0] is found[1] and len(driven) == 1
+        assert found[0] is found[1] and len(driven) == 1
         assert np.diff(found[0].poses["x"])[:-1] == pytest.approx(POSE_STEP_M, abs=0.09)
         for other in (along(16.0, 1.5), along(17.0), along(16.0, gear=-1), along(16.0, implement=True)):
             get_trajectories(Plan((other,)), alone, known)
@@ -166,10 +166,9 @@ def test_thirty_that_cross_one_road_get_home_one_behind_the_other() -> None:
         lane = [(12.0 * one, 12.0 * n - 60.0, 0.5 * np.pi) for n in range(5)]
         trajectories.append(trajectory([*lane, *road, (700.0 + 12.0 * one, 100.0, 0.0)], [0, 3, 11], 4.0))
     table = PrecedenceSearch(plan_on(trajectories), crossings(trajectories)).find_timetable()
-    assert table is not None
     entered = sorted(begins[-1] for begins in table.begins_s)
     gaps = np.diff(entered)
     assert (gaps >= 4.0 + GAP_BEHIND_S - 1e-9).all() and table.duration_s == max(table.free_s)
     late = replace(trajectories[0], time_s=trajectories[0].time_s * 2.0)
     slow = PrecedenceSearch(plan_on([late, *trajectories[1:]]), crossings([late, *trajectories[1:]])).find_timetable()
-    assert slow is not None and slow.duration_s > table.duration_s
+    assert slow.duration_s > table.duration_s

@@ -22,6 +22,8 @@ from reports.plan.figures import format_ranking_csv, format_ranking_json
 from tests.drawn_fields import rectangle
 from vehicle.model.tractor import load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def spawned() -> Executor:
     """Two clean processes of the standard library."""
@@ -81,7 +83,6 @@ def test_same_bytes_from_any_executor(scenario: PlanRequest, answer: PlanningRes
     with make() if make else nullcontext() as executor:
         other = plan(scenario, executor=executor)
     assert format_ranking_json(other.ranking) == first
-    assert other.run is not None and answer.run is not None
     assert other.run.record.tobytes() == answer.run.record.tobytes()
 
 
@@ -93,16 +94,17 @@ def test_same_bytes_for_another_order_of_counts_and_names(scenario: PlanRequest,
 
 
 @pytest.mark.slow
-def test_objects_and_names_are_the_same_question(few: PlanRequest, few_first: str) -> None:
+def test_objects_and_names_are_the_same_question(scenario: PlanRequest) -> None:
     from fields import read_field
 
-    field, tractor = read_field(few.field, local=True), load_tractor("eg105")
-    nameless = replace(few, field="no such file", tractor="no such tractor")
+    only = replace(scenario, tractors=(1,), strategies=("split-field",))
+    field, tractor = read_field(only.field, local=True), load_tractor("eg105")
+    nameless = replace(only, field="no such file", tractor="no such tractor")
     answer = plan(nameless, field=field, tractor=tractor, executor=SerialExecutor())
-    assert format_ranking_json(answer.ranking) == few_first
     assert (answer.context.request.field, answer.context.request.tractor) == (field.name, tractor.name)
-    named = plan(nameless, field=few.field, tractor="eg105", executor=SerialExecutor())
-    assert format_ranking_json(named.ranking) == few_first
+    named = plan(nameless, field=only.field, tractor="eg105", executor=SerialExecutor())
+    told = {format_ranking_json(one) for one in (answer.ranking, named.ranking, serial(only))}
+    assert len(told) == 1
 
 
 def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: PlanRequest) -> None:
@@ -129,7 +131,6 @@ def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
     scenario: PlanRequest, answer: PlanningResult
 ) -> None:
     best = answer.ranking.best
-    assert best is not None and answer.run is not None
     assert answer.run.duration_s == best.time_s and answer.run.plan.tractors == best.tractors
     assert list(answer.pictures) == [(best.strategy, best.tractors)]
     every = plan(scenario, executor=SerialExecutor(), with_pictures=True)

@@ -34,7 +34,7 @@ def wide(tmp_path: Path) -> tuple[str, Tractor]:
 def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tractor]) -> None:
     where, machine = wide
     gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
-    assert gain is not None and why_not == ""
+    assert why_not == ""
     scenario = PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where, no_headland=True)
     alone = simulate_candidate(prepare_context(WorkOrder(scenario)), Candidate("row-by-row", 1)).result
     assert gain.time_before_s == pytest.approx(alone.time_s, abs=1e-6)
@@ -46,7 +46,7 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
 @pytest.mark.slow
 def test_a_plan_that_the_real_tractor_would_not_finish_has_no_time() -> None:
     gain, _ = measure_plan_gain(like_eg105(), like_eg105(effects=CRAWL))
-    assert gain is not None and gain.time_before_s is not None and gain.time_after_s is None
+    assert gain.time_before_s is not None and gain.time_after_s is None
 
 
 def test_nothing_added_needs_no_words_and_what_was_kept_does() -> None:

@@ -60,6 +60,6 @@ def test_squares_know_the_slope_of_the_ground() -> None:
     west = float(log.easting_m[log.used].min())
     fall = np.column_stack([-0.01 - 0.001 * (log.easting_m - west), 0.0 * log.easting_m])
     found = build_evidence([replace(log, ground_fall=fall)], tractor, tractor, "soil").by_place
-    assert found.slopes is not None and len(found.slopes) == len(found.west_m)
+    assert len(found.slopes) == len(found.west_m)
     low = 0.01 + 0.001 * (found.west_m - found.west_m.min())
     assert (found.slopes >= low - 0.002).all() and (found.slopes <= low + 0.001 * found.side_m + 0.002).all()

@@ -67,9 +67,7 @@ def test_tracks_have_their_direction_and_turns_count_the_tracks_they_lead_over(
     for steps in list_steps(run, 3.0):
         for before, turn, after in zip(steps, steps[1:], steps[2:], strict=False):
             if turn.kind == "turn" and before.kind == after.kind == "track":
-                assert before.number is not None and after.number is not None
                 assert turn.over_swaths == abs(before.number - after.number) and turn.number == after.number
-                assert before.bearing_deg is not None and after.bearing_deg is not None
                 assert abs(before.bearing_deg - after.bearing_deg) % 360 == pytest.approx(180, abs=1e-6)
             if turn.kind == "corner":
                 assert before.number == turn.number == after.number and before.part != after.part == turn.part

@@ -64,7 +64,7 @@ def drive(battery: BatteryParameters, refill: str | None = None, tractors: int =
 def test_a_plan_charges_what_its_work_takes_beyond_the_first_battery() -> None:
     """4 kWh to use: as few stops as there can be, and their time is that of the charger and of connecting it."""
     context, found = prepare(SMALL), drive(SMALL)
-    assert isinstance(context.supply, BatterySupply) and found.run is not None
+    assert isinstance(context.supply, BatterySupply)
     supply, legs = context.supply, found.run.plan.missions[0].legs
     joined = list[Leg]()
     for task, group in itertools.groupby(legs, key=lambda leg: leg.task if leg.implement else None):
@@ -83,14 +83,14 @@ def test_a_plan_charges_what_its_work_takes_beyond_the_first_battery() -> None:
 def test_the_time_of_charging_is_in_that_of_the_plan() -> None:
     full, charged = drive(AMPLE).result, drive(SMALL).result
     assert (full.charges, full.charging_s) == (0, 0.0)
-    assert full.time_s is not None and charged.time_s is not None and charged.charging_s is not None
+    assert charged.charging_s is not None
     assert charged.time_s - full.time_s == pytest.approx(charged.charging_s, abs=0.02 * full.time_s)
 
 
 def test_energy_is_that_of_forces_over_lengths() -> None:
     """By hand: draft on tracks and rolling everywhere, over 0.86 and 0.85, and half a kilowatt all the time."""
     context, found = prepare(AMPLE), drive(AMPLE)
-    assert found.run is not None and found.result.energy_kwh is not None
+    assert found.result.energy_kwh is not None
     work_m = sum(leg.length_m for leg in found.run.plan.missions[0].legs if leg.implement)
     path_m = float(np.hypot(*np.diff(found.run.get_poses(0)[:, :2], axis=0).T).sum())
     draft_n = 0.85 * (46.0 + 2.8 * 5.0) * 10.0 * 3.0 / 0.15
@@ -109,7 +109,6 @@ def test_energy_is_that_of_forces_over_lengths() -> None:
 @pytest.mark.parametrize(("refill", "tractors"), [("0,30", 1), ("tender", 2)])
 def test_charging_where_one_can_be_served(refill: str, tractors: int) -> None:
     found, context = drive(SMALL, refill, tractors), prepare(SMALL, refill)
-    assert found.run is not None and context.supply is not None
     stops = find_service_stops(found.run)
     assert len(stops) == found.result.charges
     assert all(after.from_s >= before.to_s - 1.0 for before, after in itertools.pairwise(stops))
@@ -124,7 +123,7 @@ def test_charging_where_one_can_be_served(refill: str, tractors: int) -> None:
 
 def test_a_changed_battery_is_full_again() -> None:
     found = drive(CHANGED)
-    assert found.run is not None and found.result.charges
+    assert found.result.charges
     assert found.result.charging_s == pytest.approx(240.0 * found.result.charges, abs=0.2 * found.result.charges)
     assert found.run.plan.notes["service"] == "change"
     (steps,) = list_steps(found.run, 3.0)
@@ -134,7 +133,6 @@ def test_a_changed_battery_is_full_again() -> None:
 
 def test_stops_are_listed_with_their_energy() -> None:
     found = drive(SMALL)
-    assert found.run is not None
     amounts = [one["amount"] for one in found.run.plan.notes["refills"]]
     (steps,) = list_steps(found.run, 3.0)
     texts = [describe_leg(step) for step in steps if step.kind == "charge"]
@@ -162,17 +160,17 @@ def test_a_battery_that_the_way_to_the_charger_uses_up_is_refused(capacity_kwh: 
 @pytest.mark.slow
 def test_a_battery_that_hardly_lasts_to_the_charger_is_charged_all_the_time() -> None:
     found = drive(SMALL.model_copy(update={"capacity_kwh": 1.0}), "30,-45")
-    assert found.result.charges is not None and found.result.charges > 10
+    assert found.result.charges > 10
 
 
 def test_a_plan_is_refused_whose_batteries_do_not_last() -> None:
     """A run without stops with a battery of half of what it takes."""
     found = drive(AMPLE)
-    assert found.run is not None and found.result.energy_kwh is not None
+    assert found.run is not None
     half = build_electric_tractor(BatteryParameters(capacity_kwh=0.5 * found.result.energy_kwh, reserve=0.0))
     context = replace(prepare(AMPLE), tractor=half)
     reason = find_flat_battery(context, found.run)
-    assert reason is not None and reason.startswith("tractor 1 would take ") and reason.endswith("or more tractors")
+    assert reason.startswith("tractor 1 would take ") and reason.endswith("or more tractors")
     with_tank = replace(context, supply=Supply(1e6, 0.1, 60.0))
     assert "charging is not planned beside refills" in (find_flat_battery(with_tank, found.run) or "")
     assert find_flat_battery(prepare(AMPLE), found.run) is None
@@ -232,7 +230,7 @@ def test_a_place_may_be_named_for_electric_tractors_alone() -> None:
 def test_needs_on_layouts_are_those_of_plans() -> None:
     """What a layout is taken to need for its order is near what its legs take, both with the same margin."""
     context, found = prepare(SMALL), drive(AMPLE)
-    assert isinstance(context.supply, BatterySupply) and found.run is not None
+    assert isinstance(context.supply, BatterySupply)
     guess = sum(context.supply.compute_need(swath.length_m, 3.0) for swath in context.layout.swaths)
     legs_kwh = context.supply.compute_legs_need(found.run.plan.missions[0].legs, 3.0)
     assert guess == pytest.approx(legs_kwh, rel=0.06)

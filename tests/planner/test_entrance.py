@@ -127,7 +127,6 @@ class TestPlan:
     def test_everybody_comes_in_and_goes_out_by_the_gate(self, strategy: str, tractors: int) -> None:
         one = driven(strategy, tractors)
         assert one.result.feasible, one.result.reason
-        assert one.run is not None
         for tractor, mission in enumerate(one.run.plan.missions):
             assert mission.enters and mission.leaves
             kinds = [leg.task.kind for leg in mission.legs]
@@ -142,7 +141,6 @@ class TestPlan:
     def test_no_two_are_in_the_gate_at_once(self, strategy: str, tractors: int) -> None:
         """From the record alone: while both are near the gate no two outlines come together."""
         found = driven(strategy, tractors).run
-        assert found is not None
         model = np.array([build_model_record(site().tractor, site().implement)])
         present = []
         for tractor in range(tractors):
@@ -160,7 +158,6 @@ class TestPlan:
     def test_one_alone_takes_the_time_of_its_ways_longer(self) -> None:
         """In and out take their length over the speed of turns, setting off, and some seconds where gears change."""
         run = driven("split-field", 1).run
-        assert run is not None
         legs = run.plan.missions[0].legs
         paths = {kind: [leg for leg in legs if leg.task.kind == kind] for kind in (ENTER, LEAVE)}
         begun = float(run.time_s[np.argmax(run.get_leg_numbers(0) >= len(paths[ENTER]))])
@@ -183,7 +180,6 @@ class TestPlan:
 
     def test_saved_and_driven_again_it_is_the_same(self) -> None:
         run = driven("split-field", 3).run
-        assert run is not None
         again = World(parse_saved_plan(format_plan(run.plan)).plan, site().tractor, site().implement).run()
         assert np.array_equal(again.record, run.record)
 
@@ -202,7 +198,7 @@ class TestWithout:
     def test_an_entrance_nothing_changes(self) -> None:
         """A plan without one has no way in or out, and time is that of its work."""
         one = driven("split-field", 3, None)
-        assert one.run is not None and one.result.time_s == one.result.done_s == one.run.work_finish_s
+        assert one.result.time_s == one.result.done_s == one.run.work_finish_s
         assert not any(leg.task.kind in (ENTER, LEAVE) for m in one.run.plan.missions for leg in m.legs)
 
     @pytest.mark.parametrize("strategy", list(STRATEGIES))
@@ -210,5 +206,5 @@ class TestWithout:
         """Tracks only: an entrance is where to begin, as ever, and no way from it is driven."""
         only = site_at(GATE, no_headland=True)
         run = simulate_candidate(only, Candidate(strategy, 2)).run
-        assert only.gateway is None and run is not None
+        assert only.gateway is None
         assert not any(mission.enters or mission.leaves for mission in run.plan.missions)

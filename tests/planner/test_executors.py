@@ -213,7 +213,6 @@ def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> Non
     with subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True, cwd=ROOT
     ) as parent:
-        assert parent.stdout is not None
         workers = [int(word) for word in parent.stdout.readline().split()]
         assert len(workers) == 2 and all(alive(worker) for worker in workers)
         parent.send_signal(how)

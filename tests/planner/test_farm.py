@@ -201,9 +201,8 @@ def test_a_plan_takes_machines_speeds_and_prices_from_the_farm() -> None:
     assert (scenario.width_m, scenario.operation, scenario.tractors) == (3.0, "sow", (1, 2))
     assert scenario.speed_mps == pytest.approx(7.0 / 3.6) and scenario.turn_speed_mps == pytest.approx(5.0 / 3.6)
     assert scenario.price_per_tractor == 8.0
-    assert found.cost_terms is not None and found.cost_terms.tractor is not None
     assert found.cost_terms.tractor.name == "Fendt 724"
-    assert found.implement is not None and found.implement.hitch_m == 1.4
+    assert found.implement.hitch_m == 1.4
 
 
 def test_what_is_given_wins_over_the_farm() -> None:
@@ -213,12 +212,12 @@ def test_what_is_given_wins_over_the_farm() -> None:
     expected = replace(scenario, turn_speed_mps=5.0 * (1.0 / 3.6), price_per_tractor=8.0, start_s=7 * 3600)
     expected = replace(expected, price_per_hour=found.request.price_per_hour)
     assert found.request == expected
-    assert found.tractor == "eg105" and found.implement is not None and found.implement.width_m == 4.0
+    assert found.tractor == "eg105" and found.implement.width_m == 4.0
 
 
 def test_a_tractor_that_is_not_the_farms_may_be_named_by_its_file() -> None:
     found = complete_request_by_farm(PlanRequest(tractor="mr1000a"), load_example_farm(), {"tractor"})
-    assert found.cost_terms is not None and found.cost_terms.tractor is None
+    assert found.cost_terms.tractor is None
     assert found.tractor is None and found.request.tractor == "mr1000a"
 
 

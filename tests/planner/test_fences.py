@@ -90,7 +90,7 @@ class TestPlanned:
         assert driven.run is not None and driven.result.feasible
         assert find_deepest_m(driven.run, site) == 0.0
         least = 80.0 if no_headland else 95.0
-        assert driven.result.worked_pct is not None and driven.result.worked_pct > least
+        assert driven.result.worked_pct > least
 
     def test_the_margin_is_ground_that_nobody_works_and_the_swing_is_missed(self) -> None:
         """At 4.3 m radius a nose 3.52 m ahead of the rear axle is 1.96 m outside it, 0.46 m over half the width."""
@@ -195,7 +195,6 @@ def test_the_room_to_swing_out_beside_a_fence_is_named() -> None:
     """A band between the margin and what is worked: the machine's nose needs it in turns."""
     site = fenced(ALL_ROUND, no_headland=False)
     field = site.layout.field
-    assert field.margin_boundary is not None
     why = {one.reason: one.area_m2 for one in find_unworked_areas(site)}
     band = next(m2 for reason, m2 in why.items() if "swinging out" in reason)
     assert band == pytest.approx(field.margin_boundary.area - field.boundary.area, rel=0.01)

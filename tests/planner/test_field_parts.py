@@ -18,6 +18,8 @@ from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_page import render_plan_page
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 TOUCHED = PlanFault(OBSTACLE, 0, 10.0, 20.0)
 
 
@@ -35,7 +37,7 @@ class TestDivided:
         """South of the ditch remain 40 - 0.75 - 0.3 m of 100 m."""
         (part,) = divided_ranking.parts
         assert part.ground.m2 == pytest.approx(3895.0) and part.neck_width_m == 0.0
-        assert part.plan is not None and part.plan.worked_pct is not None and part.plan.worked_pct > 90.0
+        assert part.plan.worked_pct > 90.0
 
     def test_the_answer_tells_it(self, divided_ranking: PlanRanking) -> None:
         (sentence,) = [each for each in describe_ranking(divided_ranking) if each.startswith("0.39 ha")]

@@ -30,6 +30,8 @@ from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.model.tractor import Implement
 from vehicle.records import STANDING
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDTH_M, ROOM_M, PASSAGE_M = 9.0, (90.0, 70.0), (15.0, 6.0)
 FOLD_S = 30.0
 
@@ -63,7 +65,6 @@ def rigid() -> PlanningResult:
 
 
 def list_legs(result: PlanningResult) -> tuple[Leg, ...]:
-    assert result.run is not None
     return result.run.plan.missions[0].legs
 
 
@@ -87,7 +88,6 @@ def test_what_is_wider_than_a_road_folds(implement: Implement, folded_m: float |
 def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, rigid: PlanningResult) -> None:
     """The other room is half of the field: 6,300 of 12,690 m2."""
     whole, half = folding.ranking.best, rigid.ranking.best
-    assert whole is not None and half is not None
     assert whole.worked_pct > 90.0 and half.worked_pct == pytest.approx(0.5 * whole.worked_pct, abs=2.0)
     assert "to fold and unfold" in whole.remark and "fold" not in half.remark
     assert "cut off: no passage as wide as the machines (9 m)" in half.remark
@@ -109,7 +109,6 @@ def test_the_tractor_stands_to_fold_and_to_unfold(folding: PlanningResult) -> No
 @pytest.mark.slow
 def test_a_machine_stands_as_long_as_legs_say(folding: PlanningResult) -> None:
     run = folding.run
-    assert run is not None
     number = next(k for k, leg in enumerate(run.plan.missions[0].legs) if leg.folded)
     poses = run.get_poses(0)[run.get_leg_numbers(0) == number]
     still_s = sum(math.dist(a[:2], b[:2]) < 1e-3 for a, b in pairwise(poses)) * (run.time_s[1] - run.time_s[0])
@@ -129,7 +128,6 @@ def test_nothing_is_touched_folded_or_not(folding: PlanningResult) -> None:
 
 @pytest.mark.slow
 def test_a_saved_plan_keeps_what_is_folded(folding: PlanningResult) -> None:
-    assert folding.run is not None
     read = parse_plan(format_plan(folding.run.plan))
     assert [leg.folded for leg in read.missions[0].legs] == [leg.folded for leg in list_legs(folding)]
     text = format_plan(folding.run.plan).replace('"folded": true', '"folded": "yes"', 1)
@@ -160,7 +158,6 @@ def test_a_folded_implement_is_no_wider_than_at_work() -> None:
 @pytest.mark.slow
 def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
     run = folding.run
-    assert run is not None
     steps = list_steps(run, WIDTH_M, measure_steps(run, folding.context.tractor, folding.context.physics))[0]
     stands = [step for step in steps if step.kind in ("fold", "unfold")]
     assert [step.kind for step in stands] == ["fold", "unfold"] * (len(stands) // 2) and stands
@@ -176,7 +173,6 @@ def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
 def test_a_machine_that_stands_folded_goes_on_folded(folding: PlanningResult, tmp_path: Path, at_s: float) -> None:
     """Some seconds after it began to fold it is unfolded still; on its way it need not fold."""
     run = folding.run
-    assert run is not None
     begun_s = float(run.time_s[int(np.argmax(run.find_folding_rows(0)))])
     folding.save(tmp_path / "plan.json")
     moment = round(begun_s + at_s)
@@ -200,7 +196,6 @@ def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement, tmp_
     )
     result = plan_order(order)
     best, legs = result.ranking.best, list_legs(result)
-    assert best is not None and result.run is not None
     stops_s = [leg.stand_s for leg in legs if leg.stand_s]
     assert best.refills and stops_s == [240.0] * best.refills
     served = (result.run.get_statuses(0) == STANDING) & ~result.run.find_folding_rows(0)
@@ -228,7 +223,7 @@ def test_a_gate_is_passed_folded_where_it_is_too_narrow(width_m: float, folds: b
     gated = Field("gated", CORNER_M, entrance=(0.0, place_m))
     result = plan(PlanRequest(width_m=width_m, tractors=(1,)), field=gated)
     best, legs, run = result.ranking.best, list_legs(result), result.run
-    assert best is not None and run is not None and (best.worked_pct or 0.0) > 97.0
+    assert (best.worked_pct or 0.0) > 97.0
     assert ("for the entrance" in (best.remark or "")) == folds
     passes = [leg for leg in legs if leg.task.kind in (ENTER, LEAVE)]
     assert {leg.folded for leg in passes} == {folds}
@@ -247,7 +242,7 @@ def test_all_tractors_that_fold_are_told_and_lists_count_from_the_start_as_the_a
     request = PlanRequest(width_m=12.0, tractors=(2,), strategies=("split-field",))
     result = plan_order(WorkOrder(request, field=gated, times=FarmTimes(unfold_s=400.0)))
     best, (drawn, *_) = result.ranking.best, result.pictures.values()
-    assert best is not None and "tractors 1 and 2 stand " in (best.remark or "")
+    assert "tractors 1 and 2 stand " in (best.remark or "")
     assert {steps[0].clock_s for steps in drawn.steps} == {best.ready_s} == {400.0 - FOLD_S}
     worked = [step for steps in drawn.steps for step in steps if step.kind in ("track", "round")]
     worked_s = max(step.clock_s + step.seconds for step in worked)

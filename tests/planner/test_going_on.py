@@ -40,6 +40,8 @@ from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.rules.supply import Supply
 from vehicle.missions.plan import Leg
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDTH_M, CUT_S = 4.0, 300.0
 OUTLINE: list[list[float]] = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
 
@@ -68,7 +70,6 @@ def whole(folder: Path) -> PlanningResult:
 
 def go_on(folder: Path, source: str, without: tuple[int, ...] = (), **changes: Any) -> PlanningResult:
     continued = read_continued_plan([source], without)
-    assert continued is not None
     request = replace(continued.request, **changes)
     return plan(request, done=source, without=without, executor=SerialExecutor())
 
@@ -85,7 +86,6 @@ def test_the_rest_takes_what_the_plan_would_have_taken_and_leaves_no_more(
     whole: PlanningResult, rests: dict[tuple[int, ...], PlanningResult], without: tuple[int, ...]
 ) -> None:
     rest = rests[without]
-    assert whole.run is not None and rest.run is not None
     left_s = whole.run.finish_s - CUT_S
     # Within a few percent on real fields (tests/benchmarks/going_on.py); here half a dozen long lines are left.
     assert rest.run.duration_s <= 1.15 * (left_s.sum() if without else left_s.max())
@@ -103,7 +103,6 @@ def test_tractors_that_would_be_in_one_anothers_way_go_on_in_the_order_of_before
     before, cut_s = plan(request, executor=SerialExecutor()), 1358
     before.save(tmp_path / "plan.json")
     rest = go_on(tmp_path, f"{tmp_path}/plan.json@0:{cut_s // 60}:{cut_s % 60}", strategies=("split-field",))
-    assert before.run is not None and rest.run is not None
     assert rest.run.duration_s <= 1.1 * (before.run.duration_s - cut_s)
 
 
@@ -120,7 +119,6 @@ def test_done_work_is_not_charged_and_driven_again_only_where_lines_join(
     # Each of the lines that is left ends at done work twice at most; headland corners are worked twice in any plan.
     joins = 2 * len(again)
     assert shapely.area(again).sum() <= joins * WIDTH_M * (START_OVERLAP_M + WIDTH_M)
-    assert rest.ranking.best is not None and whole.ranking.best is not None
     assert rest.ranking.best.cost < whole.ranking.best.cost
 
 
@@ -130,7 +128,7 @@ def test_tractors_begin_where_they_stand(whole: PlanningResult, rests: dict[tupl
     begun = cut_run(whole.run, CUT_S)
     for without, tractors in (((), (0, 1)), ((1,), (1,))):
         run = rests[without].run
-        assert run is not None and run.plan.tractors == len(tractors)
+        assert run.plan.tractors == len(tractors)
         for number, before in enumerate(tractors):
             x, y, heading = run.get_poses(number)[0]
             x0, y0, heading0 = begun.get_poses(before)[-1]
@@ -149,7 +147,7 @@ def test_who_has_no_work_is_counted_as_resting_and_drives_out_of_the_way(heading
     request = PlanRequest(tractors=(2,), strategies=("split-field",), **values)
     rest = plan_order(WorkOrder(request, field=field, done=(done,)), executor=SerialExecutor())
     best, run = rest.ranking.best, rest.run
-    assert best is not None and run is not None and best.resting == (2,)
+    assert best.resting == (2,)
     assert "1 tractor (tractor 2 rests), split-field" in write_answer(rest.ranking).decision
     assert "1 tractor (tractor 2 rests), split-field" in " ".join(describe_ranking(rest.ranking))
     assert "no work that is left is worth the drive for tractor 2" in best.remarks
@@ -169,7 +167,7 @@ def test_lists_and_the_time_at_which_a_plan_is_left_know_the_breaks_of_the_day(f
     whole = plan_order(WorkOrder(PlanRequest(tractors=(2,), **values), times=times), executor=SerialExecutor())
     saved = Path(whole.save(tmp_path / "plan.json"))
     steps, best, run = simulate_saved_plan(saved).steps, whole.ranking.best, whole.run
-    assert best is not None and run is not None
+    assert run is not None
     for own in steps:
         assert own[0].clock_s == 100.0
         assert all(not 300.0 < step.clock_s < 2100.0 for step in own)
@@ -205,7 +203,6 @@ def test_a_plan_of_the_rest_goes_on_in_turn(
     rests[()].save(folder / "rest.json")
     last = go_on(folder, f"{folder}/rest.json@0:02")
     assert last.ranking.area_ha < rests[()].ranking.area_ha < whole.ranking.area_ha
-    assert last.run is not None and rests[()].run is not None
     assert last.run.duration_s == pytest.approx(rests[()].run.duration_s - 120.0, rel=0.05, abs=20.0)
 
 
@@ -259,7 +256,7 @@ def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, wh
     late = write_changed_plan(
         folder, "late.json", lambda saved: saved["scenario"].update(start_s=46800, deadline_s=46800 + 240)
     )
-    assert whole.run is not None and whole.run.duration_s > 300.0
+    assert whole.run.duration_s > 300.0
     with pytest.raises(HeadlandError, match=r"late.json', 13:04, has passed at 13:05; give another deadline_s"):
         go_on(folder, f"{late}@13:05")
     with pytest.raises(HeadlandError, match=r"is in the field from 13:00 to 13:\d\d, and 12:59 is not within that"):
@@ -301,7 +298,7 @@ def test_python_takes_the_values_of_the_plan_for_those_that_are_defaults(folder:
 def test_of_several_plans_the_last_has_the_machines(folder: Path, whole: PlanningResult) -> None:
     sources = [f"{folder}/plan.json@0:01", f"{folder}/plan.json@0:05"]
     answer = plan(whole.context.request, done=sources, without=(2,), executor=SerialExecutor())
-    assert answer.context.going_on is not None and len(answer.context.going_on.stands) == 1
+    assert len(answer.context.going_on.stands) == 1
     assert any("plan.json@0:05, the last of 2 plans" in one for one in answer.context.layout.field.remarks)
 
 
@@ -319,7 +316,7 @@ def test_options_that_are_given_win_over_the_plan(folder: Path, whole: PlanningR
 def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: PlanningResult) -> None:
     half = write_field(folder / "worked.geojson", [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]])
     answer = plan(whole.context.request, done=half, executor=SerialExecutor())
-    assert answer.ranking.area_ha == pytest.approx(0.27) and answer.run is not None
+    assert answer.ranking.area_ha == pytest.approx(0.27)
     swept = unite_areas(compute_swept_area(answer.run, answer.context).ground)
     assert shapely.intersection(swept, shapely.box(45.0, 0.0, 90.0, 60.0)).area >= 0.96 * 2700.0
     west_m = min(float(leg.points[:, 0].min()) for m in answer.run.plan.missions for leg in m.legs if leg.implement)
@@ -349,7 +346,7 @@ def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: Plannin
         (idle,) = best.resting
         assert f"no work that is left is worth the drive for tractor {idle}" in (best.remark or "")
         assert "of the plan before" not in (best.remark or "")
-        assert run is not None and run.plan.tractors == 2 and going_on is not None
+        assert run.plan.tractors == 2
         assert run.min_clearance_m >= rest.context.request.clearance_m
         begin, other = run.plan.missions[2 - idle].legs[0].points[0], going_on.stands[2 - idle].pose
         assert begin == pytest.approx(other[:2], abs=0.01), "the other drives"
@@ -357,7 +354,6 @@ def test_who_stands_without_work_rests_and_is_named(folder: Path, whole: Plannin
 
 @pytest.mark.slow
 def test_the_last_seconds_of_a_plan_are_driven_or_said_to_be_done(folder: Path, whole: PlanningResult) -> None:
-    assert whole.run is not None
     for before_end_s in (2, 10, 30):
         at_s = round(whole.run.duration_s) - before_end_s
         source = f"{folder}/plan.json@0:{at_s // 60:02d}:{at_s % 60:02d}"
@@ -403,7 +399,7 @@ def test_a_rest_without_swaths_is_planned_and_one_without_lines_is_said_to_be_no
     request, inner = whole.context.request, DoneWork(shapely.box(8.0, 8.0, 82.0, 52.0), 0.1)
     for tractors in (1, 2):
         answer = plan(replace(request, tractors=(tractors,)), done=inner, executor=SerialExecutor())
-        assert answer.ranking.best is not None and answer.ranking.best.worked_pct > 90.0
+        assert answer.ranking.best.worked_pct > 90.0
     formation = replace(request, strategies=("row-by-row",))
     (refused,) = plan(formation, done=inner, executor=SerialExecutor()).ranking.plans
     assert "need 2 tracks, and there is work on 0; use split-field" in str(refused.reason)

@@ -144,7 +144,7 @@ class TestSweptInBends:
         assert corner == pytest.approx(6.49, abs=0.01)
         assert share.unworked_m2 == pytest.approx(4 * corner, rel=0.01)
         assert share.overlap_m2 == pytest.approx(5.0 * 3.0, rel=0.01)
-        assert share.largest_piece is not None and share.largest_piece.m2 == pytest.approx(corner, rel=0.05)
+        assert share.largest_piece.m2 == pytest.approx(corner, rel=0.05)
         assert (
             min(share.largest_piece.x_m, 36 - share.largest_piece.x_m) < 2
             and min(share.largest_piece.y_m, 80 - share.largest_piece.y_m) < 2
@@ -162,7 +162,7 @@ class TestMissed:
         share = measure_coverage(run_of(small_site, pass_north(10.0, -5.0, 85.0)), small_site)
         assert share.unworked_m2 == pytest.approx(AREA - 240.0, rel=1e-9)
         assert [piece.area for piece in share.unworked_pieces] == pytest.approx([24.5 * 80, 8.5 * 80], rel=1e-9)
-        assert share.largest_piece is not None and share.largest_piece.m2 == pytest.approx(24.5 * 80, rel=1e-9)
+        assert share.largest_piece.m2 == pytest.approx(24.5 * 80, rel=1e-9)
         assert 11.5 < share.largest_piece.x_m < 36 and 0 < share.largest_piece.y_m < 80
 
     def test_nothing_worked_is_all_missed_and_never_finished(self, small_site: Any) -> None:
@@ -181,7 +181,7 @@ class TestMissed:
         site = on_field(small_site, rooms)
         share = measure_coverage(run_of(site, [(100.0, 0.0, 0.0, True), (110.0, 0.0, 0.0, True)]), site)
         assert share.unworked_m2 == pytest.approx(620.0) and len(share.unworked_pieces) == 1
-        assert share.largest_piece is not None and share.largest_piece.m2 == pytest.approx(400.0, rel=1e-6)
+        assert share.largest_piece.m2 == pytest.approx(400.0, rel=1e-6)
         assert share.largest_piece.x_m < 20
 
     def test_ground_too_narrow_to_be_sent_to_is_missed_but_no_piece(self, small_site: Any) -> None:

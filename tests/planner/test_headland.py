@@ -83,7 +83,7 @@ def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: 
     site = rectangle(corners="square", overhang_m=5.0)
     result, run = (evaluation := of(site, name, tractors)).result, evaluation.run
     assert result.feasible, result.reason
-    assert run is not None and run.outcome == DONE and run.contacts == ()
+    assert run.outcome == DONE and run.contacts == ()
     check_plan(run.plan)
     assert format_plan(parse_plan(format_plan(run.plan))) == format_plan(run.plan)
     numbers = {
@@ -94,14 +94,13 @@ def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: 
     assert worked == pytest.approx(site.layout.total_length_m, abs=0.01)
     assert (result.worked_pct or 0.0) > 98.5
     assert measure_excursion_m(run, site) < 0.5
-    assert result.headland_s is not None and 0.0 < result.headland_s < (result.time_s or 0.0)
+    assert 0.0 < result.headland_s < (result.time_s or 0.0)
 
 
 @pytest.mark.parametrize("order", ["first", "last"])
 def test_the_headland_comes_before_all_tracks_or_after(rectangle: Any, order: str) -> None:
     """Whatever order its sides are quickest in."""
     run = of(rectangle(headland_order=order), "split-field", 1).run
-    assert run is not None
     tasks = [leg.task for leg in run.plan.missions[0].legs if leg.implement]
     kinds = [task.kind for task in tasks]
     assert {task.number for task in tasks if task.kind == HEADLAND_PASS} == {1, 2, 3}
@@ -189,5 +188,5 @@ class TestNumberOfPasses:
             field="f", headland_passes=1, tractors=(1,), strategies=("split-field",), bearing_deg=90.0
         )
         ranking = plan(request, field=small, executor=SerialExecutor()).ranking
-        assert ranking.best is not None and ranking.best.headland_passes == 1
-        assert ranking.best.worked_pct is not None and ranking.best.worked_pct > 85.0
+        assert ranking.best.headland_passes == 1
+        assert ranking.best.worked_pct > 85.0

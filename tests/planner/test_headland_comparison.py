@@ -27,6 +27,8 @@ from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 WIDE_M, HIGH_M, CELL_M = 48.0, 36.0, 0.2
 Grid = npt.NDArray[np.int64]
 
@@ -133,14 +135,13 @@ def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> 
     assert [each.layout and each.layout.headland_m for each in comparison.rows] == [6.0, 9.0, 6.0, 9.0]
     for each in comparison.rows:
         plan = each.best
-        assert plan is not None and plan.headland_order == "last" and plan.headland_passes == each.label.headland_passes
-        assert plan.missed_m2 is not None and plan.worked_pct is not None and plan.cost is not None
+        assert plan.headland_order == "last" and plan.headland_passes == each.label.headland_passes
         field_m2 = 1e4 * each.area_ha
         assert 0.01 * plan.worked_pct * field_m2 + plan.missed_m2 == pytest.approx(field_m2)
         assert plan.cost == pytest.approx(40.0 * (plan.time_s or 0.0) / 3600.0)
         worked_ha = each.area_ha - 1e-4 * plan.missed_m2
         assert each.charged_cost / each.area_ha == pytest.approx(plan.cost / worked_ha)
-        assert each.map is not None and each.map["driven_over"] and each.map["lanes"]
+        assert each.map["driven_over"] and each.map["lanes"]
     rings_m = 2 * (48 + 30) - 8 * 1.5 + 2 * (48 + 30) - 8 * 4.5  # two rings, and (30 - 12) / 3 tracks of 36 m
     least_s = (rings_m + 6 * 36) / (5.0 / 3.6)
     assert least_s < (comparison.rows[0].best.time_s or 0.0) < 4.0 * least_s  # type: ignore[union-attr]
@@ -159,7 +160,6 @@ def test_sums_add_up(comparison: HeadlandComparison) -> None:
         )
         assert totals.overlap_m2 == pytest.approx(overlap_m2)
         assert totals.cost_per_ha == pytest.approx(sum(one.finished_cost or 0.0 for one in results) / 0.252)
-    assert comparison.best is not None
     assert comparison.best.charged_cost == min(one.charged_cost for one in comparison.totals)
 
 
@@ -174,7 +174,7 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     )
     questions = list_headland_questions(map(WorkOrder, list_headland_requests(request, ("round",), ("last",))))
     (each,) = compare_headlands(questions, SerialExecutor()).rows
-    assert each.ranking is not None and each.label.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
+    assert each.label.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
     assert [part.neck_width_m for part in each.ranking.parts] == [pytest.approx(4.0, abs=0.1)]
 
 
@@ -183,6 +183,6 @@ def test_all_that_obstacles_cut_off_is_at_the_place_of_most() -> None:
     pieces = (shapely.box(0, 0, 4, 5), shapely.box(20, 20, 30, 29))
     cut = replace(Field("f", shapely.box(0, 0, 50, 50)), cut_off_parts=pieces)
     piece = locate_cut_off_ground(cut)
-    assert piece is not None and piece.m2 == pytest.approx(110.0)
+    assert piece.m2 == pytest.approx(110.0)
     assert pieces[1].contains(shapely.Point(piece.x_m, piece.y_m)) and piece.lat is None
     assert locate_cut_off_ground(replace(cut, cut_off_parts=())) is None

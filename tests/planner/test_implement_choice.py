@@ -52,7 +52,7 @@ def test_the_plan_pulls_the_row_and_depth_asked_for() -> None:
     """A plough 1.4 m wide in loam, 30 cm deep at 5 km/h: 0.7 (652 + 5.1 x 25) 1.4 x 30 N."""
     request = PlanRequest(field="drawn", width_m=1.4, speed_mps=5 * KMH, soil="loam", draft="plough", depth_cm=30.0)
     physics = build_field_physics(request, FIELD, EG105)
-    assert physics.driven_load is not None and not physics.takes_shaft_power
+    assert not physics.takes_shaft_power
     assert physics.driven_load.compute_draft_n(5 * KMH) == pytest.approx(0.7 * (652 + 5.1 * 25) * 1.4 * 30)
     context = prepare_context(WorkOrder(replace(request, no_headland=True), FIELD))
     scenario = export_request(context)
@@ -82,7 +82,7 @@ def test_a_farm_names_rows_and_options_win() -> None:
     of_farm = complete_request_by_farm(PlanRequest(), farm, implement_name="deep").request
     assert (of_farm.draft, of_farm.depth_cm) == ("plough", 30.0)
     first = complete_request_by_farm(PlanRequest(), farm).request.find_draft_rule()
-    assert first is not None and first.name == "mounted-planter"
+    assert first.name == "mounted-planter"
     given = complete_request_by_farm(PlanRequest(draft="disk-harrow"), farm, ["draft"], implement_name="deep").request
     assert (given.draft, given.depth_cm) == ("disk-harrow", None), "the depth is that of the farm's plough"
     mown = complete_request_by_farm(PlanRequest(operation="mow"), farm, ["operation"], implement_name="deep").request
@@ -111,7 +111,7 @@ def test_a_fault_of_a_farm_file_is_one_sentence(lines: str, sentence: str) -> No
 def test_the_question_of_an_implement_of_the_table_names_its_own_range() -> None:
     request = PlanRequest(width_m=4.0, speed_mps=8 * KMH, draft="plough")
     pull = compute_pull_figures(request, EG105)
-    assert pull is not None and pull.is_questioned and pull.depth_cm == 22.0
+    assert pull.is_questioned and pull.depth_cm == 22.0
     assert question_pull(pull).startswith("Not feasible at this speed. The implement of 4 m needs about ")
     assert (
         "22 cm deep in medium soil, is that of ASAE D497, give or take 40 %"
@@ -121,7 +121,6 @@ def test_the_question_of_an_implement_of_the_table_names_its_own_range() -> None
 
 def test_the_share_at_the_drawbar_follows_drive_and_soil() -> None:
     """D497, figure 1, as tcc quotes it; a harder soil and more driven wheels never give less."""
-    assert EG105.tyres is not None
     soils = [find_soil("soft"), find_soil("tilled"), find_soil("firm")]
     shares = []
     for drive in ("2wd", "mfwd", "4wd"):

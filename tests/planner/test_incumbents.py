@@ -94,10 +94,9 @@ def test_a_candidate_that_cannot_win_is_told_with_its_bound(
 ) -> None:
     driven = driven_once(strategy)
     driven_s = driven.result.time_s
-    assert driven_s is not None
     pruned = simulate_candidate(round_site, Candidate(strategy, 2), make_incumbent(0.5 * driven_s))
     result, bound_s = pruned.result, pruned.result.bound_s
-    assert pruned.run is None and not result.feasible and bound_s is not None
+    assert pruned.run is None and not result.feasible
     assert bound_s == pytest.approx(driven_s, rel=0.1)
     assert result.reason == (
         f"skipped: by estimate ({bound_s:.0f} s) it is slower than split-field ({0.5 * driven_s:.0f} s)"
@@ -111,7 +110,6 @@ def test_a_formation_is_sketched_as_it_is_driven(
     round_site: PlanningContext, driven_once: Callable[[str], Outcome], strategy: str
 ) -> None:
     run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
-    assert run is not None
     sketch = next(one for one in sketch_plans(*planned) if one.order == (run.plan.notes["headland"] or ""))
     # Tractors of a sketch wait for each other in formation, but give way to nobody.
     moving_s = run.finish_s - run.compute_time_shares()["waiting"]
@@ -133,7 +131,7 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
 
 @pytest.mark.slow
 def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPatch) -> None:
-    shape = shapely.Polygon([(0, 0), (90, 0), (70, 60), (0, 45)])
+    shape = shapely.Polygon([(0, 0), (70, 0), (55, 45), (0, 35)])
     scenario = PlanRequest(tractors=(1, 2, 3), strategies=("row-by-row", "split-field"))
     found = []
     for worth_s in (0.0, 1e9):

@@ -59,7 +59,7 @@ def test_slanted_ends_do_not_block_the_headland(place: Any, width_m: float) -> N
     plan = simulate_candidate(site, Candidate("split-field", 1)).result
     assert site.layout.headland_passes == 1
     assert plan.feasible, plan.reason
-    assert plan.worked_pct is not None and plan.worked_pct > 90.0
+    assert plan.worked_pct > 90.0
 
 
 @pytest.mark.slow

@@ -65,7 +65,6 @@ class TestWithPrices:
     def choose(self, costs: dict[int, float], **more: Any) -> int:
         plans = tuple(build_plan(count, 6000.0 / count, cost=cost) for count, cost in costs.items())
         best = PlanRanking("f", 1.0, 1, plans, **more).best
-        assert best is not None
         return best.tractors
 
     def test_the_cheapest_number_and_fewer_where_the_cost_is_the_same(self) -> None:

@@ -29,6 +29,8 @@ from strategies.lines.line_wishes import LineName, LineWishes
 from tests.printing import print_text
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FIELD = Field("rectangle", shapely.box(0.0, 0.0, 150.0, 100.0))
 BASE: dict[str, Any] = {"width_m": 6.0, "tractors": (2,), "headland_order": "last"}
 WISHES: dict[str, Any] = {"leave_out": "3", "work_first": "7,R1.2", "give": ("2=5-6",)}
@@ -103,19 +105,16 @@ def test_rules_for_the_search_by_hand() -> None:
 def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     order = WorkOrder(PlanRequest(**BASE, **WISHES), field=FIELD)
     context = prepare_context(order)
-    ranking = plan_order(order).ranking
-    best = ranking.best
-    assert best is not None and best.works_enough
+    planned = plan_order(order)
+    ranking, run, best = planned.ranking, planned.run, planned.ranking.best
+    assert best.works_enough
     left_out_m2, field_m2 = measure_left_out_m2(context), context.layout.field.due_region.area
     assert best.left_out_m2 == pytest.approx(left_out_m2, rel=0.01)
-    assert best.worked_pct is not None and best.missed_m2 is not None
     assert 0.01 * best.worked_pct * field_m2 + best.missed_m2 + left_out_m2 == pytest.approx(field_m2, rel=0.001)
     answer, (entry, *_) = write_answer(ranking), json.loads(format_ranking_json(ranking))["plans"]
     assert "m2 left out as asked" in answer.work and "left:" not in answer.work, "what was not asked for is no rest"
     assert entry["left_out_m2"] == pytest.approx(left_out_m2, rel=0.01)
     assert "Left out" in print_text(build_ranking_table(ranking), 160)
-    run = plan_order(order).run
-    assert run is not None
     worked = [[leg.task for leg in mission.legs if leg.implement] for mission in run.plan.missions]
     numbers = [[task.number for task in tasks if task.kind == SWATH] for tasks in worked]
     assert not {2} & {number for own in numbers for number in own}
@@ -126,10 +125,8 @@ def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
     before = sides[: sides.index(LegTask(HEADLAND_PASS, 1, 1))]
     assert {task.number for task in before} <= {6}, "the side that is worked first comes before all but track 7"
     whole = plan_order(WorkOrder(PlanRequest(**BASE), field=FIELD)).ranking.best
-    assert whole is not None and whole.worked_pct is not None and best.worked_pct is not None
     left_pct = 100.0 * left_out_m2 / field_m2
     assert best.worked_pct == pytest.approx(whole.worked_pct - left_pct, abs=0.3)
-    assert best.finished_s is not None and best.time_s is not None
     assert best.finished_s - best.time_s == pytest.approx((whole.finished_s or 0.0) - (whole.time_s or 0.0), abs=20.0)
     estimate = GroundEstimates(prepare_context(WorkOrder(PlanRequest(**BASE), field=FIELD))).estimate(order)
     assert estimate.finished_s == pytest.approx(best.finished_s, rel=0.06)

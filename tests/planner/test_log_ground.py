@@ -77,7 +77,6 @@ def read_number(sentence: str, after: str) -> float:
 def test_a_raster_gives_the_fall_under_every_row(frames: list[pd.DataFrame], tmp_path: Path) -> None:
     raster = write_heights(tmp_path / "dem.asc", compute_height, -150.0, 150.0)
     for log in add_known_ground(read(frames), HeightFile(raster)):
-        assert log.ground_fall is not None
         true = [[falls(*place, turn, HILLS)[1] for turn in (0.5 * math.pi, 0.0)]
                 for place in zip(log.easting_m, log.northing_m, strict=True)]  # fmt: skip
         assert log.ground_fall == pytest.approx(np.array(true), abs=0.004)  # of 0.13 at most
@@ -218,7 +217,7 @@ def test_drift_is_named_per_slope_of_the_heights(frames: list[pd.DataFrame], tmp
     found = diagnose(read(frames), heights=raster)
     (drift,) = [each for each in found.findings if each.id == SLOPE_DRIFT]
     assert found.named == (SLOPE_DRIFT,) and found.unexplained_share < 0.05
-    assert drift.value is not None and drift.value[PER_SLOPE] == pytest.approx(HILLS.drift, rel=0.1)
+    assert drift.value[PER_SLOPE] == pytest.approx(HILLS.drift, rel=0.1)
     assert "as the heights have the slope" in found.headline
 
 

@@ -52,9 +52,7 @@ def farm(tmp_path: Path) -> Path:
 
 def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
     return [
-        FieldQuestion(
-            WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",))), width
-        )
+        FieldQuestion(WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), no_headland=True)), width)
         for field in expand_field_names([f"{farm}#*"], local=True)
         for width in widths
     ]
@@ -196,5 +194,4 @@ def test_what_a_farm_carries_and_when_it_works_is_in_the_answer_and_in_its_diges
     assert hash_question(question.order) != hash_question(late.order)
     assert hash_question(question.order) != hash_question(question.order, True)
     ((_, answer),) = iter_answers(SerialExecutor(), [late])
-    assert answer.ranking is not None and answer.ranking.best is not None
     assert answer.ranking.best.transport_s is not None

@@ -70,8 +70,6 @@ def test_many_at_once_are_driven_as_if_alone(site: Site) -> None:
     together = MoveDrives(site, is_level=True).drive(passages)
     for passage, one in zip(passages, together, strict=True):
         (alone,) = MoveDrives(site, is_level=True).drive([passage])
-        assert one is not None
-        assert alone is not None
         assert (one.drive_s, one.off_m, one.missed_m2) == (alone.drive_s, alone.off_m, alone.missed_m2)
         assert np.array_equal(one.poses, alone.poses)
 
@@ -88,7 +86,6 @@ def test_a_straight_passage_takes_its_length_at_working_speed(site: Site) -> Non
     move = Move((60.0, 60.0, 0.0), rows, "route", 0.0)
     lines = np.array([[20.0, 60.0], [60.0, 60.0]]), np.array([[70.0, 60.0], [110.0, 60.0]])
     (driven,) = MoveDrives(site, is_level=True).drive([Passage(move, *lines)])
-    assert driven is not None
     assert driven.drive_s == pytest.approx(10.0 / site.rules.turn_speed_mps, abs=0.1)
     assert driven.off_m < 0.02
     assert driven.missed_m2 < 0.1

@@ -19,6 +19,8 @@ from strategies.rules.supply import HEADLAND, Supply
 from strategies.strategy_record import Strategy
 from tests.planner.conftest import site_on
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 def deal_to_one(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) -> LineDeal:
     """One tractor may work all lines; the others are not needed."""
@@ -43,7 +45,7 @@ def test_a_registered_strategy_is_planned_with(small_site: PlanningContext, toy:
     assert alone.feasible and alone.rank is not None and alone.collisions == 0
     assert (refused.feasible, refused.reason) == (False, "Alone is for one tractor.")
     length = sum(swath.length_m for swath in small_site.layout.swaths)
-    assert alone.time_s is not None and alone.time_s > length / small_site.driving_rules.work_speed_mps
+    assert alone.time_s > length / small_site.driving_rules.work_speed_mps
 
 
 def test_an_unregistered_name_stays_unknown() -> None:

@@ -27,6 +27,8 @@ from tests.truth.model import make_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.missions.plan_file import parse_saved_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 UTM = "EPSG:32654"
 GROUND = shapely.box(0, 0, 40, 70).difference(shapely.box(15, 30, 20, 34))
 
@@ -62,7 +64,6 @@ def test_answers_are_short_and_their_html_is_small_and_escaped(answer: PlanningR
 
 @pytest.mark.slow
 def test_lines_are_as_long_as_the_legs_of_the_plan(answer: PlanningResult) -> None:
-    assert answer.run is not None
     frame, missions = answer.to_geodataframe(), answer.run.plan.missions
     work = frame[frame["kind"].isin(["swath", "headland pass"])]
     legs = [leg for mission in missions for leg in mission.legs]
@@ -83,7 +84,7 @@ def test_geometries_are_on_the_earth_and_measured_in_metres(answer: PlanningResu
     assert metres.area[frame["kind"] == "boundary"].tolist() == pytest.approx([GROUND.area], rel=1e-6)
     assert frame["area_m2"][frame["kind"] == "obstacle"].tolist() == pytest.approx([20.0])
     best = answer.ranking.best
-    assert best is not None and frame["area_m2"][frame["kind"] == "missed ground"].sum() <= (best.missed_m2 or 0) + 0.1
+    assert frame["area_m2"][frame["kind"] == "missed ground"].sum() <= (best.missed_m2 or 0) + 0.1
 
 
 @pytest.mark.slow
@@ -101,7 +102,6 @@ def test_what_is_missing_for_geometries_is_said(answer: PlanningResult, monkeypa
 
 @pytest.mark.slow
 def test_files_are_those_of_the_command(answer: PlanningResult, refused: PlanningResult, tmp_path: Path) -> None:
-    assert answer.run is not None
     text = answer.save(tmp_path / "best.json").read_text(encoding="utf-8")
     assert text == write_saved_plan(answer.context, answer.run.plan, answer.ranking)
     assert parse_saved_plan(text).plan.tractors == answer.run.plan.tractors
@@ -168,7 +168,6 @@ def test_days_and_farms_take_times_without_quotes() -> None:
 
 
 def test_a_saved_plan_remembers_the_time_that_was_given(answer: PlanningResult) -> None:
-    assert answer.run is not None
     given: dict[str, Any] = {"start_s": time(8, 30)}
     context = replace(answer.context, request=replace(answer.context.request, **given))
     assert json.loads(write_saved_plan(context, answer.run.plan))["scenario"]["start_s"] == 30_600

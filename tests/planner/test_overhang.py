@@ -26,10 +26,10 @@ from vehicle.sim.world import simulate
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
-RECTANGLE = shapely.box(0, 0, 150, 90)
+RECTANGLE = shapely.box(0, 0, 110, 66)
 CHOSEN = (("sweden", 6.0),)
 """Samples and widths that are compared in every run of CI, where drawn outlines are compared too."""
-CHAMFERED = shapely.Polygon([(6, 0), (150, 0), (150, 90), (0, 90), (0, 6)])
+CHAMFERED = shapely.Polygon([(6, 0), (110, 0), (110, 66), (0, 66), (0, 6)])
 
 
 def work(site: PlanningContext) -> PlanResult:
@@ -95,7 +95,7 @@ def test_open_edges_lift_the_limit_of_planned_paths(lay: Any) -> None:
 
 @pytest.mark.slow
 def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
-    site = lay(shapely.Polygon([(0, 0), (150, 0), (0, 60)]), corners="square", overhang_m=9.0)
+    site = lay(shapely.Polygon([(0, 0), (110, 0), (0, 44)]), corners="square", overhang_m=9.0)
     evaluation = simulate_candidate(site, Candidate("split-field", 1))
     assert "beyond the outline" not in (evaluation.result.remark or "") and evaluation.run is not None
     strict = replace(site, request=replace(site.request, overhang_m=0.2))
@@ -121,7 +121,7 @@ def test_measured_by_hand(lay: Any) -> None:
     site = lay(overhang_m=0.5)
     boxes = build_body(site.tractor, site.implement)
     nose_m = max(front for _, front, _ in boxes.boxes) - boxes.guide_m
-    run = simulate(drive_straight(site, 100.0, 149.0, 45.0), site.tractor, site.implement)
+    run = simulate(drive_straight(site, 60.0, 109.0, 33.0), site.tractor, site.implement)
     measured = measure_overhang(run, site)
     assert measured.farthest_m == pytest.approx(nose_m - 1.0, abs=0.15)
     assert measured.beyond_m == pytest.approx(nose_m - 1.0 - 0.5, abs=0.3)
@@ -129,7 +129,7 @@ def test_measured_by_hand(lay: Any) -> None:
 
 def test_nothing_outside_is_nothing(lay: Any) -> None:
     site = lay()
-    run = simulate(drive_straight(site, 40.0, 110.0, 45.0), site.tractor, site.implement)
+    run = simulate(drive_straight(site, 30.0, 80.0, 33.0), site.tractor, site.implement)
     measured = measure_overhang(run, site)
     assert (measured.farthest_m, measured.beyond_m) == (0.0, 0.0)
 

@@ -34,6 +34,8 @@ from vehicle.missions.run import Stall
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import StabilityParameters, load_tractor
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 FIELD = Field("drawn", shapely.box(0, 0, 36, 80))
 ONE = Candidate("row-by-row", 1)
 
@@ -62,7 +64,7 @@ def test_heights_of_a_file_are_those_that_are_driven(tmp_path: Path) -> None:
     path = write_plane(tmp_path / "plane.asc", 0.08, -0.03)
     request = PlanRequest(field="drawn", elevation=str(path))
     physics = build_field_physics(request, FIELD, load_tractor("eg105"))
-    assert physics.terrain is not None and physics.driven_load is physics.load
+    assert physics.driven_load is physics.load
     gradients = physics.terrain.compute_gradients([(3.0, 4.0), (20.0, 60.0)])
     assert gradients == pytest.approx(np.array([[0.08, -0.03]] * 2), abs=1e-3)
     flat = build_field_physics(PlanRequest(field="drawn"), FIELD, load_tractor("eg105"))
@@ -71,18 +73,17 @@ def test_heights_of_a_file_are_those_that_are_driven(tmp_path: Path) -> None:
 
 def test_across_a_slope_the_steepest_place_is_told_with_its_side() -> None:
     plan = drive(0.10, 0.0).result
-    assert plan.feasible and plan.steepest_across is not None and plan.steepest_along is not None
+    assert plan.feasible
     assert abs(plan.steepest_across.amount) == pytest.approx(10.0, abs=0.1)
-    assert plan.rollover is not None and 20.0 < plan.rollover.amount < 45.0
+    assert 20.0 < plan.rollover.amount < 45.0
     assert abs(plan.steepest_along.amount) > 8.0, "turns lead up and down"
 
 
 @pytest.mark.slow
 def test_up_and_down_takes_more_fuel_than_level_ground() -> None:
     level, tilted = drive(0.0, 0.0).result, drive(0.0, 0.12).result
-    assert tilted.fuel_l is not None and level.fuel_l is not None
     assert tilted.fuel_l > 1.02 * level.fuel_l
-    assert tilted.steepest_along is not None and abs(tilted.steepest_along.amount) == pytest.approx(12.0, abs=0.1)
+    assert abs(tilted.steepest_along.amount) == pytest.approx(12.0, abs=0.1)
 
 
 @pytest.mark.slow
@@ -102,7 +103,7 @@ def test_steps_have_their_slopes_and_add_up_to_the_fuel_of_the_plan() -> None:
 def test_too_steep_to_work_uphill_is_worked_downhill() -> None:
     """No move on which the tractor gets stuck is proven, so every track is worked down the plane, none is left."""
     driven = simulate_candidate(tilt(0.0, 0.45, soil="soft"), ONE)
-    assert driven.result.feasible and driven.run is not None
+    assert driven.result.feasible
     works = [leg for mission in driven.run.plan.missions for leg in mission.legs if leg.implement and leg.task.is_work]
     assert {round(float(leg.points[0][0]), 1) for leg in works} == {1.5 + 3.0 * number for number in range(12)}
     assert all(leg.points[-1][1] < leg.points[0][1] for leg in works)
@@ -112,7 +113,6 @@ def test_too_steep_to_work_uphill_is_worked_downhill() -> None:
 def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
     """A plan made for level ground, driven up the plane."""
     level, steep = simulate_candidate(tilt(0.0, 0.0, soil="soft"), ONE), tilt(0.0, 0.45, soil="soft")
-    assert level.run is not None
     run = FleetDriver(steep, beside=False).simulate(level.run.plan)
     assert run.stall is not None and locate_stall(run.stall).kind == "stuck"
     reason = describe_stall(run.stall, FIELD)
@@ -137,20 +137,18 @@ def test_near_rolling_over_is_a_remark() -> None:
     careful = replace(context, tractor=context.tractor.model_copy(update={"stability": stability}))
     (remark,) = list_slope_remarks(careful, driven.run)
     margin = driven.result.rollover
-    assert margin is not None
     assert remark.text.startswith(f"tractor 1 comes within {margin.amount:.0f} degrees of rolling")
     assert remark.text.endswith("where the ground slopes by 10 %; its file warns from 45 degrees")
 
 
 def test_a_saved_plan_is_driven_on_its_heights_without_their_file() -> None:
     context, driven = tilt(0.10, 0.0), drive(0.10, 0.0)
-    assert driven.run is not None
     saved = parse_saved_plan(write_saved_plan(context, driven.run.plan))
     again = rerun_plan(saved, context.request)
     assert again.finish_s.tolist() == driven.run.finish_s.tolist()
     assert (again.record == driven.run.record[: len(again.record)]).all()
     physics = read_physics(saved, context.request, context.tractor)
-    assert physics.load == context.physics.load and physics.terrain is not None and context.physics.terrain is not None
+    assert physics.load == context.physics.load
     assert physics.terrain.heights_m == pytest.approx(context.physics.terrain.heights_m, abs=1e-4)
     level = prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), FIELD))
     assert export_physics(level.physics, level.request, level.tractor) == {}
@@ -159,7 +157,6 @@ def test_a_saved_plan_is_driven_on_its_heights_without_their_file() -> None:
 def test_a_saved_plan_keeps_the_power_that_only_the_farm_knows() -> None:
     """Its fuel is told by it, but on level ground without a soil it is not driven with it."""
     context, driven = tilt(0.0, 0.0), drive(0.0, 0.0)
-    assert driven.run is not None
     tractor = context.tractor.model_copy(update={"engine": None})
     physics = build_field_physics(context.request, FIELD, tractor, FarmTractor(name="own", power_kw=120.0))
     saved = parse_saved_plan(write_saved_plan(replace(context, tractor=tractor, physics=physics), driven.run.plan))
@@ -182,7 +179,6 @@ def test_a_saved_plan_keeps_the_power_that_only_the_farm_knows() -> None:
 )
 def test_garbled_heights_of_a_saved_plan_are_refused(spoil: Callable[[dict[str, object]], object]) -> None:
     context, driven = tilt(0.10, 0.0), drive(0.10, 0.0)
-    assert driven.run is not None
     saved = parse_saved_plan(write_saved_plan(context, driven.run.plan))
     spoil(saved.scenario["physics"])
     with pytest.raises(RequestError, match="The physics in the scenario of the plan are garbled"):
@@ -203,7 +199,6 @@ class TestFieldKey:
         tractor = load_tractor("eg105")
         for given, slope in ((None, 0.05), (str(other), 0.02)):
             physics = build_field_physics(PlanRequest(elevation=given), field, tractor)
-            assert physics.terrain is not None
             assert physics.terrain.compute_gradients([(9.0, 9.0)])[0, 0] == pytest.approx(slope, abs=1e-3)
         write_field(field, tmp_path / "again.geojson")
         assert read_field(tmp_path / "again.geojson").elevation == str(tmp_path / "own.asc")
@@ -253,10 +248,10 @@ class TestSoil:
         head = "name,moisture_pct,cone_index_kpa\n"
         path.write_text(f"{head}north,10,1500\nnorth,30,500\n")
         one = build_field_physics(PlanRequest(soil=str(path), moisture_pct=20.0), FIELD, load_tractor("eg105"))
-        assert one.soil is not None and one.soil.cone_index_kpa == pytest.approx((1500.0 * 500.0) ** 0.5)
+        assert one.soil.cone_index_kpa == pytest.approx((1500.0 * 500.0) ** 0.5)
         path.write_text(f"{head}north,10,1500\nsouth,10,900\n")
         named = build_field_physics(PlanRequest(soil=f"{path}#south"), FIELD, load_tractor("eg105"))
-        assert named.soil is not None and named.soil.cone_index_kpa == 900.0
+        assert named.soil.cone_index_kpa == 900.0
         with pytest.raises(RequestError, match="has 2 soils; name one as"):
             build_field_physics(PlanRequest(soil=str(path)), FIELD, load_tractor("eg105"))
 

@@ -35,6 +35,8 @@ from vehicle.missions.plan import LegGate
 from vehicle.sim.compile import compute_contact_boxes
 from vehicle.sim.path_conflicts import EXTRA_CLEARANCE_M
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 
 class TestCrossingPaths:
     """One drives along x, the other along y; both may stand 30 m before the crossing at (0, 0)."""
@@ -50,7 +52,6 @@ class TestCrossingPaths:
     def test_the_one_that_comes_later_waits_at_its_hold_point(self) -> None:
         first, second = straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -42, math.pi / 2, 84, [0, 12, 84])
         table = PrecedenceSearch(plan_on([first, second]), crossings([first, second])).find_timetable()
-        assert table is not None
         assert table.begins_s[0][-1] == pytest.approx(10.0 + START_LOSS_S)  # 10 m from the start, for which it stood
         lag = table.begins_s[1][-1] - table.begins_s[0][-1]
         assert lag == pytest.approx(self.lag_m() + GAP_BEHIND_S, abs=1.1)  # poses lie 1 m apart
@@ -58,7 +59,6 @@ class TestCrossingPaths:
     def test_the_gate_opens_where_the_first_is_then(self) -> None:
         first, second = straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -42, math.pi / 2, 84, [0, 12, 84])
         table = PrecedenceSearch(plan_on([first, second]), crossings([first, second])).find_timetable()
-        assert table is not None
         waits = {(tractor, leg): gate for tractor, leg, gate in table.gates}
         assert set(waits) == {(1, 1)} and (waits[1, 1].tractor, waits[1, 1].leg) == (0, 1)
         assert waits[1, 1].after_m == pytest.approx(self.lag_m() + GAP_BEHIND_S, abs=1.6)
@@ -66,7 +66,6 @@ class TestCrossingPaths:
     def test_who_is_far_ahead_keeps_nobody_waiting(self) -> None:
         first, second = straight(-40, 0, 0.0, 80, [0, 10, 80]), straight(0, -90, math.pi / 2, 130, [0, 60, 130])
         table = PrecedenceSearch(plan_on([first, second]), crossings([first, second])).find_timetable()
-        assert table is not None
         assert table.begins_s[1][-1] == pytest.approx(table.begins_s[1][0] + 60.0 + START_LOSS_S)
 
     def test_who_stands_in_the_way_for_long_is_waited_for(self) -> None:
@@ -75,7 +74,7 @@ class TestCrossingPaths:
         trajectories = [crosses, waits, straight(0, 500, 0.0, 600, [0, 600])]
         plan = plan_on(trajectories, {(0, 0): [LegGate(1, 0, 9.0)], (1, 1): [LegGate(2, 0, 599.0)]})
         table = PrecedenceSearch(plan, crossings(trajectories, {0: {0}, 1: {1}})).find_timetable()
-        assert table is not None and table.begins_s[0][0] > table.begins_s[1][1] > 598.0
+        assert table.begins_s[0][0] > table.begins_s[1][1] > 598.0
         assert (0, 0, 1, 1) in {(tractor, leg, gate.tractor, gate.leg) for tractor, leg, gate in table.gates}
 
     def test_a_hold_point_from_which_nothing_is_crossed_is_not_used(self) -> None:
@@ -111,7 +110,6 @@ class TestCorridor:
     def test_the_second_enters_when_the_first_is_out(self) -> None:
         trajectories = through_a_corridor()
         table = PrecedenceSearch(plan_on(trajectories), crossings(trajectories)).find_timetable()
-        assert table is not None
         later = max(range(2), key=lambda one: table.begins_s[one][0])
         first = 1 - later
         out_s = (
@@ -184,7 +182,7 @@ def slanted(place: Any) -> Any:
 def test_three_tractors_work_a_slanted_field_and_its_headland(slanted: Any, strategy: str) -> None:
     evaluation = simulate_candidate(slanted, Candidate(strategy, 3))
     assert evaluation.result.feasible, evaluation.result.reason
-    assert evaluation.run is not None and evaluation.run.contacts == ()
+    assert evaluation.run.contacts == ()
     assert evaluation.run.min_clearance_m >= 0.05
     assert (evaluation.result.worked_pct or 0.0) > 97.0
 
@@ -192,7 +190,7 @@ def test_three_tractors_work_a_slanted_field_and_its_headland(slanted: Any, stra
 @pytest.mark.slow
 def test_an_annexe_behind_a_neck_is_left_out_and_told(place: Any) -> None:
     """Its tracks are few and no tractor fits through a neck of 1 m, even with half a metre over either edge."""
-    field = shapely.union_all([shapely.box(0, 0, 70, 120), shapely.box(70, 50, 76, 51), shapely.box(76, 36, 104, 66)])
+    field = shapely.union_all([shapely.box(0, 0, 50, 80), shapely.box(50, 50, 56, 51), shapely.box(56, 36, 84, 66)])
     site = place(field, no_headland=False, bearing_deg=0.0)
     result = simulate_candidate(site, Candidate("split-field", 2)).result
     assert result.feasible, result.reason

@@ -69,7 +69,7 @@ class TestFront:
         quick = result(1, 10.0, feasible=False, reason="touches")
         ranked = rank_plans(small_site, [quick, result(2, 400.0)])
         assert [p.on_pareto_front for p in ranked.plans] == [True, False]
-        assert ranked.best is not None and ranked.best.tractors == 2
+        assert ranked.best.tractors == 2
 
     @QUICK
     @given(st.lists(st.tuples(st.integers(1, 6), st.integers(10, 99)), min_size=1, max_size=15))
@@ -158,7 +158,7 @@ class TestEqualWork:
         site = replace(small_site, layout=replace(small_site.layout, field=field))
         left = result(1, 100.0, largest_missed=UnworkedPiece(7.0, 0.0, 30.0))
         (plan,) = rank_plans(site, [left]).plans
-        assert plan.largest_missed is not None and plan.largest_missed.lon == pytest.approx(9.0, abs=1e-9)
+        assert plan.largest_missed.lon == pytest.approx(9.0, abs=1e-9)
         # At the equator the meridian of WGS84 has the radius a (1 - e2) = 6,335,439 m; the scale of UTM is 0.9996.
         assert plan.largest_missed.lat == pytest.approx(math.degrees(30.0 / 0.9996 / 6_335_439.0), rel=1e-4)
         (local,) = rank_plans(small_site, [left]).plans
@@ -219,12 +219,10 @@ class TestMoney:
 
     def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: PlanRanking) -> None:
         for one in ranking.plans:
-            assert one.time_s is not None
             assert one.cost == pytest.approx(one.tractors * (one.time_s * 0.01 + 7.0))
 
     def test_tractor_time_is_at_most_the_time_hired(self, ranking: PlanRanking) -> None:
         for one in ranking.plans:
-            assert one.time_s is not None and one.tractor_time_s is not None
             assert one.time_s <= one.tractor_time_s <= one.tractors * one.time_s + 1e-9
 
     def test_deadline_divides_the_plans_and_the_cheapest_in_time_is_best(self, ranking: PlanRanking) -> None:
@@ -233,7 +231,7 @@ class TestMoney:
         assert set(verdicts.values()) == {True, False}
         best = ranking.best
         in_time = [p for p in ranking.plans if p.meets_deadline]
-        assert best is not None and best.cost == min(p.cost or 0.0 for p in in_time)
+        assert best.cost == min(p.cost or 0.0 for p in in_time)
 
     def test_the_assumptions_name_both_prices(self, ranking: PlanRanking) -> None:
         assert any("36 per hour and 7 per tractor" in sentence for sentence in ranking.assumptions)

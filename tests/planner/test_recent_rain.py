@@ -33,12 +33,11 @@ def test_a_list_and_a_file_of_the_same_days(tmp_path: Path) -> None:
 def test_rain_says_the_moisture_of_a_plan_unless_that_is_given() -> None:
     dry, wet = (PlanRequest(field="drawn", soil="loam", rain_mm=rain) for rain in ("0,0,0,0", "20,20,20,20"))
     drier, wetter = find_requested_soil(dry), find_requested_soil(wet)
-    assert drier is not None and wetter is not None and drier.moisture_pct is not None
     assert drier.moisture_pct < 14.0 < 17.0 < (wetter.moisture_pct or 0.0) <= 18.7
     assert (drier.cone_index_kpa or 0.0) > (wetter.cone_index_kpa or 0.0)
     given = PlanRequest(field="drawn", soil="loam", rain_mm="20", moisture_pct=25.0)
     soil = find_requested_soil(given)
-    assert soil is not None and soil.moisture_pct == 25.0 and estimate_requested_moisture(given) is not None
+    assert soil.moisture_pct == 25.0 and estimate_requested_moisture(given) is not None
     assert build_field_physics(PlanRequest(field="drawn", soil="loam"), FIELD, load_tractor("eg105")).moisture is None
 
 
@@ -53,7 +52,6 @@ def test_the_plan_tells_the_estimate_with_its_interval() -> None:
         r"moist \(([\d.]+) to ([\d.]+) %\)",
         text,
     )
-    assert told is not None
     assert [float(part) for part in told.groups()] == pytest.approx(
         [scenario["estimated_moisture_pct"], low, high], abs=0.06
     )

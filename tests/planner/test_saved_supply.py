@@ -18,6 +18,8 @@ from strategies.rules.supply import Supply
 from vehicle.missions.plan import REFILL
 from vehicle.missions.plan_file import parse_saved_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 CARRIED = Supply(200.0, 0.1, 40.0)  # lasts for 500 m of track
 
 
@@ -48,7 +50,6 @@ def change_plan(folder: Path, change: Callable[[dict[str, Any]], Any]) -> str:
 
 
 def count_refills(answer: PlanningResult) -> int:
-    assert answer.run is not None
     return sum(leg.task.kind == REFILL or leg.stand_s > 0.0 for m in answer.run.plan.missions for leg in m.legs)
 
 
@@ -58,7 +59,7 @@ def test_a_plan_with_a_tank_goes_on_with_what_is_left_in_it_and_says_so_again(
 ) -> None:
     source = f"{folder}/plan.json@0:12"
     answer = plan(whole.context.request, done=source, executor=SerialExecutor())
-    assert answer.context.supply == CARRIED and answer.context.going_on is not None
+    assert answer.context.supply == CARRIED
     (stand,) = answer.context.going_on.stands
     assert 0.0 < stand.used <= CARRIED.capacity
     assert 0 < count_refills(answer) < count_refills(whole)
@@ -80,7 +81,7 @@ def test_a_plan_of_an_earlier_headland_that_does_not_say_how_large_its_tank_is_a
     with pytest.raises(HeadlandError, match=r"has a tank, and the plan does not say how large; add farm"):
         plan(whole.context.request, done=source, executor=SerialExecutor())
     continued = read_continued_plan([source])
-    assert continued is not None and continued.has_unknown_tank and continued.supply is None
+    assert continued.has_unknown_tank and continued.supply is None
 
 
 @pytest.mark.slow

@@ -93,7 +93,6 @@ class TestPlans:
     def test_loads_add_up_to_area_by_rate_and_no_level_is_below_nothing(self, case: Case) -> None:
         found = driven(*case)
         assert found.result.feasible, found.result.reason
-        assert found.run is not None
         notes = found.run.plan.notes["refills"]
         assert found.result.refills == len(notes) > 0
         for tractor, (stops, left, used) in enumerate(levels(found.run.plan, TANK), start=1):
@@ -125,7 +124,6 @@ class TestPlans:
 
     def test_a_tractor_stands_by_the_place(self, case: Case) -> None:
         found, site = driven(*case), site_for(case[0], case[3])
-        assert found.run is not None and site.supply is not None
         if site.supply.place is None:
             return
         for one in found.run.plan.notes["refills"]:
@@ -133,7 +131,6 @@ class TestPlans:
 
     def test_the_plan_is_saved_and_read_again(self, case: Case) -> None:
         found = driven(*case)
-        assert found.run is not None
         text = format_plan(found.run.plan)
         assert format_plan(parse_plan(text)) == text
         assert sum(leg.stand_s for m in parse_plan(text).missions for leg in m.legs) == STAND_S * (
@@ -142,7 +139,6 @@ class TestPlans:
 
     def test_draws_without_luck_take_as_long_as_the_run(self, case: Case) -> None:
         found = driven(*case)
-        assert found.run is not None
         graph = build_leg_graph(found.run)
         assert graph.stand_s.sum() == pytest.approx(found.result.refilling_s)
         (finish,) = sample_outcomes(graph, build_certain_settings(), samples=1, seed=1).finish_s
@@ -150,7 +146,6 @@ class TestPlans:
 
     def test_a_driver_is_told(self, case: Case) -> None:
         found = driven(*case)
-        assert found.run is not None
         steps = [step for own in list_steps(found.run, WIDTH_M) for step in own]
         told = [step for step in steps if step.kind == "refill"]
         assert len(told) == found.result.refills
@@ -163,7 +158,6 @@ class TestPlans:
 
 def test_a_refill_comes_before_a_track_that_could_not_be_finished() -> None:
     found = driven(*FIRST)
-    assert found.run is not None
     per_track = site_for(HEADLAND).layout.swaths[0].length_m * WIDTH_M * RATE
     for left in next(levels(found.run.plan, TANK))[1][:-1]:
         assert left < per_track, "where a stop costs the same everywhere, none is made before it must be"
@@ -174,7 +168,6 @@ def test_a_tank_that_lasts_changes_nothing() -> None:
     with_tank, without = (
         simulate_candidate(site_for(None, True, supply), Candidate("split-field", 2)) for supply in (large, None)
     )
-    assert with_tank.run is not None and without.run is not None
     assert format_plan(replace(with_tank.run.plan, notes={})) == format_plan(replace(without.run.plan, notes={}))
     assert (with_tank.result.refills, without.result.refills) == (0, None)
     assert (with_tank.run.plan.notes["refills"], "refills" in without.run.plan.notes) == ([], False)
@@ -183,9 +176,7 @@ def test_a_tank_that_lasts_changes_nothing() -> None:
 def test_what_fills_goes_as_often_as_what_empties() -> None:
     collecting = replace(TANK, collects=True)
     found = simulate_candidate(site_for(HEADLAND, True, collecting), Candidate("split-field", 1))
-    assert found.run is not None
     same = driven(*FIRST)
-    assert same.run is not None
     assert found.run.plan.notes["refills"] == same.run.plan.notes["refills"]
     context = site_for(HEADLAND, True, collecting)
     ranking = rank_plans(context, [found.result])
@@ -242,7 +233,7 @@ def test_a_tank_smaller_than_a_track_takes_is_filled_within_the_track(refill: st
     context = site_for(refill, True, tank)
     assert max(tank.compute_need(track.length_m, WIDTH_M) for track in context.layout.swaths) > tank.capacity
     found = simulate_candidate(context, Candidate("split-field", 1))
-    assert found.result.feasible and found.run is not None
+    assert found.result.feasible
     ((_, left, used),) = levels(found.run.plan, tank)
     assert min(left) >= -1e-6 and used / RATE == pytest.approx(
         WIDTH_M * sum(track.length_m for track in context.layout.swaths), rel=0.03
@@ -262,11 +253,11 @@ def test_the_field_file_says_where(tmp_path: Path) -> None:
     field = read_field(path)
     assert field.service_point == (60.0, 40.0)
     site = prepare_context(WorkOrder(PlanRequest(field="drawn", no_headland=True), field, supply=TANK))
-    assert site.supply is not None and (site.supply.served_at, site.supply.place) == (PLACE, (60.0, 40.0))
+    assert (site.supply.served_at, site.supply.place) == (PLACE, (60.0, 40.0))
     asked = prepare_context(
         WorkOrder(PlanRequest(field="drawn", no_headland=True, refill="tender"), field, supply=TANK)
     )
-    assert asked.supply is not None and (asked.supply.served_at, asked.supply.place) == (SERVICE_VEHICLE, None)
+    assert (asked.supply.served_at, asked.supply.place) == (SERVICE_VEHICLE, None)
 
 
 def test_stops_have_their_place_on_the_earth() -> None:
@@ -275,7 +266,7 @@ def test_stops_have_their_place_on_the_earth() -> None:
     site = prepare_context(
         WorkOrder(PlanRequest(field="earth", no_headland=True, refill=f"{lon},{lat}"), field, supply=TANK)
     )
-    assert site.supply is not None and site.supply.place == pytest.approx((0.0, 0.0), abs=1e-3)
+    assert site.supply.place == pytest.approx((0.0, 0.0), abs=1e-3)
     plan = Plan((), {"refills": [{"tractor": 1, "leg": 3, "amount": 5.0, "x_m": 0.0, "y_m": 0.0}]})
     (told,) = add_coordinates(plan, field).notes["refills"]
     assert (told["lon"], told["lat"]) == pytest.approx((lon, lat), abs=1e-9)

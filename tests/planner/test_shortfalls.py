@@ -70,14 +70,14 @@ def test_a_plan_that_works_enough_wins_over_a_quicker_one(samples: int) -> None:
         figures = {"p50_s": 700.0, "p95_s": 800.0, "expected_cost_error": 0.0}
         quick, whole = (replace(one, expected_cost=one.cost, paid_cost=one.cost, **figures) for one in (quick, whole))
     ranking = rank_plans(context, [quick, whole])
-    assert ranking.best is not None and ranking.best.strategy == "interleaved" and ranking.is_recommended
+    assert ranking.best.strategy == "interleaved" and ranking.is_recommended
 
 
 def test_an_implement_that_cannot_be_pulled_is_a_shortfall_and_one_that_may_be_is_a_question() -> None:
     kinds = []
     for kmh in (9.0, 12.0):
         ranking = rank_plans(build_context(width_m=6.0, speed_mps=kmh / 3.6), [build_result(97.0)])
-        assert ranking.pull is not None and ranking.pull.is_questioned
+        assert ranking.pull.is_questioned
         kinds.append([one.kind for one in ranking.shortfalls])
     assert kinds == [[], ["pull"]]
 

@@ -13,7 +13,7 @@ from reports.plan.figures import format_ranking_json
 @pytest.mark.slow
 def test_stages_come_in_order_and_are_counted() -> None:
     request = PlanRequest(field="drawn", tractors=(1, 2), strategies=("split-field",))
-    field = Field("drawn", shapely.box(0.0, 0.0, 90.0, 70.0))
+    field = Field("drawn", shapely.box(0.0, 0.0, 60.0, 45.0))
     reports: list[tuple[str, int, int]] = []
 
     def report(words: str, done: int, total: int) -> None:

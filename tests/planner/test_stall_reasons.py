@@ -35,7 +35,7 @@ def test_one_tractor_that_cannot_follow_its_path_is_not_said_to_wait() -> None:
     slow = replace(build_leg((12.0, 0.0), (40.0, 0.0)), speed_mps=1e-5)
     plan = Plan((Mission((build_leg((0.0, 0.0), (12.0, 0.0)), slow)),))
     run, reason = resolve_conflicts(plan, drive, schedule_nothing)
-    assert run.outcome == STALL and reason is not None
+    assert run.outcome == STALL
     assert (
         reason.startswith("tractor 1 stands still at (1")
         and reason.endswith("it cannot follow its path there")
@@ -61,7 +61,7 @@ def test_two_that_meet_only_once_scheduled_are_named() -> None:
         return simulate(plan, TRACTOR, Implement(), max_time_s=900.0, stop_clearance_m=0.5)
 
     reason = resolve_conflicts(Plan((first, second)), drive_apart, lambda _: free)[1]
-    assert reason is not None and reason.startswith("tractors 1 and 2 meet after ")
+    assert reason.startswith("tractors 1 and 2 meet after ")
 
 
 def test_a_plan_that_ends_in_a_collision_has_its_reason_and_no_times() -> None:

@@ -26,6 +26,8 @@ from tests.examples import draw_seed
 from tests.printing import print_text
 from vehicle.missions.plan_file import parse_saved_plan
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 EIGHT_S = 8 * 3600
 SCENARIOS = [*range(4), *(pytest.param(number, marks=pytest.mark.matrix) for number in range(4, 20))]
 SAMPLES = 400
@@ -55,7 +57,6 @@ def check_outputs(result: PlanningResult) -> None:
     """Every output states the time and the cost of the best plan as it is ranked."""
     ranking = result.ranking
     best = ranking.best
-    assert best is not None and result.run is not None
     time, cost = format_stated_end(ranking, best.stated_end_s), format_price(best.stated_cost)
     screen = print_text(build_first_screen(ranking))
     text = " ".join(screen.split())
@@ -67,7 +68,7 @@ def check_outputs(result: PlanningResult) -> None:
     page = render_plan_page(ranking, None)
     assert f"<dd>{time}</dd>" in page and f"<dd>{cost} EUR (assumed prices)</dd>" in page
     stated = read_stated_figures(parse_saved_plan(write_saved_plan(result.context, result.run.plan, ranking)))
-    assert stated is not None and (stated.end_s, stated.cost) == (best.stated_end_s, best.stated_cost)
+    assert (stated.end_s, stated.cost) == (best.stated_end_s, best.stated_cost)
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +85,6 @@ def test_every_output_states_the_same(number: int, drawn_seed: int) -> None:
     for one in result.ranking.plans:
         if one.p50_done_s is not None and one.meets_deadline is not None and request.rain is None:
             assert one.meets_deadline == (one.p50_done_s <= (request.time_limit_s or 0.0))
-            assert one.finish_probability is not None
             assert one.meets_deadline == (one.finish_probability >= 0.5) or abs(one.finish_probability - 0.5) < 0.01
 
 
@@ -96,7 +96,6 @@ def test_a_plan_is_in_time_if_half_of_its_samples_are() -> None:
         "samples": 2000,
     }  # fmt: skip
     median_s = plan(PlanRequest(**values), field=field, executor=SerialExecutor()).ranking.plans[0].p50_done_s
-    assert median_s is not None
     for minutes, met in ((int(median_s // 60) + 1, True), (int(median_s // 60), False)):
         result = plan(PlanRequest(**values, deadline_s=EIGHT_S + 60 * minutes), field=field, executor=SerialExecutor())
         (one,) = result.ranking.plans
@@ -148,7 +147,7 @@ def test_a_day_is_done_when_its_last_field_is(rain: str, tmp_path: Path) -> None
     assert last_s == pytest.approx(day.stated_end_s), "one fleet: the day ends with its last field"
     assert day.stated_late_end_s == pytest.approx(max(job.p95_end_s for job in day.jobs))
     first, second = sorted(day.jobs, key=lambda job: job.p50_end_s)
-    assert second.p50_start_s is not None and second.p50_start_s >= first.p50_end_s
+    assert second.p50_start_s >= first.p50_end_s
     lines = print_text(build_day_screen(day)).splitlines()
     ends = re.findall(r"\d\d:\d\d", lines[0])
     rows = [line.split() for line in lines if line.startswith("robots ")]

@@ -18,6 +18,8 @@ from vehicle.sim.incremental import IncrementalSimulator
 from vehicle.sim.path_conflicts import ClearanceCheck
 from vehicle.sim.world import World
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 SPEED = 5 / 3.6
 
 

@@ -31,6 +31,8 @@ from vehicle.missions.plan_file import format_plan, parse_saved_plan
 from vehicle.missions.run import DONE
 from vehicle.sim.world import World
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 MOST_PCT = 8.0  # orders are searched, and a moved field may end in another one: 7.1 at most was measured
 FEW = settings(max_examples=3)
 MOVES: dict[str, Callable[[Any], Any]] = {

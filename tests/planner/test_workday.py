@@ -100,7 +100,6 @@ class TestRoad:
         road = estimate_field_road(
             FIELD, Yard(lon=lon, lat=lat - 0.01), FarmTimes(road_speed_kmh=36.0, road_factor=1.5)
         )
-        assert road is not None
         assert road.length_m == pytest.approx(1.5 * 1113.9, rel=1e-3)
         assert road.seconds == pytest.approx(road.length_m / 10.0)
 
@@ -108,7 +107,7 @@ class TestRoad:
         gate = replace(FIELD, entrance=(0.0, 0.0))
         ((lon, lat),) = gate.to_wgs84([(0.0, 0.0)]).tolist()
         road = estimate_field_road(gate, Yard(lon=lon, lat=lat), FarmTimes())
-        assert road is not None and road.length_m == pytest.approx(0.0, abs=1e-3)
+        assert road.length_m == pytest.approx(0.0, abs=1e-3)
 
     def test_has_no_length_without_yard_or_earth(self) -> None:
         assert estimate_field_road(FIELD, Yard(), FarmTimes()) is None
@@ -128,7 +127,6 @@ class TestDay:
     def test_has_the_road_twice_and_both_hands(self) -> None:
         day = self.day()
         road = estimate_field_road(FIELD, Yard(lon=9.83, lat=56.83), self.TIMES)
-        assert road is not None
         assert day.duties_before == (Duty(ROAD, road.seconds), Duty(UNFOLD, 60.0))
         assert day.duties_after == (Duty(FOLD, 90.0), Duty(ROAD, road.seconds))
         assert day.before_field_s + day.after_field_s == pytest.approx(2.0 * road.seconds + 150.0)
@@ -141,7 +139,7 @@ class TestDay:
         free = simulate_candidate(
             prepare_context(WorkOrder(plain, FIELD, cost_terms=terms)), Candidate("split-field", 2)
         ).result
-        assert free.time_s is not None and free.cost is not None and free.transport_s is None
+        assert free.transport_s is None
         day = self.day()
         until = 8 * HOUR + math.ceil(day.before_field_s + free.time_s)
         for before, meets in ((until + 1, True), (until - 2, False)):
@@ -154,7 +152,7 @@ class TestDay:
         assert found.ready_s == pytest.approx(day.before_field_s)
         assert found.done_s == pytest.approx(day.before_field_s + free.time_s)
         assert found.home_s == pytest.approx(day.before_field_s + free.time_s + day.after_field_s)
-        assert found.cost is not None and found.cost - free.cost == pytest.approx(0.01 * found.transport_s)
+        assert found.cost - free.cost == pytest.approx(0.01 * found.transport_s)
         words = describe_workday(day, site.request, found)
         assert len(words) == 1 and "out at 08:00" in words[0]
 
@@ -168,7 +166,6 @@ class TestDay:
         """What is certain is in time by the clock or never: before the road, the break and the night are over."""
         scenario = PlanRequest(field="far", no_headland=True, start_s=8 * HOUR, samples=50)
         free = simulate_candidate(prepare_context(WorkOrder(scenario, FIELD)), Candidate("split-field", 1)).result
-        assert free.time_s is not None
         late = 8 * HOUR + round(self.day().before_field_s + 0.5 * free.time_s)
         for before, chance in ((late, 0.0), (7 * HOUR, 1.0)):
             site = prepare_context(

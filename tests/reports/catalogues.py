@@ -213,7 +213,7 @@ def _iter_tokens(script: str) -> Iterator[_Token]:
     while place < len(script):
         ends_value = before.value in ")]}" if before.type == "sign" else before.value not in OPERATORS
         found = (TOKEN if ends_value else VALUE_TOKEN).match(script, place)
-        assert found is not None and found.lastgroup is not None
+        assert found.lastgroup is not None
         place = found.end()
         if found.lastgroup != "blank":
             before = _Token(found.lastgroup, found[0])

@@ -25,7 +25,6 @@ OTHER = ExperimentSheet("b", "Fixed", (), (ThesisComparison("b 1", "slip", "deg"
 
 def test_numbers_are_counted_by_how_far_they_are_off() -> None:
     verdict = measure_thesis_agreement([SHEET])
-    assert verdict is not None
     assert verdict.headline == (
         "4 of 6 numbers of the thesis are reproduced: 1 within 5 %, 2 more within 15 %; 1 differ by more."
     )
@@ -36,7 +35,6 @@ def test_numbers_are_counted_by_how_far_they_are_off() -> None:
 
 def test_several_experiments_have_a_row_each_and_one_for_all() -> None:
     verdict = measure_thesis_agreement([SHEET, OTHER])
-    assert verdict is not None
     assert [row[0] for row in verdict.rows] == ["Circles (Table 1)", "Fixed", "All"]
     assert verdict.rows[-1][1:] == ("7", "2", "2", "1", "2")
     assert verdict.sentences[0] == "Differ by more than 15 %: Circles (Table 1) (1)."
@@ -59,7 +57,6 @@ def test_every_printed_number_is_counted_once(pairs: list[tuple[float | None, fl
     if not printed:
         assert verdict is None
         return
-    assert verdict is not None
     whole, *parts = map(int, verdict.rows[0][1:])
     assert whole == sum(parts) == printed
 

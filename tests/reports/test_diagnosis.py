@@ -104,6 +104,100 @@ def both(what: Diagnosis) -> list[str]:
     return [flat(printed(what, 100)), page_text(what)]
 
 
+OFFSET = in_model("steering_offset", NAMED, 1.0)
+CHANGED = extended(steering_offset=setting())
+ALIKE = in_model("steering_offset", EQUIVALENT, 1.0, equivalent_to=("heading_bias",))
+SURE = (
+    in_model("steering_gain", NAMED, 1.1), in_model("steering_offset", EQUIVALENT, 1.0),
+    in_model("grip_drift", LIKELY, 0.05), finding("side_slip", NOT_VISIBLE),
+)  # fmt: skip
+SAVED = extended(
+    side_slip=EffectSetting(value={"limit_g": 0.5}), steering_gain=EffectSetting(value={"ratio": 1.1}),
+    steering_offset=setting(named=False, equivalent_to=("cross_slope_drift", "heading_bias")),
+    grip_drift=EffectSetting(value={"per_minute": 0.05}, named=False),
+)  # fmt: skip
+WRONG = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+HINT = Hint("the wheel angle", "heading", None, "Errors of the headings go together with the wheel angle.")
+GETS_OFFSET = "The tractor file gets: steering offset (steering_offset)."
+BEFORE, AFTER = "Simulated with the old file: ", "Simulated as these logs say the tractor drives: "
+SAID: dict[str, tuple[Diagnosis, tuple[str, ...], tuple[str, ...]]] = {
+    "nothing added": (diagnosis(), ("Nothing was added to the tractor, so plans do not change.",), ("That holds",)),
+    "added and driven": (
+        diagnosis(OFFSET, plan=PLAN, tractor=CHANGED),
+        (GETS_OFFSET, f"{BEFORE}82.3 min, 2.3 cm off the tracks", f"{AFTER}82.7 min, 20.1 cm off the tracks"),
+        ("Nothing was added", "That holds", "not finished"),
+    ),
+    "not finished after": (
+        diagnosis(OFFSET, plan=replace(PLAN, time_after_s=None), tractor=CHANGED), (f"{AFTER}not finished",),
+        (f"{BEFORE}not finished", "Nothing was added"),
+    ),
+    "not finished before": (
+        diagnosis(OFFSET, plan=replace(PLAN, time_before_s=None), tractor=CHANGED), (f"{BEFORE}not finished",),
+        (f"{AFTER}not finished", "Nothing was added"),
+    ),
+    "never finished": (
+        diagnosis(OFFSET, plan=replace(PLAN, time_before_s=None, time_after_s=None), tractor=CHANGED),
+        (f"{BEFORE}not finished", f"{AFTER}not finished"), ("Nothing was added",),
+    ),
+    "added but not driven": (
+        diagnosis(OFFSET, tractor=CHANGED, notes=("No plan was driven to compare: too small.",)),
+        (GETS_OFFSET, "No plan was driven to compare"), ("Nothing was added", "min,"),
+    ),
+    "taken away": (diagnosis(plan=PLAN), ("The effects in the tractor file are removed.", "82.7 min"), ()),
+    "driven with one of several causes": (
+        diagnosis(ALIKE, plan=PLAN, tractor=extended(steering_offset=setting(named=False,
+                                                                             equivalent_to=("heading_bias",)))),
+        ("That holds if it is steering offset.",), (),
+    ),
+    "how sure each saved effect is": (
+        diagnosis(*SURE, tractor=SAVED),
+        ("The tractor file gets: side slip (side_slip), unchanged; steering gain (steering_gain); steering offset "
+         "(steering_offset), or cross slope drift or heading bias in its place; grip drift (grip_drift), likely.",), (),
+    ),
+    "a discrepancy model": (
+        diagnosis(tractor=extended(DISCREPANCY)),
+        ("an extra wheel angle that depends on speed: 0.4 (0.3 to 0.5) deg per m/s",
+         "a change of grip that depends on the direction of travel: 0.05 towards east and -0.02 towards north",
+         "only where these logs were driven: 0.2 to 2.1 m/s and wheel angles of -20.0 to 25.5 degrees",
+         'The line "on = false" under [discrepancy_model] in the tractor file switches it off.',
+         "The tractor file gets: a discrepancy model."), (),
+    ),
+    "one of a kind": (
+        diagnosis(names=("a",), rows_used=1, rows_gated=1),
+        ("1 run, 1.7 minutes, 1 row used, 1 left out", "windows of 20 s"), ("1 runs", "1 rows"),
+    ),
+    "no more than noise": (
+        diagnosis(depends_on=("a push",)),
+        ("The remaining error over pieces of 5 s, 2.5 cm across (noise 2.5), 5.0 cm along (noise 5.0), 0.25 degrees "
+         "(noise 0.25), is no more than noise.",), ("depends on: a push",),
+    ),
+    "above noise over long pieces": (
+        diagnosis(above_noise_s=(10.0, 20.0), depends_on=("a push",)),
+        ("is no more than noise, but above it over pieces of 10 and 20 s.",), ("depends on: a push",),
+    ),
+    "hardly above noise": (
+        diagnosis(above_noise_s=(5.0,)), ("is hardly above the noise over pieces of 5 s.",), (),
+    ),
+    "a hint names a quantity": (
+        diagnosis(unexplained_share=0.3, hints=(HINT,), after=WRONG, pace_mps=0.5),
+        ("It depends on: the wheel angle.",), ("none of the quantities",),
+    ),
+    "the rest that was fitted is driven": (
+        diagnosis(unexplained_share=0.4, pace_mps=1.0, tractor=extended(DISCREPANCY),
+                  plan=replace(PLAN, discrepancy_s=12.4, discrepancy_cm=1.36)),
+        ("the discrepancy model fitted to it changes the result by +12 s and +1.4 cm off the tracks",), (),
+    ),
+}  # fmt: skip
+"""By what is the case: a diagnosis, and what table and page say of it and what not."""
+
+
+@pytest.mark.parametrize("case", SAID)
+def test_table_and_page_say_it_as_it_is(case: str) -> None:
+    what, said, unsaid = SAID[case]
+    for text in both(what):
+        assert [part for part in said if part not in text] == [] == [part for part in unsaid if part in text]
+
+
 class TestLikely:
     def test_stands_before_what_is_refuted_and_says_how_often_it_is_right(self) -> None:
         what = diagnosis(in_model("grip_drift", LIKELY, 0.05), finding("understeer", NOT_VISIBLE))
@@ -132,106 +226,11 @@ class TestLikely:
         assert {one["status"] for one in found} == {NAMED, REFUTED, LIKELY}
 
 
-class TestDiscrepancyModel:
-    def test_says_what_it_is_where_it_is_trusted_and_how_to_switch_it_off(self) -> None:
-        for text in both(diagnosis(tractor=extended(DISCREPANCY))):
-            assert "an extra wheel angle that depends on speed: 0.4 (0.3 to 0.5) deg per m/s" in text
-            assert (
-                "a change of grip that depends on the direction of travel: 0.05 towards east and -0.02 towards north"
-                in text
-            )
-            assert "only where these logs were driven: 0.2 to 2.1 m/s and wheel angles of -20.0 to 25.5 degrees" in text
-            assert 'The line "on = false" under [discrepancy_model] in the tractor file switches it off.' in text
-            assert "The tractor file gets: a discrepancy model." in text
-
-
-class TestPlan:
-    def test_nothing_added(self) -> None:
-        for text in both(diagnosis()):
-            assert "Nothing was added to the tractor, so plans do not change." in text
-
-    def test_added_and_driven(self) -> None:
-        what = diagnosis(
-            in_model("steering_offset", NAMED, 1.0), plan=PLAN, tractor=extended(steering_offset=setting())
-        )
-        for text in both(what):
-            assert "The tractor file gets: steering offset (steering_offset)." in text
-            assert "Simulated with the old file: 82.3 min, 2.3 cm off the tracks" in text
-            assert "Simulated as these logs say the tractor drives: 82.7 min, 20.1 cm off the tracks" in text
-            assert "Nothing was added" not in text
-
-    @pytest.mark.parametrize(("before", "after"), [(4938.0, None), (None, 4962.0), (None, None)])
-    def test_a_plan_that_is_not_finished_is_said_to_be_so(self, before: float | None, after: float | None) -> None:
-        plan = replace(PLAN, time_before_s=before, time_after_s=after)
-        tractor = extended(steering_offset=setting())
-        for text in both(diagnosis(in_model("steering_offset", NAMED, 1.0), plan=plan, tractor=tractor)):
-            assert ("Simulated with the old file: not finished" in text) == (before is None)
-            assert ("the tractor drives: not finished" in text) == (after is None)
-            assert "Nothing was added" not in text
-
-    def test_added_but_not_driven(self) -> None:
-        what = diagnosis(
-            in_model("steering_offset", NAMED, 1.0), tractor=extended(steering_offset=setting()),
-            notes=("No plan was driven to compare: too small.",),
-        )  # fmt: skip
-        for text in both(what):
-            assert "The tractor file gets: steering offset (steering_offset)." in text
-            assert "No plan was driven to compare" in text
-            assert "Nothing was added" not in text and "min," not in text
-
-    def test_taken_away(self) -> None:
-        for text in both(diagnosis(plan=PLAN)):
-            assert "The effects in the tractor file are removed." in text and "82.7 min" in text
-
-    def test_a_plan_driven_with_one_of_several_causes_says_so(self) -> None:
-        alike = in_model("steering_offset", EQUIVALENT, 1.0, equivalent_to=("heading_bias",))
-        tractor = extended(steering_offset=setting(named=False, equivalent_to=("heading_bias",)))
-        for text in both(diagnosis(alike, plan=PLAN, tractor=tractor)):
-            assert "That holds if it is steering offset." in text
-        for text in both(diagnosis(in_model("steering_offset", NAMED, 1.0), plan=PLAN, tractor=extended(a=setting()))):
-            assert "That holds" not in text
-
-    def test_how_sure_each_saved_effect_is(self) -> None:
-        told = (
-            in_model("steering_gain", NAMED, 1.1), in_model("steering_offset", EQUIVALENT, 1.0),
-            in_model("grip_drift", LIKELY, 0.05), finding("side_slip", NOT_VISIBLE),
-        )  # fmt: skip
-        tractor = extended(
-            side_slip=EffectSetting(value={"limit_g": 0.5}), steering_gain=EffectSetting(value={"ratio": 1.1}),
-            steering_offset=setting(named=False, equivalent_to=("cross_slope_drift", "heading_bias")),
-            grip_drift=EffectSetting(value={"per_minute": 0.05}, named=False),
-        )  # fmt: skip
-        for text in both(diagnosis(*told, tractor=tractor)):
-            assert (
-                "The tractor file gets: side slip (side_slip), unchanged; steering gain (steering_gain); steering "
-                "offset (steering_offset), or cross slope drift or heading bias in its place; grip drift (grip_drift), "
-                "likely."
-            ) in text
-
-
 class TestWords:
-    def test_one_of_a_kind(self) -> None:
-        for text in both(diagnosis(names=("a",), rows_used=1, rows_gated=1)):
-            assert "1 run, 1.7 minutes, 1 row used, 1 left out" in text
-            assert "1 runs" not in text and "1 rows" not in text
-            assert "windows of 20 s" in text
-
-    def test_what_is_left_as_noise_leaves_it_is_said_in_a_sentence(self) -> None:
-        said = "2.5 cm across (noise 2.5), 5.0 cm along (noise 5.0), 0.25 degrees (noise 0.25),"
-        for text in both(diagnosis(depends_on=("a push",))):
-            assert f"The remaining error over pieces of 5 s, {said} is no more than noise." in text
-            assert "depends on: a push" not in text
-
-    def test_a_horizon_above_the_noise_is_said_beside_one_that_is_not(self) -> None:
-        what = diagnosis(above_noise_s=(10.0, 20.0), depends_on=("a push",))
-        assert not what.is_noise_only and json.loads(format_diagnosis_json(what))["residual_error"][
-            "above_noise_s"
-        ] == [10.0, 20.0]
-        for text in both(what):
-            assert "is no more than noise, but above it over pieces of 10 and 20 s." in text
-            assert "depends on: a push" not in text
-        for text in both(diagnosis(above_noise_s=(5.0,))):
-            assert "is hardly above the noise over pieces of 5 s." in text
+    def test_a_horizon_above_the_noise_is_told_to_programs(self) -> None:
+        what = diagnosis(above_noise_s=(10.0, 20.0))
+        left = json.loads(format_diagnosis_json(what))["residual_error"]
+        assert not what.is_noise_only and left["above_noise_s"] == [10.0, 20.0]
 
     def test_the_way_along_is_not_called_noise_where_no_speed_was_measured(self) -> None:
         wrong = {h: HorizonError(h, 90.0 * h, 0.1 * h) for h in (1.0, 5.0)}
@@ -252,40 +251,18 @@ class TestWords:
     )
     def test_what_is_left_is_said_in_order(self, share: float, depends: tuple[str, ...], said: str) -> None:
         """Against the noise, then in a plan, then what it depends on: twice the noise over 5 s at 1 m/s."""
-        wrong = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
-        what = diagnosis(unexplained_share=share, depends_on=depends, after=wrong, pace_mps=0.5)
-        assert what.residual_error is not None and what.residual_error.aside_cm == pytest.approx(2.5 * math.sqrt(3.0))
+        what = diagnosis(unexplained_share=share, depends_on=depends, after=WRONG, pace_mps=0.5)
+        assert what.residual_error.aside_cm == pytest.approx(2.5 * math.sqrt(3.0))
         assert what.residual_error.late_s == pytest.approx(0.1 * math.sqrt(3.0))
         for text in both(what):
-            parts = (
-                f"explains {100 * share:.0f} % of",
-                "within 5 s, that is 0.2 s early or late and 4.3 cm to the side",
-            )
+            parts = f"explains {100 * share:.0f} % of", "within 5 s, that is 0.2 s early or late and 4.3 cm to the side"
             places = [text.index(part) for part in (*parts, said)]
             assert places == sorted(places)
 
-    def test_what_a_hint_names_is_a_quantity_that_was_examined(self) -> None:
-        wrong = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
-        hint = Hint("the wheel angle", "heading", None, "Errors of the headings go together with the wheel angle.")
-        for text in both(diagnosis(unexplained_share=0.3, depends_on=(), hints=(hint,), after=wrong, pace_mps=0.5)):
-            assert "It depends on: the wheel angle." in text and "none of the quantities" not in text
-
-    def test_what_is_left_is_driven_where_a_rest_was_fitted_to_it(self) -> None:
-        plan = replace(PLAN, discrepancy_s=12.4, discrepancy_cm=1.36)
-        what = diagnosis(unexplained_share=0.4, pace_mps=1.0, plan=plan, tractor=extended(DISCREPANCY))
-        for text in both(what):
-            assert "the discrepancy model fitted to it changes the result by +12 s and +1.4 cm off the tracks" in text
-
-    def test_errors_are_said_to_be_those_of_pieces(self) -> None:
+    def test_errors_are_those_of_pieces_and_the_smallest_visible_is_a_deviation_or_a_limit(self) -> None:
         for text in both(diagnosis()):
-            assert (
-                "root mean square" in text
-                and "is aligned with" in text.replace("each aligned with", "each is aligned with")
-                and "after 5 s" not in text
-            )
-
-    def test_the_smallest_visible_is_a_deviation_and_of_a_limit_a_limit(self) -> None:
-        for text in both(diagnosis()):
+            assert "root mean square" in text and "after 5 s" not in text
+            assert "is aligned with" in text.replace("each aligned with", "each is aligned with")
             assert "the smallest change of the value in the tractor file" in text
             assert "limit 0.12 g" in text and text.count("limit 0.1") == 1
 
@@ -349,14 +326,11 @@ class TestPage:
         assert "No known cause: a push." in page_text(diagnosis(depends_on=("a push",)))
 
     def test_bars_for_all_kinds_and_none_for_a_heading_that_was_not_logged(self) -> None:
-        assert re.findall("<h3>(.*?)</h3>", render_diagnosis_page(diagnosis())) == [
-            "Across, cm",
-            "Along, cm",
-            "Heading, deg",
-        ]
+        kinds = ["Across, cm", "Along, cm", "Heading, deg"]
+        assert re.findall("<h3>(.*?)</h3>", render_diagnosis_page(diagnosis())) == kinds
         blind = {h: HorizonError(1.0, 1.0, math.nan) for h in (1.0, 5.0)}
         page = render_diagnosis_page(diagnosis(before=blind, after=blind, noise_floor=blind))
-        assert re.findall("<h3>(.*?)</h3>", page) == ["Across, cm", "Along, cm"]
+        assert re.findall("<h3>(.*?)</h3>", page) == kinds[:2]
         assert "nan" not in page and "nan" not in printed(diagnosis(before=blind, after=blind, noise_floor=blind))
         widths = [float(width) for width in re.findall(r'"bar \w+" style="width: (.*?)%', page)]
         assert len(widths) == 12 and max(widths) == 100.0
@@ -402,16 +376,11 @@ class TestJson:
         assert all(tuple(one) == self.EFFECT_KEYS for one in found["effects"])
         assert list(found["error_before"]["5"]) == ["cross_cm", "along_cm", "heading_deg"]
 
-    def test_the_guide_names_every_key(self) -> None:
+    def test_the_guide_names_every_key_and_every_effect_with_its_parameters_and_neutral_value(self) -> None:
         guide = (Path(__file__).parents[2] / "planner" / "guide" / "diagnosis.md").read_text(encoding="utf-8")
-        section = guide.split("## Keys of `--json`")[1]
-        for key in (*self.KEYS, *self.EFFECT_KEYS):
-            assert f"`{key}`" in section
-
-    def test_the_guide_lists_every_effect_with_its_parameters_and_neutral_value(self) -> None:
-        guide = (Path(__file__).parents[2] / "planner" / "guide" / "diagnosis.md").read_text(encoding="utf-8")
-        section = guide.split("## Effects")[1].split("## Keys")[0]
-        rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in section.splitlines() if line[:2] == "| "]
+        effects, keys = guide.split("## Effects")[1].split("## Keys of `--json`")
+        assert [key for key in (*self.KEYS, *self.EFFECT_KEYS) if f"`{key}`" not in keys] == []
+        rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in effects.splitlines() if line[:2] == "| "]
         listed = {name: row for row in rows[1:] for name in re.findall("`(.*?)`", row[0])}
         assert sorted(listed) == sorted(entry.id for entry in CATALOGUE)
         for entry in CATALOGUE:

@@ -12,7 +12,7 @@ from reports.diagnosis.page import build_diagnosis_view
 from reports.diagnosis.sentences import MOST_RUNS, describe_columns, describe_remaining_error, describe_unsaved
 from reports.diagnosis.tables import build_diagnosis_screen, format_diagnosis_json
 from tests.printing import assert_as_stored, print_text
-from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting
+from tests.reports.test_diagnosis import CHANGED, OFFSET, both, diagnosis, flat, in_model, printed
 from vehicle.identification.diagnosis.results import (
     LIKELY,
     NAMED,
@@ -47,8 +47,6 @@ def hold_out(scale: float, helps: bool, asked: bool = True) -> HoldoutResult:
     return HoldoutResult(("run2", "run9"), before, after, helps, runs, "Held out, as asked: run2, run9.", asked)
 
 
-OFFSET = in_model("steering_offset", NAMED, 1.0)
-CHANGED = extended(steering_offset=setting())
 FAULTY = diagnosis(OFFSET, faults=(FAULT,), names=NAMES, runs=RUNS, rows_gated=2658, rows_gated_by_reason=REASONS)
 LATE = diagnosis(in_model("grip_drift", LIKELY, 0.05), columns=(STALE, SMOOTH), hints=(HINT,))
 HARMFUL = diagnosis(OFFSET, names=NAMES[:5], runs=(ODD, *RUNS[:2]), holdout=hold_out(2.0, False), tractor=CHANGED)
@@ -85,10 +83,8 @@ class TestFaults:
         assert found["faults"] == [
             {"id": "steering_loose", "run": "run7", "from_s": 812.0, "to_s": None, "words": FAULT.words}
         ]
-
-    def test_a_run_in_the_words_is_not_told_twice(self) -> None:
-        fault = replace(FAULT, words="from 13:53:20 the wheel of run7 does not follow.")
-        assert fault.sentence == "From 13:53:20 the wheel of run7 does not follow."
+        named = replace(FAULT, words="from 13:53:20 the wheel of run7 does not follow.")
+        assert named.sentence == "From 13:53:20 the wheel of run7 does not follow.", "a run is not told twice"
 
     def test_nothing_else_is_not_nothing(self) -> None:
         what = diagnosis(faults=(FAULT,))
@@ -116,17 +112,14 @@ class TestColumns:
             assert places == sorted(places)
 
     def test_are_a_table_and_objects(self) -> None:
-        assert any(
-            line.split() == ["steering", "0.30", "2.00", "-", "-", "87", "%"] for line in printed(LATE).splitlines()
-        )
-        steering, heading = json.loads(format_diagnosis_json(LATE))["columns"]
+        rows = [line.split() for line in printed(LATE).splitlines()]
+        assert ["steering", "0.30", "2.00", "-", "-", "87", "%"] in rows
+        told = json.loads(format_diagnosis_json(LATE))
+        steering, heading = told["columns"]
         assert steering["hold_s"] == 2.0 and steering["filter_s"] is None and steering["stale_share"] == 0.87
         assert (heading["column"], heading["filter_s"], heading["clock_offset_s"]) == ("heading", 0.6, -0.12)
-
-    def test_hints_name_the_instrument(self) -> None:
-        assert json.loads(format_diagnosis_json(LATE))["hints"] == [
-            {"depends_on": "time of day", "instrument": "heading", "block": None, "words": HINT.words}
-        ]
+        hint = {"depends_on": "time of day", "instrument": "heading", "block": None, "words": HINT.words}
+        assert told["hints"] == [hint]
 
     def test_what_the_verdict_says_is_no_hint(self) -> None:
         twice = replace(HINT, words="The error looks like a push that depends on time.")
@@ -153,10 +146,8 @@ class TestRuns:
 
     def test_of_runs_without_errors_only_names_are_known(self) -> None:
         found = json.loads(format_diagnosis_json(diagnosis()))["runs"]
-        assert [(run["name"], run["error_after_cm"], run["unlike"]) for run in found] == [
-            ("a", None, False),
-            ("b", None, False),
-        ]
+        told = [(run["name"], run["error_after_cm"], run["unlike"]) for run in found]
+        assert told == [("a", None, False), ("b", None, False)]
 
     def test_the_reason_for_most_rows_left_out_stands_at_the_top(self) -> None:
         for text in (flat(show_screen(FAULTY)), *both(FAULTY)):
@@ -214,13 +205,11 @@ class TestLaws:
         found = next(one for one in json.loads(format_diagnosis_json(what))["effects"] if one["law"])
         assert found["id"] == "steering_offset" and found["law"]["kind"] == "over_day"
 
-    @pytest.mark.parametrize("law", [None, replace(LAW, kind="constant")])
-    def test_what_is_constant_needs_no_word(self, law: ParameterLaw | None) -> None:
-        assert replace(OFFSET, law=law).sentence == OFFSET.description
-
-    def test_what_the_description_says_is_not_said_twice(self) -> None:
-        finding = replace(OFFSET, description=f"It stands. {LAW.words}", law=LAW)
-        assert finding.sentence.count("over the day") == 1
+    def test_what_is_constant_or_said_in_the_description_needs_no_word(self) -> None:
+        for law in (None, replace(LAW, kind="constant")):
+            assert replace(OFFSET, law=law).sentence == OFFSET.description
+        twice = replace(OFFSET, description=f"It stands. {LAW.words}", law=LAW)
+        assert twice.sentence.count("over the day") == 1
 
 
 def test_how_intervals_came_about_is_told() -> None:

@@ -32,7 +32,7 @@ def print_table(width: int = 200) -> str:
 
 
 def test_the_answer_and_explain_say_the_litres() -> None:
-    assert BEST is not None and BEST.tractors == 2
+    assert BEST.tractors == 2
     assert write_answer(FUEL).decision.endswith(", 32 l") and not write_answer(DEADLINE).decision.endswith(" l")
     text = " ".join(print_table().split())
     assert "The best plan burns 32 l of fuel, 8.1 l/ha: 84 kg of CO2. By tractor: 16.0 l and 16.0 l." in text

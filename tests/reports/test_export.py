@@ -66,14 +66,13 @@ def test_the_reference_names_the_keys_of_a_plan() -> None:
     assert {*CONTRACT} <= {*named} <= {*PLAN_KEYS} and len({*named}) == len(named)
 
 
-def test_every_plan_has_the_cells_of_its_tracks(ranking: PlanRanking) -> None:
+def test_every_plan_has_the_cells_of_its_tracks_and_without_a_plan_best_is_null(ranking: PlanRanking) -> None:
     cells = [{"number": 1, "bearing_deg": 75.0, "area_m2": 900.0, "swaths": 4}]
-    told = replace(
-        ranking, scenario={"cells": cells}, shortfalls=(Shortfall("rain", "No plan finishes before the rain."),)
-    )
-    data = json.loads(format_ranking_json(told))
+    lacking = (Shortfall("rain", "No plan finishes before the rain."),)
+    data = json.loads(format_ranking_json(replace(ranking, scenario={"cells": cells}, shortfalls=lacking)))
     assert all(plan["cells"] == cells for plan in [*data["plans"], data["best"]])
     assert data["unmet"] == "No plan finishes before the rain."
+    assert json.loads(format_ranking_json(replace(ranking, plans=ranking.plans[6:])))["best"] is None
 
 
 def test_values_survive(ranking: PlanRanking) -> None:
@@ -95,21 +94,13 @@ def test_advice_and_what_it_is_of_survive(ranking: PlanRanking) -> None:
     )  # fmt: skip
     told = replace(ranking, plans=(sure,), currency="EUR", samples=10_000)
     data = json.loads(format_ranking_json(told), parse_constant=no_constant)
-    assert (data["advice"], data["currency"], data["samples"]) == (
-        " ".join(f"{each.rstrip('.')}." for each in data["summary"]),
-        "EUR",
-        10_000,
-    )
+    advice = " ".join(f"{each.rstrip('.')}." for each in data["summary"])
+    assert (data["advice"], data["currency"], data["samples"]) == (advice, "EUR", 10_000)
     entry = data["plans"][0]
     assert (entry["finish_probability"], entry["finish_probability_interval"]) == (0.97, [0.966, 0.973])
     (row,) = csv.DictReader(io.StringIO(format_ranking_csv(told)))
-    assert [row[key] for key in (*INTERVAL, "p50_s", "p80_s", "expected_cost")] == [
-        "0.966", "0.973", "3000.5", "", "128.9",
-    ]  # fmt: skip
-
-
-def test_no_best_is_null(ranking: PlanRanking) -> None:
-    assert json.loads(format_ranking_json(replace(ranking, plans=ranking.plans[6:])))["best"] is None
+    told_csv = [row[key] for key in (*INTERVAL, "p50_s", "p80_s", "expected_cost")]
+    assert told_csv == ["0.966", "0.973", "3000.5", "", "128.9"]
 
 
 floats = st.one_of(st.none(), st.floats(), st.floats(allow_nan=False, allow_infinity=False).map(np.float64))
@@ -129,32 +120,20 @@ def test_any_float_gives_json(time_s: float | None, cost: float | None) -> None:
 
 
 def test_text_ends_once_and_repeats(ranking: PlanRanking, study: FleetStudy) -> None:
-    for text, again in (
-        (format_ranking_json(ranking), format_ranking_json(ranking)),
-        (format_study_json(study), format_study_json(study)),
-    ):
-        assert text == again
-        assert text.endswith("}\n")
-        assert not text.endswith("\n\n")
+    for form, what in ((format_ranking_json, ranking), (format_study_json, study)):
+        text = form(what)
+        assert text == form(what) and text.endswith("}\n") and not text.endswith("\n\n")
 
 
 def test_csv_has_one_row_per_plan(ranking: PlanRanking) -> None:
     rows = list(csv.reader(io.StringIO(format_ranking_csv(ranking))))
-    asked = [
-        "field",
-        "width_m",
-        "headland_m",
-        "bearing_deg",
-        "price_per_hour",
-        "price_per_tractor",
-        "area_ha",
-        "corners",
-    ]
     assert rows[0][:5] == ["field", "strategy", "tractors", "turn", "width_m"], "names first"
     printed = ["stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct", "finish_probability"]
     assert rows[0][5:10] == printed, "then the figures of the printed table"
-    assert {*COLUMNS, *asked} <= {*rows[0]} and len(set(rows[0])) == len(rows[0])
-    assert asked == [*CSV_KEYS]
+    assert {*COLUMNS, *CSV_KEYS} <= {*rows[0]} and len(set(rows[0])) == len(rows[0])
+    assert " ".join(CSV_KEYS) == (
+        "field width_m headland_m bearing_deg price_per_hour price_per_tractor area_ha corners"
+    )
     assert len(rows) == 1 + len(ranking.plans)
     assert {len(row) for row in rows} == {len(rows[0])}
 
@@ -163,44 +142,27 @@ def test_every_row_says_what_was_asked(ranking: PlanRanking) -> None:
     scenario = {"field": "x.geojson#2", "width_m": 3.0, "headland_m": 8.5, "bearing_deg": 90.0, "price_per_hour": 40.0,
                 "price_per_tractor": math.nan, "corners": "round", "seed": 7}  # fmt: skip
     asked = replace(ranking, scenario=scenario)
-    assert json.loads(format_ranking_json(asked), parse_constant=no_constant)["scenario"] == scenario | {
-        "price_per_tractor": None
-    }
+    told = json.loads(format_ranking_json(asked), parse_constant=no_constant)["scenario"]
+    assert told == scenario | {"price_per_tractor": None}
+    values = ["Iwamizawa", "3.0", "8.5", "90.0", "40.0", "", str(ranking.area_ha), "round"]
     for row in csv.DictReader(io.StringIO(format_ranking_csv(asked))):
-        assert [row[key] for key in CSV_KEYS] == [
-            "Iwamizawa",
-            "3.0",
-            "8.5",
-            "90.0",
-            "40.0",
-            "",
-            str(ranking.area_ha),
-            "round",
-        ]
-
-
-def test_csv_values(ranking: PlanRanking) -> None:
-    rows = list(csv.DictReader(io.StringIO(format_ranking_csv(ranking))))
-    assert float(rows[2]["time_s"]) == 1712.4
-    assert (rows[0]["meets_deadline"], rows[3]["meets_deadline"], rows[6]["meets_deadline"]) == ("true", "false", "")
-    assert rows[9]["reason"] == "The field has 8 swaths, too few for 11 tractors.", "the comma is quoted"
-    assert rows[4]["min_clearance_m"] == ""
+        assert [row[key] for key in CSV_KEYS] == values
 
 
 def test_csv_and_json_tell_the_same(ranking: PlanRanking) -> None:
     plans = json.loads(format_ranking_json(ranking))["plans"]
-    for row, plan in zip(csv.DictReader(io.StringIO(format_ranking_csv(ranking))), plans, strict=True):
+    rows = list(csv.DictReader(io.StringIO(format_ranking_csv(ranking))))
+    for row, plan in zip(rows, plans, strict=True):
         told = {key: "" if plan.get(key) is None else str(plan[key]) for key in COLUMNS}
         said = {key: text.lower() if text in ("True", "False") else text for key, text in told.items()}
         assert {key: row[key] for key in COLUMNS} == said
+    assert (rows[0]["meets_deadline"], rows[3]["meets_deadline"], rows[6]["meets_deadline"]) == ("true", "false", "")
+    assert rows[9]["reason"] == "The field has 8 swaths, too few for 11 tractors.", "the comma is quoted"
 
 
 def test_what_is_left_open_has_a_place(leaving: PlanRanking) -> None:
-    for entry, row in zip(
-        json.loads(format_ranking_json(leaving))["plans"],
-        csv.DictReader(io.StringIO(format_ranking_csv(leaving))),
-        strict=True,
-    ):
+    plans = json.loads(format_ranking_json(leaving))["plans"]
+    for entry, row in zip(plans, csv.DictReader(io.StringIO(format_ranking_csv(leaving))), strict=True):
         if entry["feasible"]:
             piece = {"m2": 1200.0, "lon": 141.75, "lat": 43.2, "x_m": 131.4, "y_m": 64.6}
             assert entry["largest_missed"] == piece and list(entry["largest_missed"]) == list(piece)
@@ -209,15 +171,9 @@ def test_what_is_left_open_has_a_place(leaving: PlanRanking) -> None:
             assert (entry["wheel_traffic_m2"], entry["outside_m"], entry["outside_along_m"]) == (12.4, 1.2, 31.2)
         else:
             assert entry["largest_missed"] is None and {row[key] for key in PIECE} == {""}
-
-
-def test_a_field_in_local_metres_has_no_place_on_the_earth(leaving: PlanRanking) -> None:
-    piece = UnworkedPiece(5.0, 1.0, 2.0)
-    local = replace(leaving, plans=(replace(leaving.plans[0], largest_missed=piece),))
-    (entry,), (row,) = (
-        json.loads(format_ranking_json(local))["plans"],
-        csv.DictReader(io.StringIO(format_ranking_csv(local))),
-    )
+    local = replace(leaving, plans=(replace(leaving.plans[0], largest_missed=UnworkedPiece(5.0, 1.0, 2.0)),))
+    (entry,) = json.loads(format_ranking_json(local))["plans"]
+    (row,) = csv.DictReader(io.StringIO(format_ranking_csv(local)))
     assert entry["largest_missed"] == {"m2": 5.0, "lon": None, "lat": None, "x_m": 1.0, "y_m": 2.0}
     assert [row[key] for key in PIECE] == ["5.0", "", "", "1.0", "2.0"]
 

@@ -15,30 +15,25 @@ from vehicle.trials.sheets.sheet import PlotLine, PlotPanel
 
 
 def test_map_is_to_scale_and_holds_everything(drive: PlanDrive) -> None:
-    axes = draw_plan_map(drive).axes[0]
-    assert axes.get_aspect() == 1.0
+    from matplotlib.collections import LineCollection
+
+    figure = draw_plan_map(drive)
+    axes = figure.axes[0]
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     for cloud in (drive.boundary, *drive.xy):
         assert west < cloud[:, 0].min() < cloud[:, 0].max() < east
         assert south < cloud[:, 1].min() < cloud[:, 1].max() < north
-
-
-def test_a_metre_is_as_long_both_ways_on_paper(drive: PlanDrive) -> None:
-    figure = draw_plan_map(drive)
-    figure.canvas.draw()
-    corners = figure.axes[0].transData.transform([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
-    assert corners[1, 0] - corners[0, 0] == pytest.approx(corners[2, 1] - corners[0, 1], rel=1e-6)
-
-
-def test_map_draws_the_paths_driven(drive: PlanDrive) -> None:
-    from matplotlib.collections import LineCollection
-
-    lines = [item for item in draw_plan_map(drive).axes[0].collections if isinstance(item, LineCollection)]
-    length = sum(
-        float(np.hypot(*np.diff(segment, axis=0).T).sum()) for item in lines for segment in item.get_segments()
-    )
+    lines = [item for item in axes.collections if isinstance(item, LineCollection)]
+    drawn = sum(float(np.hypot(*np.diff(one, axis=0).T).sum()) for item in lines for one in item.get_segments())
     driven = sum(float(np.hypot(*np.diff(xy, axis=0).T).sum()) for xy in drive.xy)
-    assert length == pytest.approx(driven, rel=2e-3)
+    assert drawn == pytest.approx(driven, rel=2e-3)
+    figure.canvas.draw()
+    corners = axes.transData.transform([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
+    assert corners[1, 0] - corners[0, 0] == pytest.approx(corners[2, 1] - corners[0, 1], rel=1e-6)
+    assert figure._suptitle.get_window_extent().y0 - axes.transData.transform((0.0, 70.0))[1] < 0.6 * figure.dpi
+    lowest = axes.transData.transform((0.0, -1.0 - 0.1 * 273.0))[1]
+    legend = figure.legends[0].get_window_extent()
+    assert 0.0 <= lowest - legend.y1 < 0.3 * figure.dpi and legend.y0 < 0.5 * figure.dpi, "no paper is wasted"
 
 
 def test_map_legend_names_every_tractor_and_mark(drive: PlanDrive) -> None:
@@ -53,13 +48,11 @@ def test_map_legend_names_every_tractor_and_mark(drive: PlanDrive) -> None:
 def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(
     drive: PlanDrive, open_drive: PlanDrive
 ) -> None:
-    figure = draw_plan_map(open_drive)
-    assert "590 m2 of 690 m2 missed" in [text.get_text() for text in figure.axes[0].texts]
-    assert "not worked" in {text.get_text() for text in figure.legends[0].get_texts()}
-    plain = draw_plan_map(drive)
-    assert "not worked" not in {text.get_text() for text in plain.legends[0].get_texts()}
-    assert not any("left" in text.get_text() for text in plain.axes[0].texts)
-    assert render_svg(figure) == render_svg(draw_plan_map(open_drive))
+    for one, is_told in ((open_drive, True), (drive, False)):
+        figure = draw_plan_map(one)
+        assert ("590 m2 of 690 m2 missed" in [text.get_text() for text in figure.axes[0].texts]) is is_told
+        assert ("not worked" in {text.get_text() for text in figure.legends[0].get_texts()}) is is_told
+        assert is_told or not any("left" in text.get_text() for text in figure.axes[0].texts)
 
 
 def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: PlanDrive) -> None:
@@ -85,14 +78,10 @@ def test_a_picture_states_the_end_that_tables_state_and_what_its_drive_is(drive:
         assert ("as drawn" in title) is bool(told)
 
 
-def test_one_track_is_no_tracks(drive: PlanDrive) -> None:
-    title = draw_plan_map(replace(drive, title="a plan", swaths=drive.swaths[:1], swath_names=())).get_suptitle()
-    assert "1 track," in " ".join(title.split())
-
-
-def test_pieces_of_a_track_are_one_track(drive: PlanDrive) -> None:
-    cut = replace(drive, title="a plan", swaths=drive.swaths[:3], swath_names=("1", "2a", "2b"))
-    assert "2 tracks," in " ".join(draw_plan_map(cut).get_suptitle().split())
+@pytest.mark.parametrize(("tracks", "names", "told"), [(1, (), "1 track,"), (3, ("1", "2a", "2b"), "2 tracks,")])
+def test_pieces_of_a_track_are_one_track(drive: PlanDrive, tracks: int, names: tuple[str, ...], told: str) -> None:
+    cut = replace(drive, title="a plan", swaths=drive.swaths[:tracks], swath_names=names)
+    assert told in " ".join(draw_plan_map(cut).get_suptitle().split())
 
 
 def test_the_title_lies_inside_the_picture(drive: PlanDrive) -> None:
@@ -145,16 +134,14 @@ def test_scale_bar_is_as_long_as_it_says(drive: PlanDrive) -> None:
     assert [float(bar[1] - bar[0]) for bar in bars] == [pytest.approx(float(told.removesuffix(" m")))]
 
 
-def test_svg_is_the_same_letter_by_letter(drive: PlanDrive) -> None:
-    text = render_svg(draw_plan_map(drive))
-    assert text == render_svg(draw_plan_map(drive))
-    assert text.startswith("<?xml")
-    assert "dc:date" not in text
-
-
-def test_dollar_signs_are_text(drive: PlanDrive) -> None:
-    assert "costs $5 or $6_x" in render_svg(draw_plan_map(replace(drive, title="costs $5 or $6_x")))
-    assert "$a^$" in render_svg(draw_plan_map(replace(drive, title="$a^$")))
+def test_svg_is_the_same_letter_by_letter(drive: PlanDrive, open_drive: PlanDrive, still_drive: PlanDrive) -> None:
+    for one in (drive, open_drive):
+        text = render_svg(draw_plan_map(one))
+        assert text == render_svg(draw_plan_map(one))
+        assert text.startswith("<?xml") and "dc:date" not in text
+    for title in ("costs $5 or $6_x", "$a^$"):
+        assert title in render_svg(draw_plan_map(replace(drive, title=title))), "dollar signs are text"
+    assert "Iwamizawa" in render_svg(draw_plan_map(still_drive)), "one moment on a field without tracks"
 
 
 def test_a_png_has_the_size_of_its_figure(drive: PlanDrive) -> None:
@@ -162,10 +149,6 @@ def test_a_png_has_the_size_of_its_figure(drive: PlanDrive) -> None:
     data = render_png(figure)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 150)
-
-
-def test_a_drive_of_one_moment_on_a_field_without_tracks(still_drive: PlanDrive) -> None:
-    assert "Iwamizawa" in render_svg(draw_plan_map(still_drive))
 
 
 def test_a_field_without_tractors_shows_its_swaths(drive: PlanDrive) -> None:
@@ -195,7 +178,7 @@ def test_places_without_a_value_stay_on_the_picture() -> None:
              for line in crosses]  # fmt: skip
     assert low < edges[0] < edges[1] < 10.0 - 1.7
     legend = axes.get_legend()
-    assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
+    assert [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
 
 
 def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive: PlanDrive) -> None:
@@ -228,17 +211,6 @@ def test_a_list_without_room_is_left_to_the_numbers(listed_drive: PlanDrive) -> 
     figure = draw_plan_map(long)
     assert not [text for text in figure.texts if "Tractor " in text.get_text()]
     assert {text.get_text() for text in figure.axes[0].texts} >= {"R1", "R2", "cell 1: 90\N{DEGREE SIGN}", "2"}
-
-
-def test_a_map_wastes_no_paper(drive: PlanDrive) -> None:
-    figure = draw_plan_map(drive)
-    figure.canvas.draw()
-    title = figure._suptitle.get_window_extent()
-    north = figure.axes[0].transData.transform((0.0, 70.0))[1]
-    assert title.y0 - north < 0.6 * figure.dpi, "the field begins right below the title"
-    south = figure.axes[0].transData.transform((0.0, -1.0 - 0.1 * 273.0))[1]
-    legend = figure.legends[0].get_window_extent()
-    assert 0.0 <= south - legend.y1 < 0.3 * figure.dpi and legend.y0 < 0.5 * figure.dpi
 
 
 def test_a_list_too_long_for_a_column_is_parted_evenly(listed_drive: PlanDrive) -> None:

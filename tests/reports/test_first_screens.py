@@ -199,7 +199,6 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
 @given(draw_ranking())
 def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRanking) -> None:
     best = ranking.best
-    assert best is not None
     time, cost = format_stated_end(ranking, best.stated_end_s), format_price(best.stated_cost)
     answer = write_answer(ranking)
     assert re.search(rf"done (in )?{re.escape(time)}\b", answer.decision) and f" {cost} EUR" in answer.decision

@@ -32,7 +32,7 @@ from tests.planner.saved_plans import BEND, GROUND, HOLE, POND, SQUARE, in_metre
 from vehicle.missions.plan_file import SavedPlan
 
 CLOSE_M = 0.01
-NAMES = [form.name for form in GUIDANCE_FORMATS]
+FORMS = {form.name: form for form in GUIDANCE_FORMATS}
 
 
 def turned(one: SavedPlan, turn_rad: float, scale: float) -> SavedPlan:
@@ -79,12 +79,11 @@ def put(folder: Path, form: GuidanceFormat, guidance: PlanGuidance, curves: bool
     longitude=st.floats(20.0, 28.0), latitude=st.floats(-30.0, 12.0), turn=st.floats(0.0, 6.28),
     scale=st.floats(0.7, 3.0),
 )  # fmt: skip
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FORMS)
 def test_what_is_written_is_read_where_it_was(
     tmp_path_factory: pytest.TempPathFactory, name: str, longitude: float, latitude: float, turn: float, scale: float
 ) -> None:
-    form = find_guidance_format(name)
-    assert form is not None
+    form = FORMS[name]
     assume(name != "shapefile" or longitude < 179.0)  # its rings cannot be told apart across 180 degrees
     one = turned(saved(longitude, latitude), turn, scale)
     guidance = build_guidance(one)
@@ -123,8 +122,7 @@ def _same_boundary(one: SavedPlan, degrees: Any, boundary: shapely.Polygon, form
 @pytest.mark.parametrize("name", ["isoxml4", "isoxml3"])
 def test_isoxml_is_read_by_another_library(tmp_path: Path, name: str) -> None:
     io_of = pytest.importorskip("isoxml.util.isoxml_io")
-    one, form = saved(), find_guidance_format(name)
-    assert form is not None
+    one, form = saved(), FORMS[name]
     guidance = build_guidance(one)
     found = {}
     for folder in put(tmp_path, form, guidance):
@@ -142,8 +140,7 @@ def test_isoxml_is_read_by_another_library(tmp_path: Path, name: str) -> None:
 
 
 def taskdata(name: str, guidance: PlanGuidance, curves: bool | None = None) -> list[ElementTree.Element]:
-    form = find_guidance_format(name)
-    assert form is not None
+    form = FORMS[name]
     return [ElementTree.fromstring(content) for content in write_guidance(guidance, form, curves).files.values()]
 
 
@@ -169,10 +166,7 @@ def test_isoxml_is_valid_against_the_published_schemas(tmp_path: Path, name: str
     place = Path(os.environ.get("HEADLAND_ISOXML_SCHEMAS", "")) / f"ISO11783_TaskFile_{schema}.xsd"
     if not place.is_file():
         pytest.skip("HEADLAND_ISOXML_SCHEMAS names no folder with the schemas")
-    rules = xmlschema.XMLSchema(place)
-    form = find_guidance_format(name)
-    assert form is not None
-    one = saved()
+    rules, form, one = xmlschema.XMLSchema(place), FORMS[name], saved()
     for guidance in (build_guidance(one), build_guidance(one, 1), build_guidance(replace(one, ground={}))):
         for curves in (True, False):
             if any(line.is_straight for line in guidance.lines):
@@ -209,8 +203,7 @@ def test_isoxml_4_has_every_metre_that_is_worked(
     tmp_path_factory: pytest.TempPathFactory, turn: float, scale: float
 ) -> None:
     """The lengths of the file, by our reader and by one that shares nothing with it, are those of the legs."""
-    one, form = turned(saved(), turn, scale), find_guidance_format("isoxml4")
-    assert form is not None
+    one, form = turned(saved(), turn, scale), FORMS["isoxml4"]
     folder = tmp_path_factory.mktemp("whole")
     (place,) = put(folder, form, build_guidance(one), curves=None)
     field = read_field(place)
@@ -229,8 +222,7 @@ def test_isoxml_4_has_every_metre_that_is_worked(
 
 def test_what_older_terminals_cannot_read_is_told() -> None:
     """The bend is 94 m long with an amplitude of 4 m: 94 (1 + (4 pi / 94)^2 / 4) m, nearly."""
-    guidance, newer, older = build_guidance(saved()), *map(find_guidance_format, ("isoxml4", "isoxml3"))
-    assert newer is not None and older is not None
+    guidance, newer, older = build_guidance(saved()), FORMS["isoxml4"], FORMS["isoxml3"]
     made = write_guidance(guidance, newer)
     assert made.unwritten_curves == () and collect_remarks(guidance, made) == []
     (entry,) = list_content_for_newer_terminals(made)
@@ -243,8 +235,7 @@ def test_what_older_terminals_cannot_read_is_told() -> None:
 
 
 def test_what_is_left_out_is_told() -> None:
-    guidance, form = build_guidance(saved()), find_guidance_format("isoxml3")
-    assert form is not None
+    guidance, form = build_guidance(saved()), FORMS["isoxml3"]
     made = write_guidance(guidance, form)
     told = {one["what"]: one["count"] for one in list_unwritten_content(guidance, made)}
     assert told == {
@@ -253,15 +244,12 @@ def test_what_is_left_out_is_told() -> None:
     assert collect_remarks(guidance, made) == []
     (warning,) = collect_remarks(guidance, write_guidance(guidance, form, include_curves=True))
     assert "some terminals refuse" in warning
-    kml = find_guidance_format("kml")
-    assert kml is not None and "curves" not in {
-        one["what"] for one in list_unwritten_content(guidance, write_guidance(guidance, kml))
-    }
+    for_kml = list_unwritten_content(guidance, write_guidance(guidance, FORMS["kml"]))
+    assert "curves" not in {one["what"] for one in for_kml}
 
 
 def test_nothing_but_curves_is_refused_where_they_are_not_wanted() -> None:
-    guidance, form = build_guidance(saved()), find_guidance_format("isoxml3")
-    assert form is not None
+    guidance, form = build_guidance(saved()), FORMS["isoxml3"]
     bent = replace(guidance.tractors[0], lines=guidance.tractors[0].lines[:1])
     with pytest.raises(ReportError, match=r"all of them are curves; add curves\.$"):
         write_guidance(replace(guidance, tractors=(bent,)), form)
@@ -269,8 +257,7 @@ def test_nothing_but_curves_is_refused_where_they_are_not_wanted() -> None:
 
 def test_agopengps_has_a_headland_round_each_ring() -> None:
     """By hand: the inside of the headland is 6 m from the square, the hole has one round it, the pond none."""
-    form = find_guidance_format("agopengps")
-    assert form is not None
+    form = FORMS["agopengps"]
     files = write_guidance(build_guidance(saved(), 1), form).files
     assert {Path(name).name for name in files} == {"Field.txt", "Boundary.txt", "Headland.txt", "TrackLines.txt"}
     rows = files["Sondre Mark T1/Headland.txt"].decode().split("\r\n")
@@ -284,8 +271,7 @@ def test_agopengps_has_a_headland_round_each_ring() -> None:
 
 
 def test_agopengps_has_the_directions_of_its_lines() -> None:
-    form = find_guidance_format("agopengps")
-    assert form is not None
+    form = FORMS["agopengps"]
     guidance = build_guidance(saved(), 1)
     rows = write_guidance(guidance, form).files["Sondre Mark T1/TrackLines.txt"].decode().split("\r\n")
     assert rows[:2] == ["$TrackLines", "T1 01 round 1 side 1"] and rows[6:8] == ["4", "True"]
@@ -298,20 +284,18 @@ def test_agopengps_has_the_directions_of_its_lines() -> None:
     assert rows[straight + 5 : straight + 8] == ["2", "True", "0"]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FORMS)
 def test_the_same_plan_gives_the_same_bytes(name: str) -> None:
-    form, guidance = find_guidance_format(name), build_guidance(saved())
-    assert form is not None
+    form, guidance = FORMS[name], build_guidance(saved())
     one, other = (zip_files(write_guidance(guidance, form).files) for _ in range(2))
     assert one == other
     with zipfile.ZipFile(io.BytesIO(one)) as archive:
         assert archive.testzip() is None and archive.namelist() == list(write_guidance(guidance, form).files)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FORMS)
 def test_names_of_all_kinds_are_written(tmp_path: Path, name: str) -> None:
-    form = find_guidance_format(name)
-    assert form is not None
+    form = FORMS[name]
     for number, called in enumerate(("", "..", 'a/b\\c:"<&>', "畑", "con", "x" * 300, "tab\tand\x07bell", "\ud800")):
         guidance = replace(build_guidance(saved(), 2), field=called)
         folder = tmp_path / str(number)
@@ -321,6 +305,7 @@ def test_names_of_all_kinds_are_written(tmp_path: Path, name: str) -> None:
 
 
 def test_names_that_terminals_take() -> None:
+    assert all(find_guidance_format(name) is form for name, form in FORMS.items())
     assert build_designator("Ærø Straße łąka", "Field") == "AEro Strasse laka"
     assert build_designator("x" * 40, "Field") == "x" * 32 and build_designator("畑", "Field") == "Field"
     assert build_folder_name("a/b: c.", "Field") == "a b c" and build_folder_name("CON", "Field") == "Field CON"
@@ -334,8 +319,7 @@ def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
     first, *rest = one.plan.missions[0].legs
     mission = replace(one.plan.missions[0], legs=(replace(first, points=corners), *rest))
     one = replace(one, plan=replace(one.plan, missions=(mission, one.plan.missions[1])))
-    form = find_guidance_format("isoxml3")
-    assert form is not None
+    form = FORMS["isoxml3"]
     guidance = build_guidance(one)
     made = write_guidance(guidance, form)
     names = [line.name for line in made.lines]
@@ -349,8 +333,7 @@ def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
 
 
 def test_agopengps_has_the_headland_of_the_largest_part() -> None:
-    form, guidance = find_guidance_format("agopengps"), build_guidance(saved(), 1)
-    assert form is not None
+    form, guidance = FORMS["agopengps"], build_guidance(saved(), 1)
     (large,) = guidance.headland_interior
     small = replace(large, rings=(large.rings[0][:1] + 0.1 * (large.rings[0] - large.rings[0][:1]),))
     path = "Sondre Mark T1/Headland.txt"

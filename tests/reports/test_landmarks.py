@@ -31,17 +31,10 @@ def crowded(drive: PlanDrive) -> PlanDrive:
     """Tracks every 1.5 m with long names, in two cells that meet, rounds beside their ends."""
     rows = np.arange(10.0, 90.0, 1.5)
     tracks = np.concatenate([[[[10.0, y], [50.0, y]] for y in rows], [[[50.0, y], [90.0, y]] for y in rows]])
-    return replace(
-        drive,
-        boundary=ring(0, 100),
-        holes=(),
-        swaths=tracks,
-        swath_names=tuple(f"{number}a" for number in range(len(tracks))),
-        headland_sides=tuple(
-            HeadlandPassLine(number, ring(3 * number - 1.5, 101.5 - 3 * number), f"R{number}") for number in (1, 2, 3)
-        ),
-        cells=(CellOutline(1, 90.0, (ring(10, 90),), 50.0, 50.0),),
-    )
+    sides = (HeadlandPassLine(n, ring(3 * n - 1.5, 101.5 - 3 * n), f"R{n}") for n in (1, 2, 3))
+    cells, names = (CellOutline(1, 90.0, (ring(10, 90),), 50.0, 50.0),), (f"{n}a" for n in range(len(tracks)))
+    return replace(drive, boundary=ring(0, 100), holes=(), swaths=tracks, swath_names=tuple(names),
+                   headland_sides=tuple(sides), cells=cells)  # fmt: skip
 
 
 def test_names_do_not_overprint_each_other(crowded: PlanDrive) -> None:
@@ -80,18 +73,10 @@ def test_the_title_says_when_the_headland_is_worked(drive: PlanDrive) -> None:
 
 
 def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: PlanDrive) -> None:
-    piece = UnworkedPiece(120.0, 50.0, 40.0)
-    far = replace(drive, largest_missed=piece, entrance=(10.0, 10.0))
+    far = replace(drive, largest_missed=UnworkedPiece(120.0, 50.0, 40.0), entrance=(10.0, 10.0))
     box = MapExtent(0.0, 0.0, 100.0, 100.0)
-    label = place_unworked_label(far, box)
-    assert label is not None and label.place.tolist() == [50.0, 40.0]
-    moved = place_unworked_label(replace(far, entrance=(51.0, 40.5)), box)
-    assert moved is not None and moved.text == label.text == "120 m2 missed"
+    label, moved = (place_unworked_label(one, box) for one in (far, replace(far, entrance=(51.0, 40.5))))
+    assert label.place.tolist() == [50.0, 40.0] and moved.text == label.text == "120 m2 missed"
     assert moved.place[0] == 50.0 and abs(moved.place[1] - 40.5) >= 2.0
-
-
-def test_the_largest_piece_tells_how_much_is_missed_in_all(drive: PlanDrive) -> None:
-    missed = replace(drive, largest_missed=UnworkedPiece(400.0, 60.0, 60.0), missed_m2=700.0)
-    for one, text in ((missed, "400 m2 of 700 m2 missed"), (replace(missed, missed_m2=400.2), "400 m2 missed")):
-        label = place_unworked_label(one, MapExtent(0.0, 0.0, 100.0, 100.0))
-        assert label is not None and label.text == text
+    for missed_m2, text in ((700.0, "120 m2 of 700 m2 missed"), (120.2, "120 m2 missed")):
+        assert place_unworked_label(replace(far, missed_m2=missed_m2), box).text == text, "how much in all"

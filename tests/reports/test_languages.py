@@ -36,7 +36,6 @@ from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from tests.printing import print_text
 from tests.reports.brackets import Brackets, brackets
 from tests.reports.catalogues import (
-    Text,
     collect_texts,
     find_untranslated,
     read_catalogue,
@@ -53,40 +52,23 @@ VALUE = re.compile(r"\{(\w*)\}")
 __all__ = ["brackets"]
 
 
-def list_translated(language: str) -> list[tuple[Text, Text]]:
-    """Texts of a catalogue that are translated, with their translations."""
-    pairs: list[Any] = [(message.id, message.string) for message in read_catalogue(language) if message.id]
-    return [(key, text) for key, text in pairs if (all(text) if isinstance(text, tuple) else text)]
-
-
 @pytest.mark.parametrize("language", OTHERS)
-def test_translations_have_the_values_of_their_keys(language: str) -> None:
-    wrong = [
-        (key, text)
-        for key, texts in list_translated(language)
-        for text in ([texts] if isinstance(texts, str) else texts)
-        if {*VALUE.findall(text)} != {*VALUE.findall(key if isinstance(key, str) else key[-1])}
-        and not (isinstance(key, tuple) and {*VALUE.findall(text)} | {"count"} == {*VALUE.findall(key[-1])} | {"count"})
-    ]
-    assert wrong == []
-
-
-@pytest.mark.parametrize("language", OTHERS)
-def test_translations_keep_the_spaces_and_braces_of_their_keys(language: str) -> None:
-    for key, texts in list_translated(language):
-        first = key if isinstance(key, str) else key[0]
-        for text in [texts] if isinstance(texts, str) else texts:
-            assert text[:1].isspace() == first[:1].isspace(), (key, text)
-            assert text[-1:].isspace() == first[-1:].isspace(), (key, text)
-            if set(VALUE.findall(first)) - {""}:
-                list(string.Formatter().parse(text))  # else it fails when it is printed
-
-
-@pytest.mark.parametrize("language", OTHERS)
-def test_every_count_has_all_its_forms(language: str) -> None:
+def test_translations_have_the_values_spaces_braces_and_forms_of_their_keys(language: str) -> None:
     catalogue = read_catalogue(language)
-    forms: dict[Any, Any] = {message.id: message.string for message in catalogue if isinstance(message.id, tuple)}
-    assert forms and {len(texts) for texts in forms.values()} == {catalogue.num_plurals}
+    pairs: list[Any] = [(message.id, message.string) for message in catalogue if message.id]
+    counts = [texts for key, texts in pairs if isinstance(key, tuple)]
+    assert counts and {len(texts) for texts in counts} == {catalogue.num_plurals}
+    for key, texts in pairs:
+        forms, keys = (one if isinstance(one, tuple) else (one,) for one in (texts, key))
+        if not all(forms):
+            continue  # it is not translated
+        values, more = {*VALUE.findall(keys[-1])}, {"count"} if isinstance(key, tuple) else set[str]()
+        for text in forms:
+            assert {*VALUE.findall(text)} | more == values | more, (key, text)
+            assert text[:1].isspace() == keys[0][:1].isspace(), (key, text)
+            assert text[-1:].isspace() == keys[0][-1:].isspace(), (key, text)
+            if {*VALUE.findall(keys[0])} - {""}:
+                list(string.Formatter().parse(text))  # else it fails when it is printed
 
 
 def test_the_reader_is_chosen_by_option_then_variable_then_locale() -> None:

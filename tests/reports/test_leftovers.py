@@ -23,6 +23,8 @@ from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from tests.reports.brackets import Brackets
 from tests.reports.screen_cases import RANKINGS, build_day, build_records
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 NAMES = re.compile(
     r"--[a-z-]+|split-field|row-by-row(-optimised)?|interleaved|omega|switch-back(\+u)?|u\+switch-back|km/h|Yanmar|denmark|"
     r"small|field \d+|'?strip'?|farm\.geojson#strip|robots|Fendts|harrow|far\b|https?://\S+|plan\.\w+|fields\.html|"

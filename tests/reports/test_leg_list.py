@@ -1,7 +1,6 @@
 """Lists of legs: words, tables that fit a terminal, JSON with fixed keys."""
 
 import json
-from dataclasses import replace
 
 import pytest
 
@@ -72,15 +71,15 @@ def test_a_way_says_how_and_over_what_it_leads(more: dict[str, object], words: s
     assert describe_leg(step("way", 14, **more)) == words
 
 
-def test_a_switch_back_says_only_a_long_reverse() -> None:
-    turn = step("turn", 3, over_swaths=1, shape="switch-back", reversing_m=6.0)
-    assert describe_leg(turn) == "switch-back over 1 track to track 3"
-    assert describe_leg(replace(turn, reversing_m=30.0)) == "switch-back over 1 track to track 3, reversing 30 m"
-
-
-def test_many_that_are_waited_for_are_counted() -> None:
-    assert describe_leg(step("wait", for_tractors=(1, 2, 3))) == "wait for tractors 1, 2 and 3"
-    assert describe_leg(step("wait", for_tractors=(1, 2, 3, 4, 6))) == "wait for 5 tractors"
+@pytest.mark.parametrize(("one", "words"), [
+    (step("turn", 3, over_swaths=1, shape="switch-back", reversing_m=6.0), "switch-back over 1 track to track 3"),
+    (step("turn", 3, over_swaths=1, shape="switch-back", reversing_m=30.0),
+     "switch-back over 1 track to track 3, reversing 30 m"),
+    (step("wait", for_tractors=(1, 2, 3)), "wait for tractors 1, 2 and 3"),
+    (step("wait", for_tractors=(1, 2, 3, 4, 6)), "wait for 5 tractors"),
+])  # fmt: skip
+def test_only_a_long_reverse_is_said_and_many_that_are_waited_for_are_counted(one: DriverLeg, words: str) -> None:
+    assert describe_leg(one) == words
 
 
 def printed(width: int = 80, **options: object) -> str:
@@ -118,13 +117,9 @@ def test_keys_of_json_and_their_order() -> None:
     assert [own["tractor"] for own in told["tractors"]] == [1]
     legs = told["tractors"][0]["legs"]
     assert all(list(leg) == KEYS for leg in legs) and [leg["number"] for leg in legs] == list(range(1, 14))
-    assert (legs[0]["swath"], legs[0]["headland_pass"], legs[0]["part"], legs[0]["bearing_deg"]) == (
-        None,
-        2,
-        "3",
-        350.0,
-    )
-    assert (legs[7]["swath"], legs[7]["headland_pass"], legs[7]["over_swaths"], legs[7]["shape"]) == (16, None, 2, "u")
+    first, turn = legs[0], legs[7]
+    assert [first[key] for key in ("swath", "headland_pass", "part", "bearing_deg")] == [None, 2, "3", 350.0]
+    assert [turn[key] for key in ("swath", "headland_pass", "over_swaths", "shape")] == [16, None, 2, "u"]
     assert legs[4]["for_tractors"] == [1, 3] and legs[11]["shape"] is None
 
 
@@ -132,7 +127,4 @@ def test_rows_of_fixed_pitch_stand_in_columns() -> None:
     rows = format_leg_rows(STEPS)
     assert len({len(row) for row in rows}) == 1 and len(rows) == 14
     assert rows[8].startswith("  8 U over 2 tracks") and rows[8].endswith(" 1:30")
-
-
-def test_a_tractor_without_legs_is_told() -> None:
     assert format_leg_heading(3, ()) == "Tractor 3: 0 legs, 0.0 km, 0:00:00 on the field"

@@ -1,6 +1,7 @@
 """The sentence on one more tractor, the other plans, and the ground that a plan leaves."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -26,31 +27,23 @@ def write_alternatives(*plans: PlanResult, **more: object) -> str:
     return write_answer(PlanRanking("f", 1.0, 1, plans, **values)).alternatives  # type: ignore[arg-type]
 
 
-def test_a_fourth_saves_four_minutes() -> None:
-    plans = build_plan(2, 90.0, 120.0), build_plan(3, 60.0, 120.0), build_plan(4, 56.0, 129.0)
-    assert (
-        write_alternatives(*plans) == "3 tractors; a fourth saves 4 min for 9 EUR. Or 2 tractors: 1:30:00, same cost."
-    )
+A, B = (1, 60.0, 50.0), (2, 50.0, 55.0)
 
 
-@pytest.mark.parametrize(
-    ("plans", "sentence"),
-    [
-        ((build_plan(1, 60.0, 50.0), build_plan(2, 59.7, 61.0)), "1 tractor; a second saves 18 s for 11 EUR."),
-        ((build_plan(1, 600.0, 50.0), build_plan(2, 520.0, 61.0)), "1 tractor; a second saves 1 h 20 min for 11 EUR."),
-        ((build_plan(9, 60.0, 50.0), build_plan(10, 59.0, 50.0)), "9 tractors; a tenth saves 1 min at the same cost."),
-        ((build_plan(10, 60.0, 50.0), build_plan(11, 59.0, 45.0)), "10 tractors; a fleet of 11 saves 1 min and 5 EUR."),
-        ((build_plan(2, 60.0, 50.0), build_plan(4, 50.0, 55.0)), "2 tractors; a fleet of 4 saves 10 min for 5 EUR."),
-        ((build_plan(7, 60.0, 50.0), build_plan(8, 61.0, 55.0)), "7 tractors; an eighth saves no time."),
-        (
-            (build_plan(1, 60.0, 50.0, 98.1), build_plan(2, 50.0, 55.0)),
-            "1 tractor; a second saves 10 min for 5 EUR, 98.4 % worked.",
-        ),
-        ((build_plan(1, 60.0, 50.0, 98.2), build_plan(2, 50.0, 55.0)), "1 tractor; a second saves 10 min for 5 EUR."),
-    ],
-)
-def test_what_more_tractors_save(plans: tuple[PlanResult, ...], sentence: str) -> None:
-    assert write_alternatives(*plans) == sentence
+@pytest.mark.parametrize(("plans", "sentence"), [
+    (((2, 90.0, 120.0), (3, 60.0, 120.0), (4, 56.0, 129.0)),
+     "3 tractors; a fourth saves 4 min for 9 EUR. Or 2 tractors: 1:30:00, same cost."),
+    ((A, (2, 59.7, 61.0)), "1 tractor; a second saves 18 s for 11 EUR."),
+    (((1, 600.0, 50.0), (2, 520.0, 61.0)), "1 tractor; a second saves 1 h 20 min for 11 EUR."),
+    (((9, 60.0, 50.0), (10, 59.0, 50.0)), "9 tractors; a tenth saves 1 min at the same cost."),
+    (((10, 60.0, 50.0), (11, 59.0, 45.0)), "10 tractors; a fleet of 11 saves 1 min and 5 EUR."),
+    (((2, 60.0, 50.0), (4, 50.0, 55.0)), "2 tractors; a fleet of 4 saves 10 min for 5 EUR."),
+    (((7, 60.0, 50.0), (8, 61.0, 55.0)), "7 tractors; an eighth saves no time."),
+    (((*A, 98.1), B), "1 tractor; a second saves 10 min for 5 EUR, 98.4 % worked."),
+    (((*A, 98.2), B), "1 tractor; a second saves 10 min for 5 EUR."),
+])  # fmt: skip
+def test_what_more_tractors_save(plans: tuple[tuple[Any, ...], ...], sentence: str) -> None:
+    assert write_alternatives(*(build_plan(*one) for one in plans)) == sentence
 
 
 def test_what_is_saved_and_paid_counts_the_ground_that_is_left() -> None:
@@ -81,17 +74,10 @@ def test_a_plan_that_works_too_little_is_no_alternative() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("price", "reference", "added", "change"),
-    [
-        (139.4, 143.4, -0.1, "-4"),
-        (139.4, 143.4, 9.0, "+5"),
-        (143.0, 143.0, 0.4, None),
-        (143.0, 143.0, 0.6, "+1"),
-        (5.0, 5.0, 0.5, "+0.50"),
-        (None, 5.0, 1.0, None),
-    ],
-)
+@pytest.mark.parametrize(("price", "reference", "added", "change"), [
+    (139.4, 143.4, -0.1, "-4"), (139.4, 143.4, 9.0, "+5"), (143.0, 143.0, 0.4, None), (143.0, 143.0, 0.6, "+1"),
+    (5.0, 5.0, 0.5, "+0.50"), (None, 5.0, 1.0, None),
+])  # fmt: skip
 def test_cost_changes_are_those_printed_with_that_of_the_ground(
     price: float | None, reference: float, added: float, change: str | None
 ) -> None:
@@ -99,46 +85,33 @@ def test_cost_changes_are_those_printed_with_that_of_the_ground(
 
 
 def test_it_is_said_in_every_language() -> None:
-    plans = build_plan(3, 60.0, 120.0), build_plan(4, 56.0, 129.0)
-    with use_reader(Reader("de")):
-        assert write_alternatives(*plans) == "3 Traktoren; ein vierter spart 4 min für 9 EUR."
-    with use_reader(Reader("fr")):
-        assert write_alternatives(*plans) == "3 tracteurs ; un quatrième fait gagner 4 min pour 9 EUR."
+    for language, sentence in (
+        ("de", "3 Traktoren; ein vierter spart 4 min für 9 EUR."),
+        ("fr", "3 tracteurs ; un quatrième fait gagner 4 min pour 9 EUR."),
+    ):
+        with use_reader(Reader(language)):
+            assert write_alternatives(build_plan(3, 60.0, 120.0), build_plan(4, 56.0, 129.0)) == sentence
 
 
-@pytest.mark.parametrize(
-    ("scenario", "order", "said"),
-    [
-        ({"operation": "till"}, "last", "98.4 % worked, headland last."),
-        ({"operation": "till", "headland_order": "first"}, "first", "98.4 % worked, headland first."),
-        ({"operation": "sow"}, "last", "98.4 % worked, headland last (as sowing asks), filling not counted."),
-        ({"operation": "mow", "headland_order": None}, "first", "98.4 % worked, headland first (as mowing asks)."),
-        (
-            {"operation": "sow", "headland_order": "first"},
-            "first",
-            "98.4 % worked, headland first, filling not counted.",
-        ),
-        ({"operation": "harvest"}, None, "98.4 % worked, unloading not counted."),
-        ({"operation": "mow"}, None, "98.4 % worked."),
-    ],
-)
-def test_when_the_headland_is_worked_and_why(scenario: dict[str, str | None], order: str | None, said: str) -> None:
-    plan = replace(build_plan(1, 60.0, 50.0), headland_order=order)
-    assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said
-
-
-@pytest.mark.parametrize(
-    ("scenario", "overlap_pct", "said"),
-    [
-        ({"operation": "till"}, 18.2, "98.4 % worked."),
-        ({"operation": "sow"}, 4.9, "98.4 % worked, filling not counted."),
-        ({"operation": "spray"}, 18.2, "98.4 % worked, 18 % twice (less with --sections), filling not counted."),
-        ({"operation": "spray", "sections": 2}, 5.4, "98.4 % worked, 5 % twice, filling not counted."),
-    ],
-)
-def test_what_gets_twice_as_much_is_told(scenario: dict[str, object], overlap_pct: float, said: str) -> None:
-    plan = replace(build_plan(1, 60.0, 50.0), overlap_pct=overlap_pct)
-    assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == said
+@pytest.mark.parametrize(("scenario", "figures", "said"), [
+    ({"operation": "till"}, {"headland_order": "last"}, ", headland last."),
+    ({"operation": "till", "headland_order": "first"}, {"headland_order": "first"}, ", headland first."),
+    ({"operation": "sow"}, {"headland_order": "last"}, ", headland last (as sowing asks), filling not counted."),
+    ({"operation": "mow", "headland_order": None}, {"headland_order": "first"}, ", headland first (as mowing asks)."),
+    ({"operation": "sow", "headland_order": "first"}, {"headland_order": "first"},
+     ", headland first, filling not counted."),
+    ({"operation": "harvest"}, {}, ", unloading not counted."),
+    ({"operation": "mow"}, {}, "."),
+    ({"operation": "till"}, {"overlap_pct": 18.2}, "."),
+    ({"operation": "sow"}, {"overlap_pct": 4.9}, ", filling not counted."),
+    ({"operation": "spray"}, {"overlap_pct": 18.2}, ", 18 % twice (less with --sections), filling not counted."),
+    ({"operation": "spray", "sections": 2}, {"overlap_pct": 5.4}, ", 5 % twice, filling not counted."),
+])  # fmt: skip
+def test_when_the_headland_is_worked_and_what_gets_twice_as_much(
+    scenario: dict[str, Any], figures: dict[str, Any], said: str
+) -> None:
+    plan = replace(build_plan(*A), **figures)
+    assert write_answer(PlanRanking("f", 1.0, 1, (plan,), scenario=scenario)).work == f"98.4 % worked{said}"
 
 
 def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_take() -> None:

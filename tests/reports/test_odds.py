@@ -15,21 +15,14 @@ def plan(tractors: int, strategy: str, probability: float | None, cost: float) -
     )  # fmt: skip
 
 
+PLANS = plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)
 RANKING = PlanRanking(
-    "drawn",
-    1.0,
-    1,
-    (plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)),
-    currency="EUR",
-    samples=1000,
-    chosen=("a", 2),
-    check_sentences=("Checked.",),
+    "drawn", 1.0, 1, PLANS, currency="EUR", samples=1000, chosen=("a", 2), check_sentences=("Checked.",)
 )
 
 
 def test_points_are_to_scale_and_one_for_every_count() -> None:
     picture = build_risk_chart(RANKING)
-    assert picture is not None
     sure, money = picture["bands"]
     box = sure["box"]
     assert [(box.north - point["y"]) / (box.north - box.south) for point in sure["points"]] == pytest.approx(
@@ -48,7 +41,7 @@ def test_points_are_to_scale_and_one_for_every_count() -> None:
 def test_without_a_limit_there_is_cost_alone_and_without_draws_nothing() -> None:
     free = replace(RANKING, plans=tuple(replace(each, finish_probability=None) for each in RANKING.plans))
     picture = build_risk_chart(free)
-    assert picture is not None and [band["name"] for band in picture["bands"]] == ["Cost, EUR"]
+    assert [band["name"] for band in picture["bands"]] == ["Cost, EUR"]
     undrawn = replace(free, plans=tuple(replace(each, expected_cost=None) for each in free.plans))
     assert build_risk_chart(undrawn) is None
 
@@ -56,7 +49,6 @@ def test_without_a_limit_there_is_cost_alone_and_without_draws_nothing() -> None
 @pytest.mark.parametrize("cost", [0.004, 0.7, 99.0, 101.0, 5_000.0, 3e7])
 def test_ticks_are_few_and_inside(cost: float) -> None:
     picture = build_risk_chart(replace(RANKING, plans=(plan(1, "a", None, cost),), chosen=None))
-    assert picture is not None
     (band,) = picture["bands"]
     heights = [y for y, _ in band["ticks"]]
     assert 2 <= len(heights) <= 6 and min(heights) >= band["box"].south and heights[0] == band["box"].north

@@ -48,17 +48,12 @@ def test_pieces_join_and_stay_near(seed: int, count: int, tolerance_m: float) ->
     assert shapely.hausdorff_distance(shapely.LineString(xy), drawn) <= tolerance_m + 1e-9
 
 
-def test_waits_by_hand() -> None:
+def test_waits_by_hand_add_up(drive: PlanDrive) -> None:
     xy = np.array([[0, 0], [0, 0], [1, 0], [5, 2], [5, 2]], dtype=float)
     status = np.array([WAITING, WAITING, 1, WAITING, WAITING])
     assert find_stops(xy, status, 0.5) == [(0.0, 0.0, 1.0), (5.0, 2.0, 1.0)]
-
-
-def test_waits_add_up(drive: PlanDrive) -> None:
-    for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True)):
-        assert sum(stop[2] for stop in find_stops(xy, status, drive.step_s)) == pytest.approx(
-            drive.seconds["waiting"][number]
-        )
+    for driven, manner, seconds in zip(drive.xy, drive.status, drive.seconds["waiting"], strict=True):
+        assert sum(stop[2] for stop in find_stops(driven, manner, drive.step_s)) == pytest.approx(seconds)
 
 
 @given(st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), st.floats(1.0, 500.0), st.floats(0.5, 12.0), st.floats(0.0, 6.2))
@@ -70,10 +65,7 @@ def test_swath_is_a_rectangle_of_the_working_width(
     assert strip.area == pytest.approx(length * width, rel=1e-6)
     assert strip.exterior.length == pytest.approx(2 * (length + width), rel=1e-6)
     assert strip.centroid.distance(shapely.LineString(track).centroid) < 1e-6
-
-
-def test_a_track_without_length_is_a_point() -> None:
-    assert build_swath_outline(np.ones((2, 2)), 3.0).tolist() == [[1.0, 1.0]] * 4
+    assert build_swath_outline(track[[0, 0]], width).tolist() == [[x, y]] * 4, "a track without length is a point"
 
 
 def test_hatching_of_a_square_by_hand() -> None:

@@ -30,11 +30,14 @@ def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: PlanR
     assert not dropped or width < 80
 
 
-def test_little_that_is_left_is_told_in_square_metres(leaving: PlanRanking) -> None:
+def test_little_that_is_left_is_told_in_square_metres_and_nothing_has_no_column(
+    leaving: PlanRanking, ranking: PlanRanking
+) -> None:
     plans = tuple(replace(plan, missed_m2=40.0) if plan.rank == 1 else plan for plan in leaving.plans)
     text = print_text(build_ranking_table(replace(leaving, plans=plans)))
     rows = [line for line in text.splitlines() if line.startswith(" 1")]
     assert len(rows) == 1 and " 40 m2 " in rows[0] and "0.00" not in rows[0]
+    assert "Unworked" not in print_text(build_ranking_table(ranking), 200)
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
@@ -62,10 +65,6 @@ def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: P
     assert any(row.split()[0] == ">3" and " 103 " in row and " 60 " in row for row in rows)
 
 
-def test_without_a_word_of_what_is_left_there_is_no_column(ranking: PlanRanking) -> None:
-    assert "Unworked" not in print_text(build_ranking_table(ranking), 200)
-
-
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
 def test_no_line_is_wider_than_the_console(ranking: PlanRanking, study: FleetStudy, width: int) -> None:
     long = replace(
@@ -81,12 +80,12 @@ def test_no_line_is_wider_than_the_console(ranking: PlanRanking, study: FleetStu
     assert print_text(build_ranking_table(long), width).count("27:26:05") >= 6, "figures are never cut"
 
 
-def test_eighty_columns_show_every_figure_on_one_line(ranking: PlanRanking) -> None:
-    lines = print_text(build_ranking_table(ranking)).splitlines()
-    third = next(line for line in lines if line.startswith(">3*"))
-    assert third.split() == [">3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35",
-                             "yes"]  # fmt: skip
-    alone = next(line for line in lines if line.lstrip().startswith("5*"))
+def test_eighty_columns_show_every_figure_on_one_line_and_mark_the_best(ranking: PlanRanking) -> None:
+    text = print_text(build_ranking_table(ranking))
+    (best,) = [line.split() for line in text.splitlines() if line.startswith(">")]
+    assert best == [">3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35", "yes"]
+    assert "> best plan." in " ".join(text.split())
+    alone = next(line for line in text.splitlines() if line.lstrip().startswith("5*"))
     assert alone.split()[-2:] == ["-", "no"], "one tractor has no clearance"
 
 
@@ -117,6 +116,8 @@ def test_a_column_is_whole_or_named_as_missing(ranking: PlanRanking, width: int)
     assert set(missing) <= {*FIGURES, "Turn"} and (not missing or width <= 80)
     assert width > 40 or set(missing) >= {"Clearance m", "Overlap %", "Waiting"}
     assert width < 120 or "Trac-" not in text, "headings are whole where they have room"
+    free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), deadline=None)
+    assert "In time" not in print_text(build_ranking_table(free), width)
 
 
 def test_too_narrow_for_a_table_is_a_list(ranking: PlanRanking) -> None:
@@ -125,11 +126,11 @@ def test_too_narrow_for_a_table_is_a_list(ranking: PlanRanking) -> None:
     assert "  Time: 0:20:53" in lines and "  Clearance m: 2.35" in lines and lines.count("  Worked %: 98.7") == 6
 
 
-@pytest.mark.parametrize("width", range(30, 130))
-def test_cost_and_its_value_stay_on_one_line(ranking: PlanRanking, width: int) -> None:
-    text = print_text(build_ranking_table(ranking), width)
-    for said in ("cost 5.65", "cost 6.89", "cost 4.92", "in 0:28:32", "(at 08:29)"):
-        assert said in text
+def test_cost_and_its_value_stay_on_one_line(ranking: PlanRanking) -> None:
+    for width in range(30, 130):
+        text = print_text(build_ranking_table(ranking), width)
+        for said in ("cost 5.65", "cost 6.89", "cost 4.92", "in 0:28:32", "(at 08:29)"):
+            assert said in text, width
 
 
 def test_headline_comes_first_and_refusals_last(ranking: PlanRanking) -> None:
@@ -138,26 +139,22 @@ def test_headline_comes_first_and_refusals_last(ranking: PlanRanking) -> None:
              "(Pareto front)", "Refused: 4 plans", "2 x Turning radius", "7 and 9", "1 x Tractors 2"]  # fmt: skip
     places = [text.index(part) for part in order]
     assert places == sorted(places)
+    nothing = print_text(build_ranking_table(replace(ranking, plans=ranking.plans[6:])))
+    assert "No plan works: all 4 were refused" in nothing and "(Pareto front)" not in nothing
 
 
-def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: PlanRanking) -> None:
+def test_only_the_best_are_shown_when_asked_with_their_remarks(ranking: PlanRanking) -> None:
     plans = tuple(replace(p, remarks=("it waits",) if p.rank == 6 else ()) for p in ranking.plans)
     noted = replace(ranking, plans=plans)
-    assert "split-field with 1: it waits." in print_text(build_ranking_table(noted))
-    assert "it waits" not in print_text(build_ranking_table(noted, 2))
-
-
-def test_only_the_best_are_shown_when_asked(ranking: PlanRanking) -> None:
-    def ranks(most: int | None) -> list[str]:
-        return re.findall(r"^[ >]*(\d+)[* ] ", print_text(build_ranking_table(ranking, most)), flags=re.M)
-
-    assert ranks(2) == ["1", "2", "3", "4", "5"], "the front has ranks 1, 3, 4 and 5"
-    assert ranks(0) == ["1", "3", "4", "5"]
-    assert ranks(None) == ["1", "2", "3", "4", "5", "6"]
-    one, two = (" ".join(print_text(build_ranking_table(ranking, most)).split()) for most in (2, 0))
-    assert "1 slower plan is not shown; --all shows every plan." in one
-    assert "2 slower plans are not shown; --all shows every plan." in two
-    assert "not shown" not in print_text(build_ranking_table(ranking, None))
+    for most, ranks, told in (
+        (2, ["1", "2", "3", "4", "5"], "1 slower plan is not shown; --all shows every plan."),  # with the front
+        (0, ["1", "3", "4", "5"], "2 slower plans are not shown; --all shows every plan."),
+        (None, ["1", "2", "3", "4", "5", "6"], "split-field with 1: it waits."),
+    ):
+        text = print_text(build_ranking_table(noted, most))
+        assert re.findall(r"^[ >]*(\d+)[* ] ", text, flags=re.M) == ranks
+        assert told in " ".join(text.split())
+        assert ("it waits" in text) == ("not shown" not in text) == (most is None)
 
 
 def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: PlanRanking) -> None:
@@ -213,28 +210,12 @@ def test_breaks_come_at_spaces_first_then_plus_then_hyphen() -> None:
     assert break_text_at_marks("row-by-row omega+route", 8) == ["row-by-", "row", "omega+", "route"]
 
 
-def test_deadline_column_only_with_a_deadline(ranking: PlanRanking) -> None:
-    free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), deadline=None)
-    assert "In time" in print_text(build_ranking_table(ranking), 140)
-    assert "In time" not in print_text(build_ranking_table(free), 140)
-
-
-def test_plain_text_in_a_pipe(ranking: PlanRanking, study: FleetStudy) -> None:
+def test_plain_text_in_a_pipe_and_markup_of_names_is_text(ranking: PlanRanking, study: FleetStudy) -> None:
     for what in (build_ranking_table(ranking), build_study_tables(study), build_field_table({"name": "a"})):
         text = print_text(what)
-        assert text.isascii()
-        assert "\x1b" not in text
-
-
-def test_markup_in_names_is_text(ranking: PlanRanking) -> None:
+        assert text.isascii() and "\x1b" not in text
     assert "[red]x[/red]" in print_text(build_first_screen(replace(ranking, field_name="[red]x[/red]")))
     assert "[bold]" in print_text(build_field_table({"[bold]": 1}))
-
-
-def test_nothing_works(ranking: PlanRanking) -> None:
-    text = print_text(build_ranking_table(replace(ranking, plans=ranking.plans[6:])))
-    assert "No plan works: all 4 were refused" in text
-    assert "(Pareto front)" not in text
 
 
 def test_study_rows_and_verdicts(study: FleetStudy) -> None:
@@ -247,13 +228,16 @@ def test_study_rows_and_verdicts(study: FleetStudy) -> None:
     assert text.count("does not hold") == 1
 
 
-def test_field_values_read_well() -> None:
+def test_field_values_read_well_and_labels_carry_their_units() -> None:
     info = {"Name": "Iwamizawa", "Area": 1.234567891, "Holes": 0, "Entrance": None, "Corner": np.array([1.5, 2.0]),
             "Sides": {"north": 270.0, "open": True}, "Empty": []}  # fmt: skip
     rows = [line.strip().split(maxsplit=1) for line in print_text(build_field_table(info)).splitlines()]
     assert dict(rows[:5]) == {"Name": "Iwamizawa", "Area": "1.23457", "Holes": "0", "Entrance": "-", "Corner": "1.5, 2"}
     assert " ".join(rows[5] + rows[6]).split() == ["Sides", "North:", "270", "Open:", "yes"]
     assert rows[7] == ["Empty", "-"]
+    facts = {"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}}
+    lines = [" ".join(line.split()) for line in print_text(build_field_table(facts)).splitlines()]
+    assert lines == ["Area (ha) 1.9", "M 2", "Turns Omega fits: yes", "Over (s): 1: 9.5, 2: 8"]
 
 
 @pytest.mark.parametrize("width", [16, 40, 60, 80, 120, 200])
@@ -267,21 +251,3 @@ def test_field_and_study_figures_are_whole(study: FleetStudy, width: int) -> Non
         assert max(len(line) for line in text.splitlines()) <= width
         for figure in figures:
             assert re.search(rf"(?<![\d.:+-]){re.escape(figure)}(?![\d.:])", text), figure
-
-
-def test_field_labels_carry_their_units() -> None:
-    lines = print_text(
-        build_field_table({"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}})
-    )
-    assert [" ".join(line.split()) for line in lines.splitlines()] == [
-        "Area (ha) 1.9",
-        "M 2",
-        "Turns Omega fits: yes",
-        "Over (s): 1: 9.5, 2: 8",
-    ]
-
-
-def test_the_best_plan_is_marked_in_plain_text(ranking: PlanRanking) -> None:
-    text = print_text(build_ranking_table(ranking))
-    assert [line.split()[0] for line in text.splitlines() if line.startswith(">")] == [">3*"]
-    assert "> best plan." in " ".join(text.split())

@@ -24,23 +24,19 @@ def straight(count: int) -> np.ndarray:
     return np.column_stack([STEP_M * np.arange(count), np.zeros(count)])
 
 
-def test_a_steady_straight_line_has_two_knots() -> None:
-    (lane,) = thin_paths(driven(straight(500), np.ones(500, dtype=np.int64)), 1000)
+def test_knots_are_where_speed_or_status_changes() -> None:
+    ones = np.ones(500, dtype=np.int64)
+    (lane,) = thin_paths(driven(straight(500), ones), 1000)
     assert lane.samples.tolist() == [0, 499] and lane.xy[1].tolist() == [STEP_M * 499, 0.0]
     assert list_status_runs(lane.status) == [(1, 0, 1)]
-
-
-def test_a_change_of_speed_on_a_straight_line_is_a_knot() -> None:
     at = np.concatenate([np.arange(100) * 1.0, 99.0 + np.arange(1, 101) * 2.0])
-    (lane,) = thin_paths(driven(np.column_stack([at, 0 * at]), np.ones(200, dtype=np.int64)), 1000)
+    (lane,) = thin_paths(driven(np.column_stack([at, 0 * at]), ones[:200]), 1000)
     assert lane.samples.tolist() == [0, 99, 199]
-
-
-def test_a_change_of_status_is_a_knot_and_belongs_to_the_step_before_it() -> None:
-    status = np.array([3, 3, 3, 1, 1, 2, 2])
-    (lane,) = thin_paths(driven(straight(7), status), 2)
-    assert lane.samples.tolist() == [0, 2, 4, 6]
+    (lane,) = thin_paths(driven(straight(7), np.array([3, 3, 3, 1, 1, 2, 2])), 2)
+    assert lane.samples.tolist() == [0, 2, 4, 6], "a change of status belongs to the step before it"
     assert list_status_runs(lane.status) == [(3, 0, 1), (1, 1, 2), (2, 2, 3)]
+    (lane,) = thin_paths(driven(np.zeros((1, 2)), ones[:1]), 10)
+    assert lane.samples.tolist() == [0] and list_status_runs(lane.status) == [], "one moment is one knot"
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.sampled_from((1, 2))), min_size=2, max_size=60))
@@ -64,8 +60,3 @@ def test_few_knots_go_where_the_path_is_farthest_off(drive: PlanDrive, most: int
     rough, calm = thin_paths(wild, most)
     assert len(rough.samples) + len(calm.samples) == most
     assert len(rough.samples) > len(calm.samples)
-
-
-def test_one_moment_is_one_knot() -> None:
-    (lane,) = thin_paths(driven(np.zeros((1, 2)), np.ones(1, dtype=np.int64)), 10)
-    assert lane.samples.tolist() == [0] and list_status_runs(lane.status) == []

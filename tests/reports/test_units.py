@@ -8,8 +8,6 @@ from hypothesis import strategies as st
 
 from reports.common import wording as units
 from reports.common.language import US, Reader, use_reader
-from reports.plan.answer import write_answer
-from reports.plan.figures import format_ranking_json
 from reports.plan.many_fields import build_many_fields_screen
 from reports.plan.ranking_table import build_first_screen
 from tests.printing import print_text
@@ -57,8 +55,3 @@ def test_first_screens_are_in_units_of_the_reader() -> None:
     assert f"{ranking.area_ha / 0.40468564224:.2f} ac" in text and " ha" not in text and " m," not in text
     assert f"{ranking.area_ha:.2f} ha" in metric and " ft" not in metric
     assert "/ac)" in many and "/ha" not in many
-
-
-def test_values_for_programs_are_metric_whatever_the_reader_wants() -> None:
-    ranking = next(iter(RANKINGS.values()))
-    assert " ft" not in format_ranking_json(ranking) and " ac" not in " ".join(write_answer(ranking).list_sentences())

@@ -60,19 +60,11 @@ def test_durations_read_back(seconds: int) -> None:
     assert read == seconds == int(mins) * 60 + int(secs)
 
 
-def test_numbers_have_no_negative_zero_and_prices_stay_short() -> None:
-    assert format_number(-0.04, 1) == "0.0"
-    assert format_number(float("nan"), 1) == "-"
+def test_numbers_have_no_negative_zero_prices_stay_short_and_lists_are_words() -> None:
+    assert [format_number(-0.04, 1), format_number(float("nan"), 1)] == ["0.0", "-"]
     assert [format_price(4.925), format_price(999.99), format_price(12345.6)] == ["4.92", "1000", "12346"]
-
-
-def test_lists_in_words() -> None:
-    assert [join_list([]), join_list([1]), join_list([1, 3]), join_list([1, 3, 5], "or")] == [
-        "none",
-        "1",
-        "1 and 3",
-        "1, 3 or 5",
-    ]
+    lists = [join_list([]), join_list([1]), join_list([1, 3]), join_list([1, 3, 5], "or")]
+    assert lists == ["none", "1", "1 and 3", "1, 3 or 5"]
 
 
 def test_headline_with_a_deadline(ranking: PlanRanking) -> None:
@@ -82,27 +74,20 @@ def test_headline_with_a_deadline(ranking: PlanRanking) -> None:
         "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
         "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92.",
     ]
-
-
-def test_the_clock_says_what_it_is_of_where_the_way_back_is_driven_too(ranking: PlanRanking) -> None:
-    plans = tuple(replace(plan, done_s=plan.time_s and plan.time_s - 60.0) for plan in ranking.plans)
-    told = describe_ranking(replace(ranking, plans=plans))[0]
-    assert "driven in 0:28:32 (field work done at 08:28), cost 5.65." in told
+    late = replace(ranking, start="22:00", deadline="02:00", allowed_s=4 * 3600.0)
+    assert describe_ranking(late)[1].startswith("The deadline (02:00 next day) can be met with")
 
 
 def test_sentence_and_table_of_all_plans_state_the_end_of_field_work(ranking: PlanRanking) -> None:
-    """Not the way out after it, which the headline leaves out too."""
-    plans = tuple(replace(plan, meets_deadline=None, done_s=plan.time_s and plan.time_s - 60.0)
-                  for plan in ranking.plans)  # fmt: skip
+    """Not the way out after it, which the headline leaves out too, and the clock says what it is of."""
+    plans = tuple(replace(plan, done_s=plan.time_s and plan.time_s - 60.0) for plan in ranking.plans)
+    told = describe_ranking(replace(ranking, plans=plans))[0]
+    assert "driven in 0:28:32 (field work done at 08:28), cost 5.65." in told
+    plans = tuple(replace(plan, meets_deadline=None) for plan in plans)
     free = replace(ranking, plans=plans, start=None, deadline=None, allowed_s=None, chosen=("split-field", 3))
     assert "split-field, turns switch-back, done in 0:27:32, cost" in describe_ranking(free)[0]
-    assert free.best is not None and FIGURES["stated_span_s"].format(free.best) == "0:27:32"
+    assert FIGURES["stated_span_s"].format(free.best) == "0:27:32"
     assert "stated_span_s" in TABLE_DROPS and write_answer(free).decision.endswith("done in 0:27:32, 5.65")
-
-
-def test_a_deadline_on_the_next_day_says_so(ranking: PlanRanking) -> None:
-    late = replace(ranking, start="22:00", deadline="02:00", allowed_s=4 * 3600.0)
-    assert describe_ranking(late)[1].startswith("The deadline (02:00 next day) can be met with")
 
 
 def test_headline_without_a_deadline_takes_the_knee(ranking: PlanRanking) -> None:
@@ -151,7 +136,6 @@ class TestWhatIsLeft:
     def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:
         """Not of what was left out on request, which no time is charged for."""
         best = leaving.best
-        assert best is not None and best.missed_m2 is not None
         for spared_m2, told in (
             (best.missed_m2 - 212.0, "the 212 m2 of it that was to be worked adds"),
             (0.0, "the missed 0."),
@@ -193,10 +177,8 @@ class TestWhatIsLeft:
 
     def test_a_place_on_the_earth_or_in_the_field(self) -> None:
         assert format_ground_place(UnworkedPiece(5.0, 12.4, -3.6)) == "x 12 m, y -4 m"
-        assert (
-            format_ground_place(UnworkedPiece(5.0, 12.4, -3.6, 9.88618, 56.463781))
-            == "latitude 56.46378, longitude 9.88618"
-        )
+        on_the_earth = UnworkedPiece(5.0, 12.4, -3.6, 9.88618, 56.463781)
+        assert format_ground_place(on_the_earth) == "latitude 56.46378, longitude 9.88618"
 
 
 def test_a_value_stays_with_the_word_before_it() -> None:
@@ -224,6 +206,7 @@ def test_headline_when_nothing_works(ranking: PlanRanking) -> None:
         "rows are 10.00 m apart (figures of the first)."
     ]
     assert describe_ranking(replace(ranking, plans=()))[0].startswith("No plan was tried")
+    assert group_refusals(ranking.plans[6:])[0].members == "row-by-row (u) with 7 and 9"
 
 
 @pytest.mark.parametrize(
@@ -242,14 +225,10 @@ def test_how_many_were_refused_and_why(ranking: PlanRanking, reasons: list[str],
     assert describe_ranking(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
 
 
-def test_remarks_name_the_strategy_and_the_counts(ranking: PlanRanking) -> None:
+def test_remarks_name_the_strategy_and_the_counts_or_are_one_line_with_a_count(ranking: PlanRanking) -> None:
     first, *rest = ranking.plans
     plans = [*(replace(first, tractors=count, remarks=("it waits",)) for count in (5, 2)), *rest]
-    assert list_plan_remarks(plans) == ["row-by-row with 2 and 5: it waits."]
-    assert list_plan_remarks(rest) == []
-
-
-def test_a_remark_of_several_strategies_is_one_line_with_a_count(ranking: PlanRanking) -> None:
+    assert list_plan_remarks(plans) == ["row-by-row with 2 and 5: it waits."] and list_plan_remarks(rest) == []
     remarks = (("it waits", "2 m are near"), ("it waits", "3 m are near"), ("it waits",))
     plans = [replace(plan, remarks=own) for plan, own in zip(ranking.plans, remarks, strict=False)]
     assert list_plan_remarks(plans) == ["3 plans: it waits.", "2 plans, such as row-by-row with 5: 2 m are near."]
@@ -315,7 +294,3 @@ def test_every_refusal_is_in_one_group(entries: list[tuple[str, int]]) -> None:
     assert all(group.has_similar_reasons == (len({plan.tractors for plan in group.plans}) > 1) for group in groups)
     sizes = [len(group.plans) for group in groups]
     assert sizes == sorted(sizes, reverse=True)
-
-
-def test_members_are_named(ranking: PlanRanking) -> None:
-    assert group_refusals(ranking.plans[6:])[0].members == "row-by-row (u) with 7 and 9"

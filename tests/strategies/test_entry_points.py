@@ -31,6 +31,8 @@ from strategies.path_planning.errors import StrategyError
 from strategies.registry import STRATEGIES, describe_hidden_strategies, get_strategy
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 ROOT = Path(__file__).parents[2]
 FACE = ROOT / "planner/cli/alias"
 FIELD = Field("box", shapely.box(0.0, 0.0, 60.0, 90.0))
@@ -141,7 +143,7 @@ def test_faults_while_planning_are_a_reason_and_leave_other_plans(install: Insta
     install("faulty_one", source, {"faulty": "faulty_one:STRATEGY"})
     request = PlanRequest(strategies=("faulty", "split-field"), tractors=(1,), width_m=6.0, local=True)
     ranking = plan(request, field=FIELD, executor=SerialExecutor()).ranking
-    assert ranking.best is not None and ranking.best.strategy == "split-field"
+    assert ranking.best.strategy == "split-field"
     assert ranking.plans[-1].reason is not None
     assert "Strategy 'faulty' of the package faulty_one failed (ZeroDivisionError" in ranking.plans[-1].reason
 
