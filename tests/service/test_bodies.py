@@ -36,6 +36,7 @@ def test_a_client_has_two_uploads_and_all_have_four() -> None:
         with budget.open_share("c") as five:
             assert five.grow_to(MEGABYTE_BYTES), "the room was given back"
     assert budget.held_bytes == 0
+    assert BodyBudget(replace(SETTINGS, upload_mb=64)).most_bytes == 256 * MEGABYTE_BYTES
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.lists(st.integers(0, 3 * MEGABYTE_BYTES), max_size=4))))
@@ -137,7 +138,3 @@ def test_a_client_that_goes_away_is_no_fault(
     with caplog.at_level(logging.WARNING):
         asyncio.run(app(scope, receive, send))
     assert not caplog.records and app.state.bodies.held_bytes == 0
-
-
-def test_settings_give_the_budget() -> None:
-    assert BodyBudget(replace(SETTINGS, upload_mb=64)).most_bytes == 256 * MEGABYTE_BYTES
