@@ -241,11 +241,8 @@ def test_greetings_give_way_to_newer_ones() -> None:
 
 
 def test_addresses_of_one_network_of_ipv6_count_as_one() -> None:
-    assert (
-        compute_network_key("2001:db8::1")
-        == compute_network_key("2001:db8::ffff:2")
-        != compute_network_key("2001:db8:0:1::1")
-    )
+    first, same, other = map(compute_network_key, ("2001:db8::1", "2001:db8::ffff:2", "2001:db8:0:1::1"))
+    assert first == same != other
     assert compute_network_key("fe80::1%eth0") == compute_network_key("fe80::2")
     assert compute_network_key("192.0.2.7") == "192.0.2.7" and compute_network_key("odd:") == "odd:"
 

@@ -50,16 +50,9 @@ class DoubtedFleet:
         self.hub.add(self.live)
         self.client = TestClient(self.app, base_url="http://127.0.0.1", client=("127.0.0.1", 4000))
         self.client.headers["authorization"] = f"Bearer {self.store.create_token_text('anna', 'operator')}"
-        self.robot = RobotDriver(
-            plan.plan.missions[0],
-            plan.tractor,
-            plan.implement,
-            plan.saved.origin_m,
-            name="robot 1",
-            hidden=hidden,
-            noise_m=noise_m,
-            seed=3,
-        )
+        machine, origin_m = (plan.tractor, plan.implement), plan.saved.origin_m
+        options: dict[str, Any] = {"name": "robot 1", "hidden": hidden, "noise_m": noise_m, "seed": 3}
+        self.robot = RobotDriver(plan.plan.missions[0], *machine, origin_m, **options)
         self.link = FleetClient(TRACTOR, "tractor 1", 0)
         with self._clock():
             self.live.add_client(self.link, self.now)
@@ -145,23 +138,25 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedF
     assert again.status_code == 409 and "nothing that its file lacks" in again.json()["error"]
 
 
-def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: DoubtedFleet) -> None:
+@pytest.mark.parametrize(
+    ("verdict", "named", "tractor", "refusal"),
+    [
+        ("Nothing.", [], EG105.model_copy(update={"name": "another name"}), "nothing that its file lacks"),
+        ("It slips.", ["wheel_slip"], None, "does not lower the error of driving"),
+    ],
+    ids=["finds nothing", "harms unseen driving"],
+)
+def test_a_diagnosis_that_finds_nothing_or_harms_unseen_driving_leaves_the_file_as_it_is(
+    fleet: DoubtedFleet, verdict: str, named: list[str], tractor: Tractor | None, refusal: str
+) -> None:
     fleet.drive(1.0)
     fleet.client.post(f"{TWIN}/diagnose")
-    find(fleet, "Nothing.", [], EG105.model_copy(update={"name": "another name"}))
-    assert fleet.client.get(TWIN).json()["finding"] == {"named": [], "words": "Nothing.", "extends_model": False}
-    assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
-    assert fleet.live.twins.tractors[0] == EG105
-
-
-def test_a_diagnosis_that_harms_unseen_driving_offers_no_file(fleet: DoubtedFleet) -> None:
-    fleet.drive(1.0)
-    fleet.client.post(f"{TWIN}/diagnose")
-    find(fleet, "It slips.", ["wheel_slip"])
+    find(fleet, verdict, named, tractor)
     told = fleet.client.get(TWIN).json()["finding"]
-    assert told == {"named": ["wheel_slip"], "words": "It slips.", "extends_model": False}
+    assert told == {"named": named, "words": verdict, "extends_model": False}
     taken = fleet.client.post(f"{TWIN}/mend", json={})
-    assert taken.status_code == 409 and "does not lower the error of driving" in taken.json()["error"]
+    assert taken.status_code == 409 and refusal in taken.json()["error"]
+    assert fleet.live.twins.tractors[0] == EG105
 
 
 def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: DoubtedFleet) -> None:
@@ -182,13 +177,8 @@ def test_what_is_diagnosed_has_the_commands_that_held_between_frames() -> None:
     def row(sequence: int, time_s: float, speed: float, steering: float, shuttle: int = 1) -> list[Any]:
         return [sequence, time_s, 1.0, 2.0, 0.0, 0.0, speed, steering, None, shuttle, 0, 0, 0.0, "automatic"]
 
-    rows = [
-        row(0, 0.0, 1.0, 2.0),
-        row(1, 0.1, 1.4, 4.0),
-        row(2, 0.2, 1.4, 0.0, -1),
-        row(3, 0.3, 1.0, 1.0, -1),
-        row(4, 5.0, 0.0, 9.0, -1),
-    ]
+    rows = [row(0, 0.0, 1.0, 2.0), row(1, 0.1, 1.4, 4.0), row(2, 0.2, 1.4, 0.0, -1)]
+    rows += [row(3, 0.3, 1.0, 1.0, -1), row(4, 5.0, 0.0, 9.0, -1)]
     held = [each[6:8] for each in average_commands(rows)]
     assert held == [[1.2, 3.0], [1.4, 4.0], [1.2, 0.5], [1.0, 1.0], [0.0, 9.0]]
     assert rows[0][6:8] == [1.0, 2.0]

@@ -190,12 +190,10 @@ def test_the_form_of_a_plan_has_every_option_with_its_label_and_unit_and_every_s
 
 def test_a_refusal_comes_with_the_labels_of_the_form_too(shared: Shared) -> None:
     client, token = shared
-    body = {"headland": 6.0, "headland_passes": 2}
-    answer = client.post("/api/v1/plans", json=body, headers=token)
+    answer = client.post("/api/v1/plans", json={"headland": 6.0, "headland_passes": 2}, headers=token)
+    rule = "{} is its depth, and {} says in how many passes it is worked; leave out one of them."
     assert answer.status_code == 422 and answer.json() == {
-        "error": "headland is its depth, and headland_passes says in how many passes it is worked; leave out one of "
-        "them.",
+        "error": rule.format("headland", "headland_passes"),
         "parameter": "headland",
-        "labelled": "\u201cHeadland depth, m\u201d is its depth, and \u201cPasses on the headland\u201d says in how "
-        "many passes it is worked; leave out one of them.",
+        "labelled": rule.format("\u201cHeadland depth, m\u201d", "\u201cPasses on the headland\u201d"),
     }

@@ -404,15 +404,8 @@ def test_a_fleet_in_local_metres_beside_one_with_coordinates_stands_until_an_ope
 def test_where_it_stood_before_it_could_hear_the_order_is_not_held_against_it() -> None:
     """It stood of its own accord as its link went away and the order came, drove on for 6 m, heard it and stood."""
     report = TractorReport(0.0, 0.0, math.pi / 2, 0.0, mode=AUTOMATIC)
-    state: Any = SimpleNamespace(
-        report=report,
-        standing_ordered=True,
-        stood_at=None,
-        ordered_since_s=None,
-        last_contact_s=99.0,
-        delay_s=0.0,
-        holds=set(),
-    )
+    order = {"standing_ordered": True, "ordered_since_s": None, "stood_at": None, "holds": set()}
+    state: Any = SimpleNamespace(report=report, last_contact_s=99.0, delay_s=0.0, **order)
     for now in (100.0, 101.0, 104.0):
         note_standing(state, now, FleetRules())
     assert state.stood_at is None, "nothing was heard since the order"

@@ -156,9 +156,8 @@ def test_a_link_whose_token_expires_is_turned_out(service: Service) -> None:
     with service.link("control") as guest:
         hello(guest, "control", None, token)
         with service.hub.store.database.open_write_session() as session:
-            session.execute(
-                sa.update(TokenRow).where(TokenRow.name == "guest").values(expires="2026-01-01T00:00:00.000Z")
-            )
+            guests = sa.update(TokenRow).where(TokenRow.name == "guest")
+            session.execute(guests.values(expires="2026-01-01T00:00:00.000Z"))
         assert "has expired" in until(guest, "refused")["sentence"]  # the hub looks by itself, once a second
 
 
@@ -319,14 +318,8 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(own_service: Servic
         two.send_json({"kind": "lease", "tractor": 2, "takeover": True})
         assert until(two, "lease")["is_yours"] is True
         assert until(one, "lease")["is_yours"] is False
-        drive = {
-            "kind": "command",
-            "sequence": 0,
-            "time": datetime.now(UTC).isoformat(),
-            "tractor": 2,
-            "steering_command_deg": -5.0,
-            "speed_command_mps": 0.5,
-        }
+        wanted = {"steering_command_deg": -5.0, "speed_command_mps": 0.5, "time": datetime.now(UTC).isoformat()}
+        drive = {"kind": "command", "sequence": 0, "tractor": 2} | wanted
         one.send_json(drive)
         assert "not yours" in until(one, "refused")["sentence"]
         two.send_json(drive)
@@ -424,7 +417,11 @@ def test_no_malformed_frame_passes_and_none_ends_a_stream(service: Service, fram
             pass
 
 
-def test_a_slow_reader_gets_the_newest_tick_and_starts_afresh_when_too_much_waits() -> None:
+def test_an_outbox_sends_stops_first_and_the_newest_tick_and_starts_afresh_when_too_much_waits() -> None:
+    box = FrameOutbox()
+    for text, kind, is_first in (("w", "welcome", False), ("b", "", False), ("s", "stop", True), ("t", "stop", True)):
+        box.put_frame(text, kind, is_first=is_first)
+    assert [text for text, _ in box._waiting] == ["w", "t", "s", "b"]
     box = FrameOutbox(most=3)
     box.replace_waiting_tick("tick 1")
     box.replace_waiting_tick("tick 2")
@@ -439,12 +436,8 @@ def test_the_document_of_the_link_describes_every_frame_that_models_know() -> No
     made = build_asyncapi_document()
     json.dumps(made)
     messages = made["components"]["messages"]
-    assert {message["name"] for message in messages.values()} >= set(OF_KIND) | {
-        "connect",
-        "state",
-        "command",
-        "disconnect",
-    }
+    sent = {"connect", "state", "command", "disconnect"}
+    assert {message["name"] for message in messages.values()} >= set(OF_KIND) | sent
     for message in messages.values():
         assert message["payload"]["$ref"].rsplit("/", 1)[1] in made["components"]["schemas"]
     assert made["components"]["schemas"]["StateFrame"]["additionalProperties"] is False
@@ -452,10 +445,8 @@ def test_the_document_of_the_link_describes_every_frame_that_models_know() -> No
 
 @pytest.mark.slow
 def test_stop_all_of_a_fleet_reaches_the_tractors_of_its_neighbour(service: Service) -> None:
-    token, other = (
-        service.tokens["elsewhere"],
-        FleetSession("f2", "beside", fleet_plan(1), FleetRules(), begin_s=time.time()),
-    )
+    token = service.tokens["elsewhere"]
+    other = FleetSession("f2", "beside", fleet_plan(1), FleetRules(), begin_s=time.time())
     service.hub.add(other)
     try:
         address = "ws://127.0.0.1/api/v1/fleets/f2/link"

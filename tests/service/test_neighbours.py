@@ -45,15 +45,9 @@ def lane(*ends: Place, crs: str | None = None, origin: Place = (1000.0, 2000.0))
     )
     mission, model = Mission(legs), fleet_plan(1)
     course = TimedMission(mission, tuple(leg.length_m / SPEED for leg in legs))
-    ground = model.ground.buffer(500.0)
-    return replace(
-        model,
-        saved=SavedPlan(Plan((mission,)), crs, origin, {}),
-        timed_missions=(course,),
-        min_clearance_m=math.inf,
-        finish_s=(sum(course.leg_seconds),),
-        ground=ground,
-    )
+    saved, finish_s = SavedPlan(Plan((mission,)), crs, origin, {}), (sum(course.leg_seconds),)
+    ways = replace(model, saved=saved, timed_missions=(course,), finish_s=finish_s)
+    return replace(ways, min_clearance_m=math.inf, ground=model.ground.buffer(500.0))
 
 
 @dataclass
@@ -74,20 +68,10 @@ class Rolling:
         course = self.manager.plan.timed_missions[0]
         leg = min(int(np.searchsorted(course.leg_starts_m[1:], self.at_m, side="right")), len(course.legs) - 1)
         leg_m = self.at_m - course.leg_starts_m[leg]
-        x, y, heading = course.find_pose(leg, leg_m, len(course.legs))
+        place, done = course.find_pose(leg, leg_m, len(course.legs)), self.at_m >= course.leg_starts_m[-1] - 1e-6
         command, mode = (0.0, "stopped") if self.stands else (SPEED, "automatic")
-        return TractorReport(
-            x,
-            y,
-            heading,
-            self.speed,
-            command,
-            mode=mode,
-            leg=leg,
-            leg_m=leg_m,
-            implement=1,
-            done=self.at_m >= course.leg_starts_m[-1] - 1e-6,
-        )
+        work = {"leg": leg, "leg_m": leg_m, "implement": 1}
+        return TractorReport(*place, self.speed, command, mode=mode, done=done, **work)
 
     def step(self, now: float) -> None:
         """A tenth of a second passes."""
@@ -135,20 +119,12 @@ class Ground:
 
     def apart_m(self) -> float:
         """Metres between the outlines of the first two, both in metres of the first one's plan."""
-        one, other = self.fleets[:2]
-        poses = []
-        for fleet in (one, other):
-            report = fleet.report
-            poses.append(
-                compute_centre_poses(
-                    np.array([[report.x_m, report.y_m, report.heading_rad]]), fleet.manager.plan.tractor
-                )
-            )
-        there = GroundConversion(
-            other.manager.plan.saved, one.manager.plan.saved, build_plan_extent(other.manager.plan)
-        )
-        models = one.manager.guard.model, other.manager.guard.model
-        return float(compute_outline_distances(poses[0], there.convert_poses(poses[1]), *models)[0])
+        one, other = (fleet.manager for fleet in self.fleets[:2])
+        places = [np.array([fleet.report[:3]]) for fleet in self.fleets[:2]]
+        near, far = (compute_centre_poses(p, m.plan.tractor) for p, m in zip(places, (one, other), strict=True))
+        there = GroundConversion(other.plan.saved, one.plan.saved, build_plan_extent(other.plan))
+        models = one.guard.model, other.guard.model
+        return float(compute_outline_distances(near, there.convert_poses(far), *models)[0])
 
 
 NORTH, SOUTH = ((0.0, 0.0), (0.0, 60.0)), ((0.0, 60.0), (0.0, 0.0))
@@ -167,16 +143,12 @@ def test_two_fleets_that_are_driven_at_each_other_stop_apart_and_both_are_told()
     # Stopped at the latest when what is foreseen in reaction, braking and one step of 0.5 s comes within clearance.
     foreseen_s = RULES.reaction_s + SPEED / BRAKES_MPS2 + 0.5
     assert RULES.clearance_m <= least_m <= RULES.clearance_m + 2.0 * (foreseen_s + 0.2) * SPEED
-    for fleet, its, theirs in ((one, "a", "b"), (other, "b", "a")):
+    for fleet, theirs in ((one, "b"), (other, "a")):
         assert Hold.TOO_NEAR in fleet.manager.states[0].holds
         (told,) = alarms(fleet)
         assert told.startswith(f"Tractor 1 and tractor 1 of fleet {theirs!r} stand ") and "cannot resume" in told
         (frame,) = fleet.manager.alarms.describe_alarms()
-        assert (frame["code"], frame["related_number"], frame["level"]) == (
-            "near fleet",
-            1,
-            "critical",
-        ) and its != theirs
+        assert (frame["code"], frame["related_number"], frame["level"]) == ("near fleet", 1, "critical")
 
 
 @pytest.mark.parametrize("first", [0, 1])
@@ -234,12 +206,8 @@ def test_a_conversion_over_kilometres_is_that_of_pyproj_to_a_millimetre() -> Non
     source = lane((0.0, 0.0), (3000.0, 2000.0), crs="EPSG:32632", origin=origin)
     target = lane(*NORTH, crs="EPSG:32633", origin=other)
     places = np.random.default_rng(1).uniform((0.0, 0.0), (3000.0, 2000.0), (50, 2))
-    exact = (
-        np.column_stack(
-            Transformer.from_crs("EPSG:32632", "EPSG:32633", always_xy=True).transform(*(places + origin).T)
-        )
-        - other
-    )
+    over = Transformer.from_crs("EPSG:32632", "EPSG:32633", always_xy=True)
+    exact = np.column_stack(over.transform(*(places + origin).T)) - other
     found = GroundConversion(source.saved, target.saved, build_plan_extent(source)).convert_places(places)
     assert np.abs(found - exact).max() < 1e-3
 
@@ -310,19 +278,15 @@ def test_stop_all_reaches_the_neighbours_and_each_is_let_go_on_by_its_own_operat
     orders, events = other.take_outputs()
     assert [order.kind for order in orders] == ["stop"]
     assert ("anna", "stop_all of a neighbour", {"fleet": "a"}) in [(e.who, e.what, e.data) for e in events]
-    assert ("stop_all of neighbours", {"fleets": ["b"]}) in [
-        (event.what, event.data) for event in one.take_outputs()[1]
-    ]
+    told = [(event.what, event.data) for event in one.take_outputs()[1]]
+    assert ("stop_all of neighbours", {"fleets": ["b"]}) in told
     assert [alarm.code for alarm in one.alarms.list_alarms()] == [alarm.code for alarm in other.alarms.list_alarms()]
     assert "anna stopped fleet 'a' near by" in alarms(ground.fleets[1])[0]
     with pytest.raises(FleetManagerError, match="just stopped by anna of fleet 'a'"):
         other.operators.resume_tractors("bert", None, ground.now)
     one.operators.resume_tractors("anna", None, ground.now + 2.0)
-    assert (
-        Hold.HALTED in other.states[0].holds
-        and one.alarms.list_alarms()[0].over
-        and not other.alarms.list_alarms()[0].over
-    )
+    assert [each.alarms.list_alarms()[0].over for each in (one, other)] == [True, False]
+    assert Hold.HALTED in other.states[0].holds
     other.operators.resume_tractors("bert", None, ground.now + 2.0)
     assert other.state == RUNNING and other.alarms.list_alarms()[0].over
 
