@@ -139,13 +139,9 @@ def _files(app: FastAPI, made: Made) -> None:
 
     @app.get("/api/v1/fields/{name}/summary")
     def summary(name: str) -> dict[str, Any]:
-        shape = {
-            "rings_m": [made_field.RING],
-            "obstacles_m": [made_field.POND],
-            "fences_m": [],
-            "entrance_m": [0.0, 0.0],
-        }
-        field = {"name": name, "area_ha": 0.72, "remarks": [f"The field is called {name}."]} | shape
+        shape = {"rings_m": [made_field.RING], "obstacles_m": [made_field.POND], "fences_m": []}
+        told = {"area_ha": 0.72, "entrance_m": [0.0, 0.0], "remarks": [f"The field is called {name}."]}
+        field = {"name": name} | shape | told
         return {"fields": [], "field": field, "error": None}
 
 
@@ -333,31 +329,24 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
 
 
 def _tick(lanes: list[dict[str, Any]], now: float, state: str, area_m: float | None = None) -> dict[str, Any]:
-    fleet = {"state": state, "eta_s": 1440.0, "done_pct": 41.7, "done_m2": 3004.0, "deadline_s": 3600.0}
+    done = {"eta_s": 1440.0, "done_pct": 41.7, "done_m2": 3004.0, "deadline_s": 3600.0, "probability": 0.93}
     rows = [_tick_tractor(number, lane, now, area_m) for number, lane in enumerate(lanes, start=1)]
-    return {
-        "kind": "tick",
-        "time": "2026-11-20T09:10:00.000Z",
-        "tractors": rows,
-        "fleet": fleet | {"probability": 0.93},
-    }
+    told = {"tractors": rows, "fleet": done | {"state": state}}
+    return {"kind": "tick", "time": "2026-11-20T09:10:00.000Z"} | told
 
 
 def _tick_tractor(number: int, lane: dict[str, Any], now: float, area_m: float | None) -> dict[str, Any]:
     gone = number == 3
     x, y, heading = made_field.place(lane, BEGUN_S - 40 if gone else now)
-    place = {"easting_m": made_field.EAST + x, "northing_m": made_field.NORTH + y}
+    east, north = made_field.EAST + x, made_field.NORTH + y
+    place = {"easting_m": east, "northing_m": north}
     leg = sum(step["from_s"] + step["seconds"] <= now for step in lane["steps"])
     work = {"leg": leg, "leg_m": 3.0, "base_end": leg + 2, "done_pct": 40.0, "mode": "automatic"}
     waits = {"waits_for": [{"tractor": 1, "leg": 4}] if number == 2 else [], "holds": [], "holder": None}
     times = {"age_s": 42.0 if gone else 0.1, "eta_s": 1260.0 + 60 * number, "late_s": 95.0 if gone else 4.0}
     link = {"connection": "broken" if gone else "online", "speed_mps": 0.0 if gone else made_field.SPEED_MPS}
     errors = {"error_m": 0.03 + 0.02 * math.sin(now), "error_deg": 0.3 * math.cos(now)}
-    twin = {
-        "easting_m": place["easting_m"] + 0.7,
-        "northing_m": place["northing_m"] + 0.3,
-        "heading_deg": heading + 1.0,
-    }
+    twin = {"easting_m": east + 0.7, "northing_m": north + 0.3, "heading_deg": heading + 1.0}
     area = None if area_m is None or number != 2 else place | {"radius_m": area_m, "growth_mps": 1.0}
     told = place | {"tractor": number, "heading_deg": heading, "possible_area": area, "twin": twin}
     return told | work | waits | times | link | errors

@@ -69,15 +69,10 @@ def maps() -> dict[str, Any]:
     lanes = [lane_of(number) for number in range(1, COUNT + 1)]
     worked = [leg for number in range(1, COUNT + 1) for leg in legs_of(number) if leg["implement"]]
     tracks = [{"name": str(leg["number"] + 1), "points_m": leg["points_m"]} for leg in worked]
-    outline = {
-        "boundary_m": RING,
-        "holes_m": [],
-        "obstacles_m": [POND],
-        "fences_m": [RING[:2]],
-        "entrance_m": [0.0, 0.0],
-    }
-    missed = {"missed_m": [[[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]]}
-    ground = outline | missed | {"width_m": WIDTH_M, "swaths": tracks, "headland_passes": []}
+    missed = [[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]
+    outline = {"boundary_m": RING, "holes_m": [], "obstacles_m": [POND], "fences_m": [RING[:2]], "missed_m": [missed]}
+    work = {"width_m": WIDTH_M, "swaths": tracks, "headland_passes": [], "entrance_m": [0.0, 0.0]}
+    ground = outline | work
 
     def plan(count: int) -> dict[str, Any]:
         end_s, title = max(lane["time_s"][-1] for lane in lanes[:count]), f"split-field, {count} tractors"
@@ -122,8 +117,8 @@ def recording() -> bytes:
             lane, rows = lane_of(number), ["time_s,easting_m,northing_m,heading_deg,speed_mps,steering_command_deg"]
             for second in range(0, int(lane["time_s"][-1]), 2):
                 x, y, heading = place(lane, second)
-                place = f"{EAST + x:.3f},{NORTH + y:.3f},{heading:.2f}"
-                rows.append(f"{second},{place},{SPEED_MPS},{4 * math.sin(second):.2f}")
+                pose, steering = f"{EAST + x:.3f},{NORTH + y:.3f},{heading:.2f}", f"{4 * math.sin(second):.2f}"
+                rows.append(f"{second},{pose},{SPEED_MPS},{steering}")
             archive.writestr(f"tractor-{number}.csv", "\n".join(rows) + "\n")
     return packed.getvalue()
 
@@ -135,12 +130,8 @@ def scene() -> dict[str, Any]:
         return [[x + EAST, y + NORTH] for x, y in points]
 
     bale = {"id": 4, "name": "bale", "polygon_m": shifted([[30.0, 40.0], [33.0, 40.0], [32.0, 43.0]])}
-    ground = {
-        "field": [shifted(RING)],
-        "field_obstacles": [shifted(POND)],
-        "fence": [shifted(RING)],
-        "obstacles": [bale],
-    }
+    ring = shifted(RING)
+    ground = {"field": [ring], "field_obstacles": [shifted(POND)], "fence": [ring], "obstacles": [bale]}
     tractors = [
         {"tractor": number, "max_steering_deg": 28.0}
         | {"legs": [{**leg, "points_m": shifted(leg["points_m"])} for leg in legs_of(number)]}
