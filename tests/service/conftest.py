@@ -11,6 +11,7 @@ from fastapi import FastAPI
 from playwright.sync_api import Browser, sync_playwright
 from starlette.testclient import TestClient
 
+from planner.fleet.model.fleet_plan import FleetPlan
 from planner.service.settings import ServiceSettings
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
@@ -94,6 +95,14 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     app = create_app(settings, reads_inline=True)
     with client_of(app) as client:
         yield log_in(client), bearer(app, BOTH)
+
+
+@pytest.fixture(scope="session")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    """A plan of three tractors that come in by a corner of a small field, which no test changes."""
+    from tests.service.test_replanning import plan_three
+
+    return plan_three(tmp_path_factory, (0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
