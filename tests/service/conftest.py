@@ -45,6 +45,14 @@ def store(both: ServiceSettings) -> Iterator[Store]:
 
 
 @pytest.fixture
+def plain(tmp_path: Path) -> Iterator[Store]:
+    """An empty store on SQLite in the folder of the test."""
+    store = Store(ServiceSettings(data=tmp_path))
+    yield store
+    store.close()
+
+
+@pytest.fixture
 def settings(tmp_path: Path) -> ServiceSettings:
     """Settings of a small service on SQLite, without workers."""
     return ServiceSettings(data=tmp_path / "data", workers=0, upload_mb=1, jobs_waiting=3)

@@ -29,7 +29,7 @@ WORKER = ["worker", "--database", "postgresql://127.0.0.1:1/x"]
 COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
 
 
-def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], plain: Store, tmp_path: Path) -> None:
     status, out, _ = run("token", "new", "--scope", "operator", "--scope", "planner", "--data", tmp_path)
     token = out.strip()
     assert status == 0 and token.startswith("hl_")
@@ -37,36 +37,32 @@ def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_pat
     assert listed.startswith("operator-planner-1  operator planner  ") and token not in listed
     assert listed.endswith("  never expires\n")
     assert all(token.encode() not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
-    store = Store(ServiceSettings(data=tmp_path))
-    assert find_token(store, token) is not None
+    assert find_token(plain, token) is not None
     assert run("token", "revoke", "operator-planner-1", "--data", tmp_path)[0] == 0
-    assert find_token(store, token) is None
-    store.close()
+    assert find_token(plain, token) is None
 
 
 def test_a_token_for_a_robot_is_for_one_tractor_and_ends(
-    run: Callable[..., tuple[int, str, str]], tmp_path: Path
+    run: Callable[..., tuple[int, str, str]], plain: Store, tmp_path: Path
 ) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
-    store.save_fleet("f1", "north", "{}", {})
+    plain.save_fleet("f1", "north", "{}", {})
     words = ("token", "new", "--scope", "robot", "--fleet", "f1", "--tractor", "2", "--data", tmp_path)
     assert run(*words)[0] == 0
     status, out, err = run(*words, "--name", "short", "--expires", "90m")
-    row = find_token(store, out.strip())
+    row = find_token(plain, out.strip())
     assert status == 0 and row is not None and (row.fleet, row.tractor, row.scopes) == ("f1", 2, "robot")
     assert f"expires {row.expires}" in err
     lines = run("token", "list", "--data", tmp_path)[1].splitlines()
     assert lines[0].startswith("robot-1  robot of tractor 2 of fleet f1  ") and lines[1].endswith(str(row.expires))
     ends = [
-        datetime.fromisoformat(str(each.expires)) - datetime.fromisoformat(each.created) for each in store.list_tokens()
+        datetime.fromisoformat(str(each.expires)) - datetime.fromisoformat(each.created) for each in plain.list_tokens()
     ]
     assert [round(each / timedelta(minutes=1)) for each in ends] == [30 * 24 * 60, 90]
-    with store.database.open_write_session() as session:
+    with plain.database.open_write_session() as session:
         session.execute(sa.update(TokenRow).values(expires="2026-01-01T00:00:00.000Z"))
     assert (
-        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and find_token(store, out.strip()) is None
+        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and find_token(plain, out.strip()) is None
     )
-    store.close()
 
 
 @pytest.mark.parametrize(("text", "minutes"), [("90m", 90), ("12h", 720), ("30d", 43_200)])

@@ -63,29 +63,36 @@ def of(disk: Disk, reserve_mb: int = 0) -> ServiceSettings:
     return ServiceSettings(data=data, reserve_mb=reserve_mb, workers=0, upload_mb=4, job_functions=KINDS, lease_s=1.0)
 
 
-def test_bytes_for_which_there_is_no_room_leave_nothing_behind(disk: Disk) -> None:
-    store = Store(of(disk))
+def test_bytes_for_which_there_is_no_room_leave_nothing_behind_and_a_database_keeps_all_it_had(disk: Disk) -> None:
+    store, kept = Store(of(disk)), list[int]()
     first = store.blobs.put_bytes(b"first")
     disk.fill(leave=100_000)
     with pytest.raises(StorageError, match=r"^No room is left .*\.$"):
         store.blobs.put_bytes(os.urandom(300_000))
     assert [path.name for path in store.blobs.list_paths()] == [first]
     disk.free()
+    disk.fill(leave=MEGABYTE_BYTES)
+    with pytest.raises(StorageError):
+        for number in range(10_000):
+            kept.append(store.add_event(None, "office", "event", {"text": "x" * 5_000, "number": number}))
+    assert [each.data["number"] for each in all_events(store)] == list(range(len(kept)))
+    with store.database.open_read_session() as session:
+        assert session.scalar(sa.text("PRAGMA integrity_check")) == "ok"
+    disk.free()
+    assert store.add_event(None, "office", "again") > 0
     assert store.blobs.read_bytes(store.blobs.put_bytes(b"second" * 100_000)) == b"second" * 100_000
     store.close()
 
 
-def test_what_a_write_says_of_a_full_disk_is_believed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_what_a_write_says_of_a_full_disk_is_believed(plain: Store, monkeypatch: pytest.MonkeyPatch) -> None:
 
     def full(_number: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("planner.service.store.disk_storage.os.fsync", full)
+    monkeypatch.setattr("planner.service.plain.disk_storage.os.fsync", full)
     with pytest.raises(StorageError):
-        store.add_file("field", "north", SMALL)
-    assert store.list_files("field") == [] and store.blobs.list_paths() == []
-    store.close()
+        plain.add_file("field", "north", SMALL)
+    assert plain.list_files("field") == [] and plain.blobs.list_paths() == []
 
 
 def test_a_reserve_stays_free_for_the_database(disk: Disk) -> None:
@@ -121,21 +128,6 @@ def test_a_body_that_finds_no_room_while_it_comes_is_refused(disk: Disk, monkeyp
         large = b" " * (3 * MEGABYTE_BYTES)
         answer = client.post("/api/v1/logs", files={"file": ("x.csv", large)}, headers=bearer(app, BOTH))
         assert answer.status_code == 507 and "No room is left" in answer.json()["error"]
-
-
-def test_a_database_without_room_keeps_all_it_had(disk: Disk) -> None:
-    store = Store(of(disk))
-    kept = []
-    disk.fill(leave=MEGABYTE_BYTES)
-    with pytest.raises(StorageError):
-        for number in range(10_000):
-            kept.append(store.add_event(None, "office", "event", {"text": "x" * 5_000, "number": number}))
-    assert [each.data["number"] for each in all_events(store)] == list(range(len(kept)))
-    with store.database.open_read_session() as session:
-        assert session.scalar(sa.text("PRAGMA integrity_check")) == "ok"
-    disk.free()
-    assert store.add_event(None, "office", "again") > 0
-    store.close()
 
 
 def all_events(store: Store) -> list[EventRow]:
