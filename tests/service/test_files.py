@@ -62,7 +62,6 @@ def test_samples_are_listed_and_stay(client: TestClient, token: dict[str, str]) 
     assert client.get("/api/v1/tractors/eg105/summary").json()["name"] == "Yanmar EG105"
     assert b"mass_kg" in client.get("/api/v1/tractors/eg105").content
     assert upload(client, "fields", token, "denmark.geojson", SMALL).status_code == 409
-    assert client.delete("/api/v1/tractors/eg105", headers=token).status_code == 409
 
 
 def test_several_fields_of_a_file(client: TestClient, token: dict[str, str]) -> None:
