@@ -79,22 +79,9 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
     assert store.get_fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
-
-
-def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
-    store: Store = client.app.state.store  # type: ignore[attr-defined]
-    ranking = build_result_file("result.json", json.dumps({"best": None, "plans": []}))
-    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), ranking])
+    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), results[1]])
     answer = new(client, plan=done.id, result="map.png")
     assert answer.status_code == 422 and "JSON" in answer.json()["error"]
-
-
-def test_only_a_fleet_that_reported_has_something_to_replay(client: TestClient) -> None:
-    id = new(client).json()["id"]
-    live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
-    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is False
-    live.recorder.received[1] = 0
-    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is True
 
 
 def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(plain: Store) -> None:
@@ -140,6 +127,9 @@ def test_what_no_fleet_can_be_made_of_is_refused_in_a_sentence(
 
 def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -> None:
     id = new(client).json()["id"]
+    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is False
+    client.app.state.hub.get_session(id).recorder.received[1] = 0  # type: ignore[attr-defined]
+    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is True
     assert "No tractor remains" in client.post(f"/api/v1/fleets/{id}/replan", json={"without": [1, 2]}).json()["error"]
     assert client.post(f"/api/v1/fleets/{id}/replan", json={"without": [9]}).status_code == 422
     assert "not ready" in client.post(f"/api/v1/fleets/{id}/accept", json={"proposal": 1}).json()["error"]

@@ -177,7 +177,7 @@ def restarted(fleet: SimulatedFleet) -> None:
     fleet.manager.operators.resume_tractors("anna", None, fleet.now)
 
 
-def test_two_that_touch_stand_after_a_restart_too() -> None:
+def test_two_that_touch_stand_after_a_restart_too_and_who_was_stopped_for_another_goes_on_once_it_is_clear() -> None:
     fleet = start_fleet(fleet_plan(2, 3, apart_m=0.5))
     fleet.run(30)
     stood_m = list(fleet.at_m)
@@ -186,9 +186,6 @@ def test_two_that_touch_stand_after_a_restart_too() -> None:
         fleet.run(20)
     assert fleet.at_m == stood_m and all(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
     assert "cannot resume by themselves" in fleet.manager.alarms.list_alarms()[0].sentence
-
-
-def test_who_was_stopped_for_another_goes_on_after_a_restart_once_its_way_is_clear() -> None:
     fleet = behind(0.3)
     restarted(fleet)
     fleet.run(25)

@@ -24,6 +24,7 @@ from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.safety.motion_prediction import compute_centre_poses
+from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
 from tests.service.fleets import SPEED, fleet_plan, restart_manager
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
@@ -178,12 +179,14 @@ def in_zone(crs: str, lon: float, lat: float) -> tuple[float, float]:
     return float(x), float(y)
 
 
+WEST_ZONE, EAST_ZONE = (in_zone(crs, 12.0, 55.0) for crs in ("EPSG:32632", "EPSG:32633"))
+
+
 @pytest.mark.parametrize(("apart_m", "known"), [(40.0, True), (60.0, False)])
 def test_plans_of_two_coordinate_systems_are_compared_by_where_they_are(apart_m: float, known: bool) -> None:
-    origin, other = in_zone("EPSG:32632", 12.0, 55.0), in_zone("EPSG:32633", 12.0, 55.0)
     # The zones meet at 12 degrees: the north of each is 2.46 degrees to one side of true north, its middle 3 away.
-    there = lane((apart_m, 0.0), (apart_m, 60.0), crs="EPSG:32633", origin=other)
-    ground = Ground(lane(*NORTH, crs="EPSG:32632", origin=origin), there)
+    there = lane((apart_m, 0.0), (apart_m, 60.0), crs="EPSG:32633", origin=EAST_ZONE)
+    ground = Ground(lane(*NORTH, crs="EPSG:32632", origin=WEST_ZONE), there)
     turn = 2.0 * math.atan(math.tan(math.radians(3.0)) * math.sin(math.radians(55.0)))
     ends = GroundConversion(there.saved, ground.fleets[0].manager.plan.saved, build_plan_extent(there))
     assert abs(ends.turn_rad) == pytest.approx(turn, abs=1e-4)
@@ -192,23 +195,17 @@ def test_plans_of_two_coordinate_systems_are_compared_by_where_they_are(apart_m:
 
 
 @pytest.mark.slow
-def test_two_of_different_systems_stop_apart_too() -> None:
-    origin, other = in_zone("EPSG:32632", 12.0, 55.0), in_zone("EPSG:32633", 12.0, 55.0)
-    plan = lane((0.0, 60.0), (0.0, 0.0), crs="EPSG:32633", origin=other)
-    ground = Ground(lane(*NORTH, crs="EPSG:32632", origin=origin), plan)
+def test_two_of_different_systems_stop_apart_too_by_a_conversion_that_is_that_of_pyproj_to_a_millimetre() -> None:
+    plan = lane((0.0, 60.0), (0.0, 0.0), crs="EPSG:32633", origin=EAST_ZONE)
+    ground = Ground(lane(*NORTH, crs="EPSG:32632", origin=WEST_ZONE), plan)
     ground.start()
     assert RULES.clearance_m <= ground.run(60) < 6.0
     assert all(Hold.TOO_NEAR in fleet.manager.states[0].holds for fleet in ground.fleets)
-
-
-def test_a_conversion_over_kilometres_is_that_of_pyproj_to_a_millimetre() -> None:
-    origin, other = in_zone("EPSG:32632", 12.0, 55.0), in_zone("EPSG:32633", 12.0, 55.0)
-    source = lane((0.0, 0.0), (3000.0, 2000.0), crs="EPSG:32632", origin=origin)
-    target = lane(*NORTH, crs="EPSG:32633", origin=other)
+    source = lane((0.0, 0.0), (3000.0, 2000.0), crs="EPSG:32632", origin=WEST_ZONE)
     places = np.random.default_rng(1).uniform((0.0, 0.0), (3000.0, 2000.0), (50, 2))
     over = Transformer.from_crs("EPSG:32632", "EPSG:32633", always_xy=True)
-    exact = np.column_stack(over.transform(*(places + origin).T)) - other
-    found = GroundConversion(source.saved, target.saved, build_plan_extent(source)).convert_places(places)
+    exact = np.column_stack(over.transform(*(places + WEST_ZONE).T)) - EAST_ZONE
+    found = GroundConversion(source.saved, plan.saved, build_plan_extent(source)).convert_places(places)
     assert np.abs(found - exact).max() < 1e-3
 
 
@@ -292,8 +289,6 @@ def test_stop_all_reaches_the_neighbours_and_each_is_let_go_on_by_its_own_operat
 
 
 def test_a_stop_of_one_fleet_is_sent_to_the_tractors_of_the_other_at_once() -> None:
-    from planner.fleet.session.clients import TRACTOR, FleetClient
-
     hood, clients, fleets = Neighbourhood(), [], []
     for name in ("a", "b"):
         fleet = FleetSession(name, name, fleet_plan(), RULES, begin_s=0.0)

@@ -109,25 +109,20 @@ def test_a_plan_made_anew_is_taken_up_by_its_times_and_the_guard_keeps_its_dista
     text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=SCENARIO | dict(made.saved.scenario))
     timing = json.loads(json.dumps(describe_timing(made)))
     try:
-        alone = prepare_fleet_plan(text).min_clearance_m
+        assert prepare_fleet_plan(text).min_clearance_m < 0.1, "driven from its beginning they meet"
     except FleetManagerError as refusal:
-        alone, told = 0.0, str(refusal)
-        assert "does not reach the end of the plan" in told
-    assert alone < 0.1  # driven from its beginning they meet
+        assert "does not reach the end of the plan" in str(refusal)
     again = prepare_fleet_plan(text, timing=timing)
     assert again.min_clearance_m == 0.6 and again.clearance_m == pytest.approx(0.48)
     assert again.finish_s == made.finish_s
     assert [course.leg_seconds for course in again.timed_missions] == [
         course.leg_seconds for course in made.timed_missions
     ]
+    alone = replace(fleet_plan(1), min_clearance_m=math.inf)
+    assert describe_timing(alone)["near_m"] is None, "JSON of databases has no infinity"
     timing["seconds"][0].append(1.0)
     with pytest.raises(FleetManagerError, match="saved times belong to another plan"):
         prepare_fleet_plan(text, timing=timing)
-
-
-def test_one_tractor_alone_has_no_distance_to_keep_after_a_restart_either() -> None:
-    alone = replace(fleet_plan(1), min_clearance_m=math.inf)
-    assert describe_timing(alone)["near_m"] is None  # as JSON of databases has no infinity
 
 
 @pytest.mark.slow
