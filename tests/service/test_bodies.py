@@ -107,7 +107,12 @@ def test_a_body_without_room_is_refused_and_an_order_is_not(app: FastAPI, client
         assert refused.status_code == 429, "in chunks, too"
         assert client.post("/api/v1/fleets/none/stop", headers=operator).status_code == 404
         assert client.post("/api/v1/fleets/none/accept", json={"proposal": 1}, headers=operator).status_code == 404
-    assert client.post("/api/v1/fleets", content=b" " * 500_000, headers=operator).status_code == 422
+    answer = client.post("/api/v1/fleets", content=b" " * 500_000, headers=operator)
+    assert answer.status_code == 422 and "not JSON" in answer.json()["error"]
+    answer = client.post("/api/v1/fleets", json={"name": "x", "plan": "p", "odd": 1}, headers=operator)
+    assert answer.status_code == 422 and answer.json()["parameter"] == "odd"
+    answer = client.post("/api/v1/fleets/none/accept", content=b" " * 70_000, headers=operator)
+    assert answer.status_code == 413 and "64 KB" in answer.json()["error"], "bodies of orders are short"
     assert list((app.state.settings.data / BODIES_FOLDER).iterdir()) == []
 
 

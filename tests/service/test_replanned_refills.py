@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
-from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.replanning import from_here
 from planner.fleet.replanning.from_here import cut_leg
 from planner.fleet.replanning.planning_anew import (
@@ -28,10 +26,9 @@ from planner.pipeline.outputs.saved_plans import MACHINES_KEY
 from strategies.rules.supply import Supply
 from tests.service.test_replanning import WIDTH_M, at, plan_field
 from vehicle.errors import MissionError
-from vehicle.missions.plan import REFILL, Leg, Mission, Plan
+from vehicle.missions.plan import REFILL, Leg, Mission
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import SimulationRun
-from vehicle.sim.incremental import IncrementalSimulator
 
 pytestmark = pytest.mark.slow
 
@@ -149,34 +146,11 @@ def test_who_stands_for_a_load_does_so_in_the_rest_though_its_place_is_not_known
     assert cut_leg(stands, 0.3).stand_s == STAND_S and cut_leg(stands, 5.0).stand_s == 0.0
 
 
-@pytest.mark.xfail(
-    reason="where a rest is refused before it is rehearsed, as with some places of service", strict=False
-)
-def test_a_rest_with_long_stands_is_waited_for(monkeypatch: pytest.MonkeyPatch, plan: FleetPlan) -> None:
-    """Half an hour of standing is no standstill: a rehearsal goes on for as long as stands ask for."""
-    least: list[float] = []
-
-    def simulate(self: IncrementalSimulator, what: Plan, max_time_s: float, *more: Any) -> SimulationRun:
-        least.append(max_time_s - sum(leg.stand_s for each in what.missions for leg in each.legs))
-        raise FleetManagerError("It is seen.")
-
-    monkeypatch.setattr(IncrementalSimulator, "simulate", simulate)
-    longer = tuple(give_stands(course, 40_000.0) for course in plan.timed_missions)  # of half a day
-    manager = at(replace(plan, timed_missions=longer), 0.45)
-    manager.operators.mark_failed("anna", 1, 1.0)
-    with pytest.raises(FleetManagerError):
-        continue_remaining_work(extract_remaining_work(manager, [], 100.0))
-    assert least and min(least) > 0.0
-
-
-def give_stands(course: TimedMission, seconds: float) -> TimedMission:
-    """The same with stands of so long."""
-    legs = tuple(replace(leg, stand_s=seconds if leg.stand_s else 0.0) for leg in course.legs)
-    return replace(course, mission=Mission(legs))
-
-
 def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPlan) -> None:
-    none = tuple(give_stands(course, 0.0) for course in plan.timed_missions)
+    none = tuple(
+        replace(course, mission=Mission(tuple(replace(leg, stand_s=0.0) for leg in course.legs)))
+        for course in plan.timed_missions
+    )
     scenario = {key: value for key, value in plan.saved.scenario.items() if key != MACHINES_KEY}
     bare = replace(plan, timed_missions=none, saved=replace(plan.saved, scenario=scenario))
     told = _describe_unknown_load(bare, infer_carried_supply(bare))
