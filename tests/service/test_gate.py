@@ -65,13 +65,7 @@ def test_files_and_pages_are_answered_by_the_office_as_if_by_one(
     assert status == 201 and json.loads(made)["name"] == "own" and headers["content-security-policy"]
     status, headers, content = running.ask("GET", "/api/v1/fields/own", headers=reader)
     assert (status, content) == (200, SMALL) and "own.geojson" in headers["content-disposition"]
-    odd = (
-        ("GET", "/fields/nothing"),
-        ("PUT", "/fields"),
-        ("PUT", "/fleets"),
-        ("GET", "/nothing"),
-        ("GET", "/fields?x=1"),
-    )
+    odd = (("GET", "/fields/none"), ("PUT", "/fields"), ("PUT", "/fleets"), ("GET", "/none"), ("GET", "/fields?x=1"))
     assert [running.ask_json(*each, headers=reader)[0] for each in odd] == [404, 405, 405, 404, 422]
     assert running.ask_json("DELETE", "/fields/own", headers=planner)[0] == 204
     assert running.ask_json("GET", "/events", headers=reader)[1]["items"][0]["what"] == "field uploaded"
