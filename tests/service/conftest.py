@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, sync_playwright
 from starlette.testclient import TestClient
 
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
@@ -169,6 +170,13 @@ def log_in(client: TestClient) -> TestClient:
 def bearer(app: FastAPI, scope: str, **more: Any) -> dict[str, str]:
     """The header of a new token of a scope, or of several with spaces between them."""
     return {"Authorization": f"Bearer {app.state.store.create_token_text(f'a {scope}', scope, **more)}"}
+
+
+def run_next_job(store: Store, worker: str = "here") -> None:
+    """Do the next job of a store in this process."""
+    claimed = store.claim_job(worker)
+    assert claimed is not None
+    run_and_store_job(store, worker, claimed)
 
 
 def store_done_job(

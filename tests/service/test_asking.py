@@ -10,9 +10,8 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.errors import HeadlandError, strip_unit
-from planner.service.jobs.workers import run_and_store_job
 from planner.service.sandbox.readings import build_work_order, check_diagnosis_request
-from tests.service.conftest import SMALL, Shared
+from tests.service.conftest import SMALL, Shared, run_next_job
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"width": -1}, "width"),
@@ -168,7 +167,7 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     job = client.post("/api/v1/plans", json=body, headers=token).json()
     assert (job["status"], job["name"], job["request"]) == ("queued", "small", body)
     client.delete("/api/v1/fields/small", headers=token)  # the job keeps it
-    run_and_store_job(app.state.store, "here", app.state.store.claim_job("here"))
+    run_next_job(app.state.store)
     done = client.get(f"/api/v1/plans/{job['id']}").json()
     assert (done["status"], done["error"], done["progress"]["words"]) == ("done", None, "Done")
     names = {"result.json", "result.csv", "page.html", "maps.json", "map.png", "plan.json", "plan-split-field-1.json"}

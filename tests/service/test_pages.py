@@ -171,15 +171,8 @@ def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: Watched
 def test_modules_by_their_closed_forms(watched: WatchedPage) -> None:
     page = watched.open("/access")
     shares = "[9.96, 99.96, 99.75, 100].map(m.percent)"
-    assert evaluate_in_page(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == [
-        "1:02:03",
-        "45\xa0s",
-        "10.0\xa0%",
-        "99.9\xa0%",
-        "99.8\xa0%",
-        "100\xa0%",
-        "\u2013",
-    ]
+    words = ["1:02:03", "45\xa0s", "10.0\xa0%", "99.9\xa0%", "99.8\xa0%", "100\xa0%", "\u2013"]
+    assert evaluate_in_page(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == words
     assert evaluate_in_page(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
     lane = "{ time_s: [0, 10, 20], points_m: [[0, 0], [10, 0], [10, -5]], status: [1, 4] }"
     there = evaluate_in_page(page, f"[m.poseAt({lane}, 5), m.poseAt({lane}, 15)]")

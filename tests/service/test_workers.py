@@ -30,7 +30,7 @@ from planner.service.store.database import Database, migrate_database
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
 from tests.benchmarks.jobs import campaign
-from tests.service.conftest import wait_until
+from tests.service.conftest import run_next_job, wait_until
 from tests.service.databases import database
 from tests.service.kinds import KINDS, made
 from tests.service.test_commands import COMMAND
@@ -131,15 +131,11 @@ def test_inputs_come_and_results_go_by_the_database(shared: Store, remote: Remot
     inputs = {"field/x": sha256, "field/y": sha256, "field/gone": "0" * 64}
     job = shared.add_job("tiny", "first", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
     assert count_carried(shared) == 1
-    missing = remote.claim_job("w")
-    assert missing is not None
-    run_and_store_job(remote, "w", missing)
+    run_next_job(remote)
     assert "are gone" in str(shared.get_job(job.id).error)
     del inputs["field/gone"]
     job = shared.add_job("tiny", "second", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
-    claimed = remote.claim_job("w")
-    assert claimed is not None
-    run_and_store_job(remote, "w", claimed)
+    run_next_job(remote)
     (result,) = shared.get_job(job.id).results
     wanted = made(7, 2 * content)[0][1]
     path = shared.blobs.get_path(result.sha256)
@@ -172,9 +168,7 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 def run_one_job(shared: Store, remote: RemoteStore, name: str) -> str:
     """Let a worker elsewhere do a job; returns the SHA-256 of its result."""
     job = shared.add_job("tiny", name, {"number": 7})
-    claimed = remote.claim_job("w")
-    assert claimed is not None
-    run_and_store_job(remote, "w", claimed)
+    run_next_job(remote)
     return shared.get_job(job.id).results[0].sha256
 
 
@@ -389,9 +383,7 @@ def kept(tmp_path: Path) -> Store:
 def done_here(store: Store, kind: str, **request: object) -> str:
     """Do one job in this process; its ID."""
     job = store.add_job(kind, "here", {"number": 7, **request}, {"field/x": store.blobs.put_bytes(b"X")})
-    claimed = store.claim_job("here")
-    assert claimed is not None
-    run_and_store_job(store, "here", claimed)
+    run_next_job(store)
     return job.id
 
 
