@@ -61,9 +61,11 @@ def test_an_estimate_answers_every_number_and_follows_start_deadline_and_price(s
     assert timed["plans"][1]["end"] == "08:22"
     assert timed["plans"][0]["cost"] == pytest.approx(2.0 * one["cost"])
     client, headers = shared
-    asked = VALUES | {"width": 6.3}
-    scaled = client.post("/api/v1/estimates?at_once=true", json=asked, headers=headers).json()
-    assert (plain["is_scaled"], scaled["is_scaled"]) == (False, True)
+    at_once = [
+        client.post("/api/v1/estimates?at_once=true", json=VALUES | {"width": width}, headers=headers).json()
+        for width in (6.0, 6.3)
+    ]
+    assert [answer["is_scaled"] for answer in (plain, *at_once)] == [False, False, True]
 
 
 def test_an_estimate_says_what_its_tractor_cannot_pull(shared: Shared) -> None:
