@@ -289,7 +289,8 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
     for number, lane in enumerate(lanes, start=1):
         until = [p for p, t in zip(lane["points_m"], lane["time_s"], strict=True) if t <= BEGUN_S]
         x, y, _ = made_field.place(lane, BEGUN_S)
-        await socket.send_json(_painted(number, [*until, [x, y]]))
+        points = [[east + made_field.EAST, north + made_field.NORTH] for east, north in [*until, [x, y]]]
+        await socket.send_json({"kind": "coverage", "tractor": number, "first": 0, "points": points})
     listening = asyncio.create_task(_listen(socket, made))
     begun, loop = asyncio.get_running_loop().time(), asyncio.get_running_loop()
     try:
@@ -305,11 +306,6 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
             await asyncio.sleep(BEAT_S)
     finally:
         listening.cancel()
-
-
-def _painted(number: int, points: list[Any]) -> dict[str, Any]:
-    shifted = [[x + made_field.EAST, y + made_field.NORTH] for x, y in points]
-    return {"kind": "coverage", "tractor": number, "first": 0, "points": shifted}
 
 
 def _alarms(made: Made) -> list[dict[str, Any]]:

@@ -47,15 +47,6 @@ def report(
     page.close()
 
 
-def read_bars(page: Page, title: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = page.eval_on_selector_all(
-        f"figure:has(figcaption:text-is('{title}, cm')) rect",
-        """(all) => all.map((one) => ({ when: one.className.baseVal, value: Number(one.dataset.value),
-          height: one.getBoundingClientRect().height }))""",
-    )
-    return found
-
-
 @pytest.mark.parametrize(
     ("title", "name"), [("over driving time", "time"), ("by speed", "speed"), ("by wheel angle", "angle")]
 )
@@ -64,7 +55,11 @@ def test_every_bin_has_two_bars_as_high_as_its_errors(
     report: tuple[Page, list[str]], evidence: ReplayEvidence, title: str, name: str, words: str, kind: str
 ) -> None:
     bins = getattr(evidence, {"time": "over_time", "speed": "by_speed", "angle": "by_angle"}[name])
-    bars = read_bars(report[0], f"{words} the path, {title}")
+    bars: list[dict[str, Any]] = report[0].eval_on_selector_all(
+        f"figure:has(figcaption:text-is('{words} the path, {title}, cm')) rect",
+        """(all) => all.map((one) => ({ when: one.className.baseVal, value: Number(one.dataset.value),
+          height: one.getBoundingClientRect().height }))""",
+    )
     assert len(bars) == 2 * len(bins.rows) > 8
     for when in ("before", "after"):
         mine, errors = [one for one in bars if one["when"] == when], getattr(bins, f"{kind}_{when}_cm")

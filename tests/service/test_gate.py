@@ -47,12 +47,6 @@ def operator(running: Running) -> dict[str, str]:
     return running.make_token("operator")
 
 
-def make_form(name: str, content: bytes) -> tuple[bytes, dict[str, str]]:
-    head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="file"; filename="{name}"\r\n\r\n'
-    return (head.encode() + content + f"\r\n--{BOUNDARY}--\r\n".encode(),
-            {"content-type": f"multipart/form-data; boundary={BOUNDARY}"})  # fmt: skip
-
-
 def test_files_and_pages_are_answered_by_the_office_as_if_by_one(
     running: Running, reader: dict[str, str], planner: dict[str, str]
 ) -> None:
@@ -60,7 +54,11 @@ def test_files_and_pages_are_answered_by_the_office_as_if_by_one(
     assert json.loads(running.ask("GET", "/api/v1/openapi.json")[2])["paths"].keys() >= {
         "/api/v1/fleets/{id}/stop", "/api/v1/fields", "/api/v1/plans/{id}",
     }  # fmt: skip
-    body, form = make_form("own.geojson", SMALL)
+    head = f'--{BOUNDARY}\r\nContent-Disposition: form-data; name="file"; filename="own.geojson"\r\n\r\n'
+    body, form = (
+        head.encode() + SMALL + f"\r\n--{BOUNDARY}--\r\n".encode(),
+        {"content-type": f"multipart/form-data; boundary={BOUNDARY}"},
+    )
     status, headers, made = running.ask("POST", "/api/v1/fields", body, form | planner)
     assert status == 201 and json.loads(made)["name"] == "own" and headers["content-security-policy"]
     status, headers, content = running.ask("GET", "/api/v1/fields/own", headers=reader)

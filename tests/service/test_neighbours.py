@@ -174,12 +174,9 @@ def test_fields_so_far_apart_know_each_other(apart_m: float, known: bool) -> Non
     assert bool(shifted.hood.list_neighbours("a")) == known
 
 
-def in_zone(crs: str, lon: float, lat: float) -> tuple[float, float]:
-    x, y = Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(lon, lat)
-    return float(x), float(y)
-
-
-WEST_ZONE, EAST_ZONE = (in_zone(crs, 12.0, 55.0) for crs in ("EPSG:32632", "EPSG:32633"))
+WEST_ZONE, EAST_ZONE = (
+    Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(12.0, 55.0) for crs in ("EPSG:32632", "EPSG:32633")
+)
 
 
 @pytest.mark.parametrize(("apart_m", "known"), [(40.0, True), (60.0, False)])

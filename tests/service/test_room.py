@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 import sqlalchemy as sa
@@ -17,7 +18,7 @@ from planner.service.errors import StorageError
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store
-from planner.service.store.tables import EventRow, JobRow
+from planner.service.store.tables import JobRow
 from tests.service.conftest import BOTH, SMALL, bearer, client_of, wait_until
 from tests.service.kinds import KINDS, made
 from tests.service.one_process import create_app
@@ -75,7 +76,10 @@ def test_bytes_for_which_there_is_no_room_leave_nothing_behind_and_a_database_ke
     with pytest.raises(StorageError):
         for number in range(10_000):
             kept.append(store.add_event(None, "office", "event", {"text": "x" * 5_000, "number": number}))
-    assert [each.data["number"] for each in all_events(store)] == list(range(len(kept)))
+    events = store.list_events()
+    while more := store.list_events(events[-1].id):
+        events += more
+    assert [each.data["number"] for each in events] == list(range(len(kept)))
     with store.database.open_read_session() as session:
         assert session.scalar(sa.text("PRAGMA integrity_check")) == "ok"
     disk.free()
@@ -128,14 +132,6 @@ def test_a_body_that_finds_no_room_while_it_comes_is_refused(disk: Disk, monkeyp
         large = b" " * (3 * MEGABYTE_BYTES)
         answer = client.post("/api/v1/logs", files={"file": ("x.csv", large)}, headers=bearer(app, BOTH))
         assert answer.status_code == 507 and "No room is left" in answer.json()["error"]
-
-
-def all_events(store: Store) -> list[EventRow]:
-    """All events."""
-    found = store.list_events()
-    while found and (more := store.list_events(found[-1].id)):
-        found += more
-    return found
 
 
 def test_a_server_that_says_its_disk_is_full_is_believed(store: Store) -> None:
@@ -192,9 +188,8 @@ def test_after_a_time_without_room_who_is_alive_reports_before_anything_is_relea
     assert store.claim_job("w") is not None
     with store.database.open_write_session() as session:
         session.execute(sa.update(JobRow).values(lease=time.time() - 60.0))
-    expire, store.release_expired = store.release_expired, no_room  # type: ignore[method-assign]
-    supervisor._release_unreported()
-    store.release_expired = expire  # type: ignore[method-assign]
+    with patch.object(store, "release_expired", side_effect=StorageError("No room.")):
+        supervisor._release_unreported()
     supervisor._release_unreported()
     assert store.get_job(job.id).status == "running" and store.report_job(job.number, "w")
     with store.database.open_write_session() as session:
@@ -202,8 +197,3 @@ def test_after_a_time_without_room_who_is_alive_reports_before_anything_is_relea
     supervisor._release_unreported()
     assert store.get_job(job.id).status == "queued", "nobody has reported since"
     store.close()
-
-
-def no_room() -> None:
-    """A database whose disk is full."""
-    raise StorageError("No room.")

@@ -76,7 +76,8 @@ def generate_client(api: dict[str, Any], folder: Path) -> ModuleType:
         use_standard_collections=True, use_annotated=True, use_union_operator=True, disable_timestamp=True,
         enum_field_as_literal=LiteralType.All, formatters=[],
     )  # fmt: skip
-    (folder / "service_client.py").write_text(HEAD + "".join(_iter_methods(api)), encoding="utf-8")
+    written = [_write_method(path, *one) for path, operations in api["paths"].items() for one in operations.items()]
+    (folder / "service_client.py").write_text(HEAD + "".join(written), encoding="utf-8")
     load_module("service_models", models)
     return load_module("service_client", folder / "service_client.py")
 
@@ -89,12 +90,6 @@ def load_module(name: str, path: Path) -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
-
-
-def _iter_methods(api: dict[str, Any]) -> Iterator[str]:
-    for path, operations in api["paths"].items():
-        for method, operation in operations.items():
-            yield _write_method(path, method, operation)
 
 
 def _write_method(path: str, method: str, operation: dict[str, Any]) -> str:
