@@ -93,7 +93,7 @@ def test_what_a_write_says_of_a_full_disk_is_believed(plain: Store, monkeypatch:
     def full(_number: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("planner.service.plain.disk_storage.os.fsync", full)
+    monkeypatch.setattr("planner.service.store.disk_storage.os.fsync", full)
     with pytest.raises(StorageError):
         plain.add_file("field", "north", SMALL)
     assert plain.list_files("field") == [] and plain.blobs.list_paths() == []
