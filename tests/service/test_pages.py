@@ -263,6 +263,15 @@ def test_the_plan_to_take_is_first_and_any_is_played_and_saved_for_a_terminal(
     assert page.locator("summary:has-text('not possible')").inner_text() == "1 plan not possible, with the reason"
     for reason in ("others are estimated to be faster.", "tractors may come nearer than 0.5"):
         assert page.locator(f"text=1 plan not simulated, as {reason}").is_visible(), "it was not tried"
+    page.click("summary:has-text('Guidance for terminals')")
+    page.select_option("select[name=form]", "agopengps")
+    page.select_option("select[name=of]", "2")
+    made.requests.clear()
+    with page.expect_download() as saved:
+        page.click("text=Save for the terminal")
+    assert saved.value.suggested_filename.endswith("-tractor-2-plan-agopengps.zip")
+    exported = [each for each in made.requests if each[0].endswith("/export")]
+    assert exported == [("plans/old/results/plan.json/export", {"to": "agopengps", "tractor": 2})]
     assert page.locator(".under .who").count() == 3
     page.click("[aria-label='Show plan 2 on the map']")
     assert page.locator(".under .who").count() == 2
@@ -274,15 +283,6 @@ def test_the_plan_to_take_is_first_and_any_is_played_and_saved_for_a_terminal(
     assert [row.split("\t")[1].strip() for row in page.locator("tbody tr").all_inner_texts()[:3]] == ["2", "3", "3"]
     page.click("summary:has-text('Full report')")
     page.frame_locator("iframe").locator("text=the report runs").wait_for()
-    page.click("summary:has-text('Guidance for terminals')")
-    page.select_option("select[name=form]", "agopengps")
-    page.select_option("select[name=of]", "2")
-    made.requests.clear()
-    with page.expect_download() as saved:
-        page.click("text=Save for the terminal")
-    assert saved.value.suggested_filename.endswith("-tractor-2-plan-agopengps.zip")
-    exported = [each for each in made.requests if each[0].endswith("/export")]
-    assert exported == [("plans/old/results/plan.json/export", {"to": "agopengps", "tractor": 2})]
     watched.well()
 
 
