@@ -167,6 +167,7 @@ def test_a_twin_in_doubt_is_diagnosed_and_mended_where_something_was_found(
     page.wait_for_selector("text=Saved as the tractor file eg105 mended")
     page.wait_for_selector("text=Add it to the tractor file", state="detached")
     assert page.locator("text=Saved as the tractor file eg105 mended").count() == 1, "it is said as long as it counts"
+    made.diagnosed = False
     watched.well()
 
 
