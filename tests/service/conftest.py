@@ -11,6 +11,8 @@ from fastapi import FastAPI
 from playwright.sync_api import Browser, sync_playwright
 from starlette.testclient import TestClient
 
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
@@ -39,6 +41,14 @@ def both(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServiceSett
 def store(both: ServiceSettings) -> Iterator[Store]:
     """An empty store, on each database in turn."""
     store = Store(both)
+    yield store
+    store.close()
+
+
+@pytest.fixture
+def plain(tmp_path: Path) -> Iterator[Store]:
+    """An empty store on SQLite in the folder of the test."""
+    store = Store(ServiceSettings(data=tmp_path))
     yield store
     store.close()
 
@@ -94,6 +104,14 @@ def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
     app = create_app(settings, reads_inline=True)
     with client_of(app) as client:
         yield log_in(client), bearer(app, BOTH)
+
+
+@pytest.fixture(scope="session")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    """A plan of three tractors that come in by a corner of a small field, which no test changes."""
+    from tests.service.test_replanning import plan_three
+
+    return plan_three(tmp_path_factory, (0.0, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +170,13 @@ def log_in(client: TestClient) -> TestClient:
 def bearer(app: FastAPI, scope: str, **more: Any) -> dict[str, str]:
     """The header of a new token of a scope, or of several with spaces between them."""
     return {"Authorization": f"Bearer {app.state.store.create_token_text(f'a {scope}', scope, **more)}"}
+
+
+def run_next_job(store: Store, worker: str = "here") -> None:
+    """Do the next job of a store in this process."""
+    claimed = store.claim_job(worker)
+    assert claimed is not None
+    run_and_store_job(store, worker, claimed)
 
 
 def store_done_job(

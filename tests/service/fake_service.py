@@ -42,14 +42,8 @@ class Made:
         self.frames: list[dict[str, Any]] = []
         self.requests: list[tuple[str, Any]] = []
         self.estimates: list[dict[str, Any]] = []
-        self.files = {
-            "fields": ["iwamizawa", "north field", NASTY],
-            "tractors": ["eg105"],
-            "farms": ["farm"],
-            "tables": ["rain"],
-            "elevations": ["hill"],
-            "logs": ["run-1"],
-        }
+        self.files = {"fields": ["iwamizawa", "north field", NASTY], "tractors": ["eg105"], "farms": ["farm"]}
+        self.files |= {"tables": ["rain"], "elevations": ["hill"], "logs": ["run-1"]}
         self.options: dict[str, dict[str, Any]] = {}
         self.state = "running"  # of the fleet
         self.polls = self.knocks = self.left = 0
@@ -78,13 +72,8 @@ def fake_app() -> FastAPI:
 
     @app.get("/api/v1/me")
     def me() -> dict[str, Any]:
-        return {
-            "name": "office",
-            "rights": ["operate", "plan", "read"],
-            "fleet": None,
-            "tractor": None,
-            "token_command": "headland token new",
-        }
+        bound = {"fleet": None, "tractor": None, "token_command": "headland token new"}
+        return {"name": "office", "rights": ["operate", "plan", "read"]} | bound
 
     @app.get("/api/v1/background")
     def background() -> dict[str, Any]:
@@ -116,13 +105,9 @@ def _files(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/{kind}", include_in_schema=False)
     def listed(kind: str) -> Any:
         if kind in made.files:
-            return {
-                "items": [
-                    {"name": name, "sample": name in ("iwamizawa", "eg105"), "size": 41_000}
-                    | {"options": made.options.get(name, {})}
-                    for name in made.files[kind]
-                ]
-            }
+            samples, options = ("iwamizawa", "eg105"), made.options
+            items = [{"name": name, "sample": name in samples, "size": 41_000} for name in made.files[kind]]
+            return {"items": [item | {"options": options.get(str(item["name"]), {})} for item in items]}
         if kind == "events":
             return {"items": [EVENT]}
         if kind == "fleets":
@@ -154,30 +139,19 @@ def _files(app: FastAPI, made: Made) -> None:
 
     @app.get("/api/v1/fields/{name}/summary")
     def summary(name: str) -> dict[str, Any]:
-        field = {
-            "name": name,
-            "area_ha": 0.72,
-            "rings_m": [made_field.RING],
-            "obstacles_m": [made_field.POND],
-            "fences_m": [],
-            "entrance_m": [0.0, 0.0],
-            "remarks": [f"The field is called {name}."],
-        }
+        shape = {"rings_m": [made_field.RING], "obstacles_m": [made_field.POND], "fences_m": []}
+        told = {"area_ha": 0.72, "entrance_m": [0.0, 0.0], "remarks": [f"The field is called {name}."]}
+        field = {"name": name} | shape | told
         return {"fields": [], "field": field, "error": None}
 
 
 def _job(kind: str, name: str, status: str, made: Made) -> dict[str, Any]:
-    return {
-        "id": name,
-        "kind": kind,
-        "name": f"{kind} {NASTY}",
-        "status": status,
-        "error": "The field has no room for a track; use a narrower implement." if status == "failed" else None,
-        "progress": {"done": made.polls, "all": 3, "words": "Simulating plans"},
-        "created": "2026-11-20T09:00:00Z",
-        "request": {"field": "north field", "width": 3, "tractors": "1-3"},
-        "results": ["result.json", "result.csv", "page.html", "map.png", "plan.json", "plan-split-field-2.json"],
-    }
+    error = "The field has no room for a track; use a narrower implement." if status == "failed" else None
+    results = ["result.json", "result.csv", "page.html", "map.png", "plan.json", "plan-split-field-2.json"]
+    asked = {"request": {"field": "north field", "width": 3, "tractors": "1-3"}, "created": "2026-11-20T09:00:00Z"}
+    progress = {"done": made.polls, "all": 3, "words": "Simulating plans"}
+    named = {"id": name, "kind": kind, "name": f"{kind} {NASTY}", "status": status, "error": error}
+    return named | asked | {"progress": progress, "results": results}
 
 
 def _forms(app: FastAPI) -> None:
@@ -259,15 +233,8 @@ def _jobs(app: FastAPI, made: Made) -> None:
 
 
 def _fleet() -> dict[str, Any]:
-    return {
-        "id": "f1",
-        "name": "North field, till",
-        "created": "2026-11-20T08:00:00Z",
-        "error": None,
-        "recorded": True,
-        "fleet": {"state": "running"},
-        "tractors": [{}, {}, {}],
-    }
+    named = {"id": "f1", "name": "North field, till", "created": "2026-11-20T08:00:00Z", "error": None}
+    return named | {"recorded": True, "fleet": {"state": "running"}, "tractors": [{}, {}, {}]}
 
 
 def _fleets(app: FastAPI, made: Made) -> None:
@@ -322,7 +289,8 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
     for number, lane in enumerate(lanes, start=1):
         until = [p for p, t in zip(lane["points_m"], lane["time_s"], strict=True) if t <= BEGUN_S]
         x, y, _ = made_field.place(lane, BEGUN_S)
-        await socket.send_json(_painted(number, [*until, [x, y]]))
+        points = [[east + made_field.EAST, north + made_field.NORTH] for east, north in [*until, [x, y]]]
+        await socket.send_json({"kind": "coverage", "tractor": number, "first": 0, "points": points})
     listening = asyncio.create_task(_listen(socket, made))
     begun, loop = asyncio.get_running_loop().time(), asyncio.get_running_loop()
     try:
@@ -340,85 +308,44 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
         listening.cancel()
 
 
-def _painted(number: int, points: list[Any]) -> dict[str, Any]:
-    return {
-        "kind": "coverage",
-        "tractor": number,
-        "first": 0,
-        "points": [[x + made_field.EAST, y + made_field.NORTH] for x, y in points],
-    }
-
-
 def _alarms(made: Made) -> list[dict[str, Any]]:
     keys = ("id", "code", "related_number", "level", "tractor", "acknowledged", "over", "since", "sentence")
     silent = "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops."
     unread = "Tractor 2 stopped: it sees an obstacle that could not be read."
     moved_m = {POSITIONS: 0.0, SPEED: 2.0, PROGRESS: 2.0}
     lied = describe_doubt(1, MotionDoubt(POSITIONS, 2.0, moved_m, (0.0, 0.0, 0.0), 1.0))
-    rows = (
+    rows = [
         (1, "broken", None, "critical", 3, made.acknowledged, False, 1_790_000_000.0, silent),
         (2, "obstacle", 1, "warning", 2, "office", True, 1_790_000_100.0, f"An obstacle {NASTY} is on track 9."),
         (3, "unread obstacle", None, "critical", 2, None, made.looked, 1_790_000_200.0, unread),
-        *(
-            ()
-            if made.area_m is None
-            else ((4, "contradiction", None, "warning", 2, None, False, 1_790_000_300.0, lied),)
-        ),
-    )
+    ]
+    if made.area_m is not None:
+        rows.append((4, "contradiction", None, "warning", 2, None, False, 1_790_000_300.0, lied))
     return [dict(zip(keys, row, strict=True)) for row in rows]
 
 
 def _tick(lanes: list[dict[str, Any]], now: float, state: str, area_m: float | None = None) -> dict[str, Any]:
-    rows = []
-    for number, lane in enumerate(lanes, start=1):
-        gone = number == 3
-        x, y, heading = made_field.place(lane, BEGUN_S - 40 if gone else now)
-        leg = sum(step["from_s"] + step["seconds"] <= now for step in lane["steps"])
-        rows.append(
-            {
-                "tractor": number,
-                "easting_m": made_field.EAST + x,
-                "northing_m": made_field.NORTH + y,
-                "heading_deg": heading,
-                "speed_mps": 0.0 if gone else made_field.SPEED_MPS,
-                "connection": "broken" if gone else "online",
-                "age_s": 42.0 if gone else 0.1,
-                "mode": "automatic",
-                "leg": leg,
-                "leg_m": 3.0,
-                "base_end": leg + 2,
-                "waits_for": [{"tractor": 1, "leg": 4}] if number == 2 else [],
-                "eta_s": 1260.0 + 60 * number,
-                "late_s": 95.0 if gone else 4.0,
-                "error_m": 0.03 + 0.02 * math.sin(now),
-                "error_deg": 0.3 * math.cos(now),
-                "done_pct": 40.0,
-                "holds": [],
-                "holder": None,
-                "possible_area": None
-                if area_m is None or number != 2
-                else {
-                    "easting_m": made_field.EAST + x,
-                    "northing_m": made_field.NORTH + y,
-                    "radius_m": area_m,
-                    "growth_mps": 1.0,
-                },
-                "twin": {
-                    "easting_m": made_field.EAST + x + 0.7,
-                    "northing_m": made_field.NORTH + y + 0.3,
-                    "heading_deg": heading + 1.0,
-                },
-            }
-        )
-    fleet = {
-        "state": state,
-        "eta_s": 1440.0,
-        "done_pct": 41.7,
-        "done_m2": 3004.0,
-        "deadline_s": 3600.0,
-        "probability": 0.93,
-    }
-    return {"kind": "tick", "time": "2026-11-20T09:10:00.000Z", "tractors": rows, "fleet": fleet}
+    done = {"eta_s": 1440.0, "done_pct": 41.7, "done_m2": 3004.0, "deadline_s": 3600.0, "probability": 0.93}
+    rows = [_tick_tractor(number, lane, now, area_m) for number, lane in enumerate(lanes, start=1)]
+    told = {"tractors": rows, "fleet": done | {"state": state}}
+    return {"kind": "tick", "time": "2026-11-20T09:10:00.000Z"} | told
+
+
+def _tick_tractor(number: int, lane: dict[str, Any], now: float, area_m: float | None) -> dict[str, Any]:
+    gone = number == 3
+    x, y, heading = made_field.place(lane, BEGUN_S - 40 if gone else now)
+    east, north = made_field.EAST + x, made_field.NORTH + y
+    place = {"easting_m": east, "northing_m": north}
+    leg = sum(step["from_s"] + step["seconds"] <= now for step in lane["steps"])
+    work = {"leg": leg, "leg_m": 3.0, "base_end": leg + 2, "done_pct": 40.0, "mode": "automatic"}
+    waits = {"waits_for": [{"tractor": 1, "leg": 4}] if number == 2 else [], "holds": [], "holder": None}
+    times = {"age_s": 42.0 if gone else 0.1, "eta_s": 1260.0 + 60 * number, "late_s": 95.0 if gone else 4.0}
+    link = {"connection": "broken" if gone else "online", "speed_mps": 0.0 if gone else made_field.SPEED_MPS}
+    errors = {"error_m": 0.03 + 0.02 * math.sin(now), "error_deg": 0.3 * math.cos(now)}
+    twin = {"easting_m": east + 0.7, "northing_m": north + 0.3, "heading_deg": heading + 1.0}
+    area = None if area_m is None or number != 2 else place | {"radius_m": area_m, "growth_mps": 1.0}
+    told = place | {"tractor": number, "heading_deg": heading, "possible_area": area, "twin": twin}
+    return told | work | waits | times | link | errors
 
 
 async def _listen(socket: WebSocket, made: Made) -> None:
@@ -441,15 +368,7 @@ async def _listen(socket: WebSocket, made: Made) -> None:
             accepted = {"id": frame["proposal"], "state": "accepted", "without": [], "sentence": "", "tractors": []}
             await socket.send_json({"kind": "proposal"} | accepted)
         elif frame["kind"] == "replan":
-            await socket.send_json(
-                {
-                    "kind": "proposal",
-                    "id": 7,
-                    "state": "ready",
-                    "without": frame["without"],
-                    "eta_s": 1870.0,
-                    "sentence": "Tractor 3 is left out. 0.28 of 0.42 ha are left to work.",
-                    "tractors": [],
-                }
-            )
+            words = "Tractor 3 is left out. 0.28 of 0.42 ha are left to work."
+            ready = {"id": 7, "state": "ready", "without": frame["without"], "eta_s": 1870.0, "tractors": []}
+            await socket.send_json({"kind": "proposal", "sentence": words} | ready)
             await socket.send_json(SAID | {"what": "replan", "data": {"without": [3]}})

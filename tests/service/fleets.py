@@ -61,59 +61,26 @@ def fleet_plan(
     tractors: int = 2, legs: int = 3, gates: Gates | None = None, apart_m: float = 20.0, length_m: float = LENGTH
 ) -> FleetPlan:
     """Every tractor drives north on a line of its own, `apart_m` from the next one, in legs of `length_m`."""
-    missions = []
-    for number in range(tractors):
-        x = apart_m * number
-        missions.append(
-            Mission(
-                tuple(
-                    Leg(
-                        np.array([[x, length_m * k], [x, length_m * (k + 1)]]),
-                        SPEED,
-                        implement=k % 2 == 0,
-                        task=LegTask(SWATH, number),
-                        gates=(gates or {}).get((number, k), ()),
-                    )
-                    for k in range(legs)
-                )
-            )
-        )
+
+    def lay_leg(number: int, k: int) -> Leg:
+        points = np.array([[apart_m * number, length_m * k], [apart_m * number, length_m * (k + 1)]])
+        waits = (gates or {}).get((number, k), ())
+        return Leg(points, SPEED, implement=k % 2 == 0, task=LegTask(SWATH, number), gates=waits)
+
+    missions = tuple(Mission(tuple(lay_leg(number, k) for k in range(legs))) for number in range(tractors))
     courses = tuple(TimedMission(mission, (length_m / SPEED,) * legs) for mission in missions)
     ground = shapely.box(-5.0, -5.0, apart_m * (tractors - 1) + 5.0, length_m * legs + 5.0)
-    scenario = PlanRequest(width_m=2.0)
-    return FleetPlan(
-        SavedPlan(Plan(tuple(missions)), None, (1000.0, 2000.0), {}),
-        scenario,
-        EG105,
-        BAR,
-        courses,
-        (length_m * legs / SPEED,) * tractors,
-        10.0,
-        ground,
-    )
+    saved, finish_s = SavedPlan(Plan(missions), None, (1000.0, 2000.0), {}), (length_m * legs / SPEED,) * tractors
+    return FleetPlan(saved, PlanRequest(width_m=2.0), EG105, BAR, courses, finish_s, 10.0, ground)
 
 
 def state(sequence: int, **other: Any) -> dict[str, Any]:
     """A frame of a tractor that stands at the origin of the plan, with what it says of itself otherwise."""
     at = datetime.now(UTC).isoformat(timespec="milliseconds")
-    return {
-        "kind": "state",
-        "id": "t",
-        "sequence": sequence,
-        "time": at,
-        "easting_m": 1000.0,
-        "northing_m": 2000.0,
-        "heading_deg": 0.0,
-        "speed_mps": 0.0,
-        "speed_command_mps": 0.0,
-        "steering_command_deg": 0.0,
-        "shuttle": 1,
-        "start": 0,
-        "mode": "stopped",
-        "leg": 0,
-        "leg_m": 0.0,
-        "implement": 0,
-    } | other
+    place = {"easting_m": 1000.0, "northing_m": 2000.0, "heading_deg": 0.0, "leg": 0, "leg_m": 0.0}
+    motion = {"speed_mps": 0.0, "shuttle": 1, "start": 0, "mode": "stopped", "implement": 0}
+    commands = {"speed_command_mps": 0.0, "steering_command_deg": 0.0}
+    return {"kind": "state", "id": "t", "sequence": sequence, "time": at} | place | motion | commands | other
 
 
 def format_small_plan(**scenario: object) -> str:
@@ -152,26 +119,12 @@ class SimulatedFleet:
 
     def report(self, number: int, speed: float) -> None:
         """One tractor says where it is."""
-        course = self.manager.plan.timed_missions[number]
-        end = course.leg_starts_m[-1]
-        leg = min(int(self.at_m[number] // LENGTH), len(course.legs) - 1)
-        x, y, heading = course.find_pose(leg, self.at_m[number] - LENGTH * leg, len(course.legs))
-        self.manager.take_report(
-            number,
-            TractorReport(
-                x,
-                y,
-                heading,
-                speed,
-                speed,
-                mode="stopped" if self.standing[number] else "automatic",
-                leg=leg,
-                leg_m=self.at_m[number] - LENGTH * leg,
-                implement=int(course.legs[leg].implement),
-                done=self.at_m[number] >= end - 1e-6,
-            ),
-            self.now,
-        )
+        course, at_m = self.manager.plan.timed_missions[number], self.at_m[number]
+        leg = min(int(at_m // LENGTH), len(course.legs) - 1)
+        work = {"leg": leg, "leg_m": at_m - LENGTH * leg, "implement": int(course.legs[leg].implement)}
+        place = course.find_pose(leg, at_m - LENGTH * leg, len(course.legs))
+        mode, done = "stopped" if self.standing[number] else "automatic", at_m >= course.leg_starts_m[-1] - 1e-6
+        self.manager.take_report(number, TractorReport(*place, speed, speed, mode=mode, done=done, **work), self.now)
 
     def obey(self) -> None:
         """Take orders."""

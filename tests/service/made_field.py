@@ -24,9 +24,8 @@ def legs_of(tractor: int) -> list[dict[str, Any]]:
             side = 1.0 if ahead else -1.0
             arc = [math.pi * k / 12 - math.pi / 2 for k in range(13)]
             bend = [[b[0] + side * 3.0 * math.cos(t), y + WIDTH_M / 2 * (1 + math.sin(t))] for t in arc]
-            found.append(
-                {"kind": "turn", "number": number + 1, "piece": 0, "gear": 1, "implement": False, "points_m": bend}
-            )
+            turn = {"kind": "turn", "number": number + 1, "piece": 0, "gear": 1, "implement": False}
+            found.append(turn | {"points_m": bend})
     return found
 
 
@@ -68,74 +67,36 @@ def place(lane: dict[str, Any], at: float) -> tuple[float, float, float]:
 def maps() -> dict[str, Any]:
     """What maps.json of a plan holds: two plans, one with three tractors and one with two."""
     lanes = [lane_of(number) for number in range(1, COUNT + 1)]
-    tracks = [
-        {"name": str(leg["number"] + 1), "points_m": leg["points_m"]}
-        for number in range(1, COUNT + 1)
-        for leg in legs_of(number)
-        if leg["implement"]
-    ]
-    ground = {
-        "width_m": WIDTH_M,
-        "boundary_m": RING,
-        "holes_m": [],
-        "obstacles_m": [POND],
-        "fences_m": [RING[:2]],
-        "entrance_m": [0.0, 0.0],
-        "missed_m": [[[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]],
-        "swaths": tracks,
-        "headland_passes": [],
-    }
-    return {
-        "field": "north field",
-        "begin": None,
-        "plans": [
-            {
-                "strategy": "split-field",
-                "tractors": count,
-                "title": f"split-field, {count} tractors",
-                "end_s": max(lane["time_s"][-1] for lane in lanes[:count]),
-                "lanes": lanes[:count],
-                **ground,
-            }
-            for count in (3, 2)
-        ],
-    }
+    worked = [leg for number in range(1, COUNT + 1) for leg in legs_of(number) if leg["implement"]]
+    tracks = [{"name": str(leg["number"] + 1), "points_m": leg["points_m"]} for leg in worked]
+    missed = [[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]
+    outline = {"boundary_m": RING, "holes_m": [], "obstacles_m": [POND], "fences_m": [RING[:2]], "missed_m": [missed]}
+    work = {"width_m": WIDTH_M, "swaths": tracks, "headland_passes": [], "entrance_m": [0.0, 0.0]}
+    ground = outline | work
+
+    def plan(count: int) -> dict[str, Any]:
+        end_s, title = max(lane["time_s"][-1] for lane in lanes[:count]), f"split-field, {count} tractors"
+        named = {"strategy": "split-field", "tractors": count, "title": title}
+        return named | {"end_s": end_s, "lanes": lanes[:count]} | ground
+
+    return {"field": "north field", "begin": None, "plans": [plan(3), plan(2)]}
 
 
 def result() -> dict[str, Any]:
     """What result.json of a plan holds, as far as a page reads it."""
     rows = [("split-field", 3, 470.0), ("split-field", 2, 655.0), ("interleaved", 3, 690.0)]
+    ground = {"turn": "u", "feasible": True, "worked_pct": 98.2, "missed_m2": 71.4, "min_clearance_m": 1.9}
+    others = {"meets_deadline": None, "finish_probability": 0.93, "remark": None, "reason": None, "turning_s": 96.0}
     plans: list[dict[str, Any]] = [
-        {
-            "rank": rank,
-            "strategy": name,
-            "tractors": count,
-            "turn": "u",
-            "time_s": time_s,
-            "finished_s": time_s + 9.0,
-            "cost": count * time_s / 90.0,
-            "feasible": True,
-            "worked_pct": 98.2,
-            "missed_m2": 71.4,
-            "turning_s": 96.0,
-            "waiting_s": 15.0 * count,
-            "min_clearance_m": 1.9,
-            "meets_deadline": None,
-            "finish_probability": 0.93,
-            "p80_s": time_s * 1.1,
-            "expected_cost": count * time_s / 80.0,
-            "remark": None,
-            "reason": None,
-        }
+        {"rank": rank, "strategy": name, "tractors": count, "time_s": time_s, "finished_s": time_s + 9.0}
+        | {"cost": count * time_s / 90.0, "expected_cost": count * time_s / 80.0, "p80_s": time_s * 1.1}
+        | {"waiting_s": 15.0 * count}
+        | ground
+        | others
         for rank, (name, count, time_s) in enumerate(rows, start=1)
     ]
-    refused = {
-        "rank": None,
-        "strategy": "row-by-row",
-        "tractors": 3,
-        "feasible": False,
-        "reason": "Three tractors abreast have no room to turn on a headland of 9 m.",
-    }
+    reason = "Three tractors abreast have no room to turn on a headland of 9 m."
+    refused = {"rank": None, "strategy": "row-by-row", "tractors": 3, "feasible": False, "reason": reason}
     told = {"is_simulated": False, "keeps_clearance": True, "bound_s": 900.0}
     not_tried = {**refused, **told, "strategy": "col-by-col", "reason": "skipped: by estimate it is slower"}
     too_near = {**not_tried, "strategy": "interleaved", "keeps_clearance": False, "bound_s": None}
@@ -156,9 +117,8 @@ def recording() -> bytes:
             lane, rows = lane_of(number), ["time_s,easting_m,northing_m,heading_deg,speed_mps,steering_command_deg"]
             for second in range(0, int(lane["time_s"][-1]), 2):
                 x, y, heading = place(lane, second)
-                rows.append(
-                    f"{second},{EAST + x:.3f},{NORTH + y:.3f},{heading:.2f},{SPEED_MPS},{4 * math.sin(second):.2f}"
-                )
+                pose, steering = f"{EAST + x:.3f},{NORTH + y:.3f},{heading:.2f}", f"{4 * math.sin(second):.2f}"
+                rows.append(f"{second},{pose},{SPEED_MPS},{steering}")
             archive.writestr(f"tractor-{number}.csv", "\n".join(rows) + "\n")
     return packed.getvalue()
 
@@ -169,23 +129,13 @@ def scene() -> dict[str, Any]:
     def shifted(points: list[Point]) -> list[Point]:
         return [[x + EAST, y + NORTH] for x, y in points]
 
-    return {
-        "kind": "scene",
-        "version": 1,
-        "crs": "EPSG:32654",
-        "origin_m": [EAST, NORTH],
-        "field": [shifted(RING)],
-        "field_obstacles": [shifted(POND)],
-        "fence": [shifted(RING)],
-        "width_m": WIDTH_M,
-        "deadline_s": None,
-        "obstacles": [{"id": 4, "name": "bale", "polygon_m": shifted([[30.0, 40.0], [33.0, 40.0], [32.0, 43.0]])}],
-        "tractors": [
-            {
-                "tractor": number,
-                "max_steering_deg": 28.0,
-                "legs": [{**leg, "points_m": shifted(leg["points_m"])} for leg in legs_of(number)],
-            }
-            for number in range(1, COUNT + 1)
-        ],
-    }
+    bale = {"id": 4, "name": "bale", "polygon_m": shifted([[30.0, 40.0], [33.0, 40.0], [32.0, 43.0]])}
+    ring = shifted(RING)
+    ground = {"field": [ring], "field_obstacles": [shifted(POND)], "fence": [ring], "obstacles": [bale]}
+    tractors = [
+        {"tractor": number, "max_steering_deg": 28.0}
+        | {"legs": [{**leg, "points_m": shifted(leg["points_m"])} for leg in legs_of(number)]}
+        for number in range(1, COUNT + 1)
+    ]
+    grid = {"crs": "EPSG:32654", "origin_m": [EAST, NORTH], "width_m": WIDTH_M}
+    return {"kind": "scene", "version": 1, "deadline_s": None, "tractors": tractors} | grid | ground

@@ -10,9 +10,8 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.errors import HeadlandError, strip_unit
-from planner.service.jobs.workers import run_and_store_job
 from planner.service.sandbox.readings import build_work_order, check_diagnosis_request
-from tests.service.conftest import SMALL, Shared
+from tests.service.conftest import SMALL, Shared, run_next_job
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"width": -1}, "width"),
@@ -50,33 +49,18 @@ def words(request: dict[str, Any]) -> list[str]:
     return found
 
 
-@pytest.mark.parametrize("request_, parameter", REFUSED, ids=[str(request) for request, _ in REFUSED])
+@pytest.mark.parametrize(("request_", "parameter"), REFUSED, ids=str)
 def test_refusals_are_those_of_the_command_line(
-    shared: Shared, run: Callable[..., str], request_: dict[str, Any], parameter: str
+    shared: Shared, run: Callable[..., tuple[int, str, str]], request_: dict[str, Any], parameter: str
 ) -> None:
     client, token = shared
     answer = client.post("/api/v1/plans", json=request_, headers=token)
     assert answer.status_code == 422 and answer.json()["parameter"] == parameter
-    told = run("plan", *words(request_))
+    status, _, told = run("plan", *words(request_))
+    assert status == 2
     for name in ("headland-first", "headland-last", *(one.replace("_", "-") for one in (parameter, *request_))):
         told = told.replace(f"--{name}", name.replace("-", "_"))
     assert answer.json()["error"].replace("headland-", "headland_") in told
-
-
-@pytest.fixture
-def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
-    """What the command line says to words that it refuses."""
-
-    def refusal(*arguments: str) -> str:
-        from planner.cli.main import main
-
-        monkeypatch.setattr("sys.argv", ["headland", *arguments])
-        with pytest.raises(SystemExit) as end:
-            main()
-        assert end.value.code == 2
-        return capsys.readouterr().err
-
-    return refusal
 
 
 @pytest.mark.parametrize(
@@ -93,7 +77,7 @@ def test_values_of_no_use_are_named_with_the_rule(shared: Shared, request_: Any,
     assert client.post("/api/v1/plans", json=request_, headers=token).json()["error"] == sentence
 
 
-@pytest.mark.parametrize("request_, parameter", OF_SERVICE, ids=[str(request) for request, _ in OF_SERVICE])
+@pytest.mark.parametrize(("request_", "parameter"), OF_SERVICE, ids=str)
 def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], parameter: str) -> None:
     client, token = shared
     answer = client.post("/api/v1/plans", json=request_, headers=token)
@@ -102,7 +86,7 @@ def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], p
 
 
 @pytest.mark.parametrize(
-    "path, body",
+    ("path", "body"),
     [
         ("days", {"day": "fields = 3"}),
         ("days", {"day": "not toml"}),
@@ -119,21 +103,16 @@ def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], p
         ("diagnoses", {"demo": True, "tractor": "../x.toml"}),
         ("diagnoses", {"logs": ["x"], "seed": 3}),
         ("diagnoses", {"demo": True, "ground": "ice"}),
+        *(("plans", body) for body in (b"{", b"\xff\xfe", b"null", b'{"field": "\\ud800"}', b'{"width": NaN}')),
+        ("plans", b'{"width": 1e999}'),
     ],
 )
-def test_days_and_diagnoses_that_cannot_be_asked(shared: Shared, path: str, body: dict[str, Any]) -> None:
+def test_what_cannot_be_asked_of_days_diagnoses_and_plans(shared: Shared, path: str, body: Any) -> None:
     client, token = shared
-    answer = client.post(f"/api/v1/{path}", json=body, headers=token)
+    content = body if isinstance(body, bytes) else json.dumps(body)
+    headers = token | {"content-type": "application/json"}
+    answer = client.post(f"/api/v1/{path}", content=content, headers=headers)
     assert answer.status_code == 422 and answer.json()["error"].endswith(".")
-
-
-@pytest.mark.parametrize(
-    "body", [b"{", b"\xff\xfe", b"[]", b"null", b'{"field": "\\ud800"}', b'{"width": NaN}', b'{"width": 1e999}']
-)
-def test_bodies_that_are_no_requests(shared: Shared, body: bytes) -> None:
-    client, token = shared
-    answer = client.post("/api/v1/plans", content=body, headers={**token, "content-type": "application/json"})
-    assert answer.status_code == 422 and answer.json()["error"]
 
 
 def test_what_is_given_wins_over_the_farm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -181,16 +160,14 @@ def test_only_so_many_jobs_may_wait(client: TestClient, token: dict[str, str]) -
 @pytest.mark.slow
 def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     client: TestClient, app: FastAPI, token: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    run: Callable[..., tuple[int, str, str]],
 ) -> None:  # fmt: skip
     client.post("/api/v1/fields", files={"file": ("small.geojson", SMALL)}, headers=token)
     body = {"field": "small", "local": True, "tractors": "1", "strategies": "split-field", "no_headland": True}
     job = client.post("/api/v1/plans", json=body, headers=token).json()
     assert (job["status"], job["name"], job["request"]) == ("queued", "small", body)
     client.delete("/api/v1/fields/small", headers=token)  # the job keeps it
-    store = app.state.store
-    claimed = store.claim_job("here")
-    run_and_store_job(store, "here", claimed)
+    run_next_job(app.state.store)
     done = client.get(f"/api/v1/plans/{job['id']}").json()
     assert (done["status"], done["error"], done["progress"]["words"]) == ("done", None, "Done")
     names = {"result.json", "result.csv", "page.html", "maps.json", "map.png", "plan.json", "plan-split-field-1.json"}
@@ -208,13 +185,8 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     (tmp_path / "field" / "small.geojson").write_bytes(SMALL)
     monkeypatch.chdir(tmp_path)
     arguments = ["field/small.geojson", "--local", "--tractors", "1", "--strategies", "split-field", "--no-headland"]
-    monkeypatch.setattr("sys.argv", ["headland", "plan", *arguments, "--json", "--save", "plan.json"])
-    from planner.cli.main import main
-
-    with pytest.raises(SystemExit) as end:
-        main()
-    assert end.value.code in (None, 0)
-    assert json.loads(capsys.readouterr().out) == results["result.json"].json()
+    status, out, _ = run("plan", *arguments, "--json", "--save", "plan.json")
+    assert status == 0 and json.loads(out) == results["result.json"].json()
     assert (tmp_path / "plan.json").read_bytes() == results["plan.json"].content
 
 

@@ -9,6 +9,7 @@ import sys
 import time
 import zlib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -108,17 +109,11 @@ def test_bounds_of_a_tile_are_those_of_the_web_grid() -> None:
     [
         (TEMPLATE, "https://tiles.example/16/33601/21613.png"),
         ("http://10.0.0.7:8080/{z}/{x}/{-y}.jpg?key=a%20b", "http://10.0.0.7:8080/16/33601/43922.jpg?key=a%20b"),
-        (
-            "https://maps.example/wmts?TILEMATRIX={TileMatrix}&TILEROW={TileRow}&TILECOL={TileCol}",
-            "https://maps.example/wmts?TILEMATRIX=16&TILEROW=21613&TILECOL=33601",
-        ),
+        ("https://maps.example/?M={TileMatrix}&R={TileRow}&C={TileCol}", "https://maps.example/?M=16&R=21613&C=33601"),
     ],
-)  # fmt: skip
-def test_addresses_of_xyz_tms_and_wmts(template: str, url: str) -> None:
+)
+def test_addresses_of_xyz_tms_wmts_and_wms(template: str, url: str) -> None:
     assert TileAddress(template).build_url(TILE) == url
-
-
-def test_an_address_of_wms_has_the_bounds_of_the_tile() -> None:
     url = TileAddress("https://maps.example/wms?BBOX={bbox}&WIDTH={width}&HEIGHT={height}").build_url(TILE)
     bounds = [float(one) for one in url.split("BBOX=")[1].split("&")[0].split(",")]
     assert bounds == pytest.approx(TILE.compute_bounds_m(), abs=1e-6) and url.endswith("&WIDTH=256&HEIGHT=256")
@@ -163,17 +158,26 @@ def test_tiles_outside_the_grid_are_refused(tile: tuple[int, int, int]) -> None:
         Tile(*tile)
 
 
-def test_a_tile_is_fetched_once_and_kept_over_a_restart(tmp_path: Path) -> None:
+def test_a_tile_is_fetched_once_kept_over_a_restart_and_renewed_when_it_is_old(tmp_path: Path) -> None:
+    def read_again() -> tuple[bytes, str] | None:
+        return read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)[0]
+
     with serve_tiles() as host:
         first, second = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE, TILE)
         assert first is not None and first == second and first[1] == "image/png"
         assert first[0] == paint_tile(TILE.column, TILE.row) and host.paths == ["/16/33601/21613.png"]
         sent = host.headers[0]
         assert "Headland" in sent["user-agent"] and not {"cookie", "referer", "authorization"} & sent.keys()
-        [again] = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
-        assert again == first and len(host.paths) == 1
-    [offline] = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
-    assert offline == first, "kept tiles do without the server"
+        assert read_again() == first and len(host.paths) == 1
+        [kept] = [path for path in (tmp_path / "data" / CACHE_FOLDER).rglob("*") if path.is_file()]
+        os.utime(kept, (0.0, 0.0))
+        host.answer = lambda _: (200, {}, paint_tile(1, 1))
+        renewed = read_again()
+        assert renewed is not None and renewed[0] == paint_tile(1, 1)
+        os.utime(kept, (0.0, 0.0))
+        host.answer = lambda _: (500, {}, b"")
+        assert read_again() == renewed
+    assert read_again() == renewed, "kept tiles do without the server"
 
 
 PNG = {"content-type": "image/png"}
@@ -243,19 +247,6 @@ def test_the_room_for_tiles_is_kept_and_the_oldest_go_first(tmp_path: Path) -> N
     assert TileCache(tmp_path, "b", 10_000).read_tile(Tile(8, 11, 0)) is None, "another background"
 
 
-def test_an_old_tile_is_fetched_again_if_the_server_answers(tmp_path: Path) -> None:
-    with serve_tiles() as host:
-        read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
-        [kept] = [path for path in (tmp_path / "data" / CACHE_FOLDER).rglob("*") if path.is_file()]
-        os.utime(kept, (0.0, 0.0))
-        host.answer = lambda _: (200, {}, paint_tile(1, 1))
-        [renewed] = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
-        os.utime(kept, (0.0, 0.0))
-        host.answer = lambda _: (500, {}, b"")
-        [stale] = read_tiles(MapBackground(make_settings(tmp_path, host.address)), TILE)
-    assert renewed is not None and renewed[0] == paint_tile(1, 1) and stale == renewed
-
-
 def test_mbtiles_are_read_with_their_rows_from_the_south(tmp_path: Path) -> None:
     path = write_mbtiles(
         tmp_path / "farm.mbtiles", {(16, 33601, 21613): paint_tile(1, 2)},
@@ -265,49 +256,6 @@ def test_mbtiles_are_read_with_their_rows_from_the_south(tmp_path: Path) -> None
     found, missing = read_tiles(background, TILE, Tile(16, 33602, 21613))
     assert found is not None and found[0] == paint_tile(1, 2) and missing is None
     assert background.facts.attribution == "Drone of the farm" and background.facts.bounds_deg == (4.5, 52.1, 4.6, 52.2)
-
-
-def write_no_database(path: Path) -> None:
-    path.write_bytes(b"not a database at all" * 100)
-
-
-def write_vector_tiles(path: Path) -> None:
-    write_mbtiles(path, {(1, 0, 0): b"pbf"}, format="pbf")
-
-
-def write_no_tiles(path: Path) -> None:
-    write_mbtiles(path, {}, format="png")
-
-
-def write_other_tables(path: Path) -> None:
-    with sqlite3.connect(path) as database:
-        database.execute("CREATE TABLE notes (text TEXT)")
-    database.close()
-
-
-@pytest.mark.parametrize(
-    ("write", "said"),
-    [
-        (write_no_database, "cannot be read as MBTiles"),
-        (write_vector_tiles, "The tiles of it.mbtiles are 'pbf'"),
-        (write_no_tiles, "has no tiles"),
-        (write_other_tables, "cannot be read as MBTiles"),
-    ],
-)
-def test_files_that_are_no_mbtiles_are_refused(tmp_path: Path, write: Callable[[Path], None], said: str) -> None:
-    write(path := tmp_path / "it.mbtiles")
-    with pytest.raises(ServiceError, match=said):
-        MapBackground(make_settings(tmp_path, path))
-
-
-def test_tiles_in_a_file_that_are_too_large_or_text_are_refused(tmp_path: Path) -> None:
-    tiles = {(1, 0, 0): bytes(MOST_TILE_BYTES + 1), (1, 1, 0): b"<html>", (1, 0, 1): b""}
-    background = MapBackground(make_settings(tmp_path, write_mbtiles(tmp_path / "it.mbtiles", tiles, format="png")))
-    with pytest.raises(TileError, match="larger than 2 MB"):
-        read_tiles(background, Tile(1, 0, 0))
-    with pytest.raises(TileError, match="something other than a PNG"):
-        read_tiles(background, Tile(1, 1, 0))
-    assert read_tiles(background, Tile(1, 0, 1)) == [None]
 
 
 def write_geotiff(path: Path, crs: str | None, corner_m: tuple[float, float], kind: str = "uint8") -> Path:
@@ -323,21 +271,62 @@ def write_geotiff(path: Path, crs: str | None, corner_m: tuple[float, float], ki
     return path
 
 
-def test_a_geotiff_of_utm_lies_where_proj_says(tmp_path: Path) -> None:
+def write_no_database(path: Path) -> None:
+    path.write_bytes(b"not a database at all" * 100)
+
+
+def write_other_tables(path: Path) -> None:
+    with sqlite3.connect(path) as database:
+        database.execute("CREATE TABLE notes (text TEXT)")
+    database.close()
+
+
+@pytest.mark.parametrize(
+    ("file", "write", "said"),
+    [
+        ("it.mbtiles", write_no_database, "cannot be read as MBTiles"),
+        (
+            "it.mbtiles",
+            partial(write_mbtiles, tiles={(1, 0, 0): b"pbf"}, format="pbf"),
+            "of it.mbtiles are 'pbf'",
+        ),
+        ("it.mbtiles", partial(write_mbtiles, tiles={}, format="png"), "has no tiles"),
+        ("it.mbtiles", write_other_tables, "cannot be read as MBTiles"),
+        ("it.tif", write_no_database, "cannot be read as a GeoTIFF"),
+        ("it.tif", partial(write_geotiff, crs=None, corner_m=(0.0, 400.0)), "where on the earth"),
+        ("it.tif", partial(write_geotiff, crs="EPSG:32631", corner_m=(0.0, 400.0), kind="uint16"), "-ot Byte"),
+    ],
+)
+def test_files_that_are_no_backgrounds_are_refused(
+    tmp_path: Path, file: str, write: Callable[[Path], object], said: str
+) -> None:
+    write(path := tmp_path / file)
+    with pytest.raises(ServiceError, match=said):
+        MapBackground(make_settings(tmp_path, path))
+
+
+def test_tiles_in_a_file_that_are_too_large_or_text_are_refused(tmp_path: Path) -> None:
+    tiles = {(1, 0, 0): bytes(MOST_TILE_BYTES + 1), (1, 1, 0): b"<html>", (1, 0, 1): b""}
+    background = MapBackground(make_settings(tmp_path, write_mbtiles(tmp_path / "it.mbtiles", tiles, format="png")))
+    with pytest.raises(TileError, match="larger than 2 MB"):
+        read_tiles(background, Tile(1, 0, 0))
+    with pytest.raises(TileError, match="something other than a PNG"):
+        read_tiles(background, Tile(1, 1, 0))
+    assert read_tiles(background, Tile(1, 0, 1)) == [None]
+
+
+def test_a_geotiff_of_utm_lies_where_proj_says_and_takes_its_library(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     west_m, north_m = 608_000.0, 5_775_500.0
-    background = MapBackground(
-        make_settings(tmp_path, write_geotiff(tmp_path / "o.tif", "EPSG:32631", (west_m, north_m)))
-    )
+    write_geotiff(path := tmp_path / "o.tif", "EPSG:32631", (west_m, north_m))
+    background = MapBackground(make_settings(tmp_path, path))
     facts = background.facts
     assert facts is not None and 17 <= facts.most_zoom <= 19 and facts.kind == "geotiff"
     zoom, side_m = facts.most_zoom, 2 * HALF_WIDTH_M / 2**facts.most_zoom
     into = Transformer.from_crs("EPSG:32631", "EPSG:3857", always_xy=True)
-    for east_m, south_m, colour in (
-        (100, 300, (220, 0, 0)),
-        (199, 201, (220, 0, 0)),
-        (201, 199, (0, 200, 0)),
-        (350, 50, (0, 200, 0)),
-    ):
+    red, green = (220, 0, 0), (0, 200, 0)
+    for east_m, south_m, colour in ((100, 300, red), (199, 201, red), (201, 199, green), (350, 50, green)):
         x, y = into.transform(west_m + east_m, north_m - south_m)
         column, row = int((x + HALF_WIDTH_M) / side_m), int((HALF_WIDTH_M - y) / side_m)
         [picture] = read_tiles(background, Tile(zoom, column, row))
@@ -346,28 +335,8 @@ def test_a_geotiff_of_utm_lies_where_proj_says(tmp_path: Path) -> None:
         pixel = (int(((x + HALF_WIDTH_M) / side_m - column) * 256), int(((HALF_WIDTH_M - y) / side_m - row) * 256))
         assert image.getpixel(pixel) == (*colour, 255)
     assert read_tiles(background, Tile(zoom, 0, 0)) == [None]
-
-
-@pytest.mark.parametrize(
-    ("crs", "kind", "said"), [(None, "uint8", "where on the earth"), ("EPSG:32631", "uint16", "-ot Byte")]
-)
-def test_geotiffs_without_a_place_or_with_other_values_are_refused(
-    tmp_path: Path, crs: str | None, kind: str, said: str
-) -> None:
-    with pytest.raises(ServiceError, match=said):
-        MapBackground(make_settings(tmp_path, write_geotiff(tmp_path / "o.tif", crs, (0.0, 400.0), kind)))
-
-
-def test_a_geotiff_without_its_library_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_geotiff(tmp_path / "o.tif", "EPSG:32631", (608_000.0, 5_775_500.0))
     monkeypatch.setitem(sys.modules, "rasterio", None)
     with pytest.raises(ServiceError, match=r"pip install 'headland\[geotiff\]'"):
-        MapBackground(make_settings(tmp_path, path))
-
-
-def test_a_file_that_only_is_called_geotiff_is_refused(tmp_path: Path) -> None:
-    (path := tmp_path / "o.tif").write_bytes(paint_tile(0, 0))
-    with pytest.raises(ServiceError, match="cannot be read as a GeoTIFF"):
         MapBackground(make_settings(tmp_path, path))
 
 

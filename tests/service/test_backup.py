@@ -4,14 +4,14 @@ import json
 import sqlite3
 import warnings
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import sqlalchemy as sa
 
-from planner.service.errors import DatabaseError, ServiceError, StorageError
+from planner.service.errors import ServiceError, StorageError
 from planner.service.settings import DATABASE_FILE, MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.backup import MANIFEST_FILE, back_up, parse_manifest, restore_backup
 from planner.service.store.disk_storage import BlobStore
@@ -42,8 +42,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Parts:
         return {name: packed.read(name) for name in packed.namelist()}
 
 
-def written(path: Path, parts: Parts) -> Path:
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+def written(path: Path, parts: Parts, how: int = zipfile.ZIP_DEFLATED) -> Path:
+    with zipfile.ZipFile(path, "w", how) as packed:
         for name, content in parts.items():
             packed.writestr(name, content)
     return path
@@ -116,6 +116,7 @@ def adding(name: str) -> Damage:
     return lambda parts, _: naming(parts | {name: b"x"}, name)
 
 
+NEWER = "UPDATE alembic_version SET version_num = '9999'"
 DAMAGES: dict[str, tuple[Damage, str]] = {
     "no manifest": (
         lambda parts, _: without(parts, MANIFEST_FILE),
@@ -157,6 +158,10 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         "gives no size",
     ),
     "another form": (lambda parts, _: manifest_of(parts, form=2), "its form is not 1"),
+    "a newer version": (
+        lambda parts, folder: manifest_of(changed(parts, folder, NEWER), migration="9999"),
+        "of a newer Headland",
+    ),
     "another version": (lambda parts, _: manifest_of(parts, migration="0001"), "is not of the version"),
     "row without its owner": (
         by("PRAGMA foreign_keys=OFF", "DELETE FROM fleets"),
@@ -201,13 +206,6 @@ def test_a_damaged_backup_is_refused_and_nothing_is_changed(
     store.close()
 
 
-@pytest.fixture
-def empty(tmp_path: Path) -> Iterator[Store]:
-    store = Store(ServiceSettings(data=tmp_path / "data"))
-    yield store
-    store.close()
-
-
 def test_a_disk_that_is_full_on_the_way_leaves_nothing_behind(
     both: ServiceSettings, whole: Parts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -227,39 +225,33 @@ def test_a_disk_that_is_full_on_the_way_leaves_nothing_behind(
     store.close()
 
 
-def test_a_part_that_is_there_twice_is_refused(empty: Store, whole: Parts, tmp_path: Path) -> None:
+def test_a_part_that_is_there_twice_is_refused(plain: Store, whole: Parts, tmp_path: Path) -> None:
+    manifest = parse_manifest(whole[MANIFEST_FILE])
+    assert set(manifest.files) == set(whole) - {MANIFEST_FILE} and manifest.migration == "0008"
+    assert all(manifest.files[name].size == len(whole[name]) for name in manifest.files)
     file = written(tmp_path / "copy.zip", whole)
     with warnings.catch_warnings(), zipfile.ZipFile(file, "a") as packed:
         warnings.simplefilter("ignore")
         packed.writestr(blob(whole), b"other")
     with pytest.raises(ServiceError, match=r"the part 'bytes/.*' twice"):
-        restore_backup(empty, file)
+        restore_backup(plain, file)
 
 
-def test_a_bomb_is_refused_before_it_is_unpacked(empty: Store, whole: Parts, tmp_path: Path) -> None:
+def test_a_bomb_is_refused_before_it_is_unpacked(plain: Store, whole: Parts, tmp_path: Path) -> None:
     file = tmp_path / "bomb.zip"
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed, packed.open(MANIFEST_FILE, "w") as stream:
         for _ in range(100):
             stream.write(bytes(MEGABYTE_BYTES))
     with pytest.raises(ServiceError, match=r"its manifest.json has \d+ bytes"):
-        restore_backup(empty, file)
+        restore_backup(plain, file)
     with pytest.raises(StorageError, match="No room"):
         restore_backup(
-            empty, written(file, naming(whole | {"bytes/00/" + "0" * 64: b""}, "bytes/00/" + "0" * 64, 10**18))
+            plain, written(file, naming(whole | {"bytes/00/" + "0" * 64: b""}, "bytes/00/" + "0" * 64, 10**18))
         )
-    with zipfile.ZipFile(file, "w", zipfile.ZIP_LZMA) as packed:
-        for name, content in whole.items():
-            packed.writestr(name, content)
+    written(file, whole, zipfile.ZIP_LZMA)
     with pytest.raises(ServiceError, match="packed another way"):
-        restore_backup(empty, file)
-    assert rows(empty) == 0 and empty.blobs.list_paths() == []
-
-
-def test_a_backup_of_a_newer_headland_says_so(empty: Store, whole: Parts, tmp_path: Path) -> None:
-    newer = manifest_of(changed(whole, tmp_path, "UPDATE alembic_version SET version_num = '9999'"), migration="9999")
-    with pytest.raises(DatabaseError, match="of a newer Headland"):
-        restore_backup(empty, written(tmp_path / "copy.zip", newer))
-    assert rows(empty) == 0
+        restore_backup(plain, file)
+    assert rows(plain) == 0 and plain.blobs.list_paths() == []
 
 
 @pytest.mark.slow
@@ -280,12 +272,6 @@ def test_whatever_byte_of_an_archive_is_flipped_all_comes_back_or_nothing(whole:
             assert rows(store) == 306 and len(store.blobs.list_paths()) == 4, place
         store.close()
     assert refused > 8
-
-
-def test_a_backup_says_what_it_holds(whole: Parts) -> None:
-    manifest = parse_manifest(whole[MANIFEST_FILE])
-    assert set(manifest.files) == set(whole) - {MANIFEST_FILE} and manifest.migration == "0008"
-    assert all(manifest.files[name].size == len(whole[name]) for name in manifest.files)
 
 
 def test_no_backup_is_made_of_what_is_not_whole(both: ServiceSettings, store: Store, tmp_path: Path) -> None:

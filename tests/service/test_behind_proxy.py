@@ -77,17 +77,6 @@ def test_behind_a_bare_proxy_pass_nothing_is_readable_without_a_token(
 
 
 @pytest.mark.slow
-def test_uploads_and_refusals_pass_the_proxy(behind: Behind) -> None:
-    planner = behind.service.make_token("planner", name=f"planner-{behind.port}")
-    large = b'{"type": "Polygon", "coordinates": []}' + b" " * 3_000_000
-    form = b'--x\r\nContent-Disposition: form-data; name="file"; filename="a.geojson"\r\n\r\n' + large
-    form += b"\r\n--x--\r\n"
-    headers = {"host": "farm.example", "content-type": "multipart/form-data; boundary=x"}
-    assert behind.ask("POST", "/api/v1/fields", form, headers | planner) == 422
-    assert behind.ask("POST", "/api/v1/fields", b"short", headers) == 401
-
-
-@pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None and not MUST, reason="no browser is installed")
 def test_the_page_links_behind_tls_on_the_usual_port(behind: Behind) -> None:
     frames: list[str] = []

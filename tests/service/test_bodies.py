@@ -36,6 +36,7 @@ def test_a_client_has_two_uploads_and_all_have_four() -> None:
         with budget.open_share("c") as five:
             assert five.grow_to(MEGABYTE_BYTES), "the room was given back"
     assert budget.held_bytes == 0
+    assert BodyBudget(replace(SETTINGS, upload_mb=64)).most_bytes == 256 * MEGABYTE_BYTES
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.lists(st.integers(0, 3 * MEGABYTE_BYTES), max_size=4))))
@@ -106,7 +107,12 @@ def test_a_body_without_room_is_refused_and_an_order_is_not(app: FastAPI, client
         assert refused.status_code == 429, "in chunks, too"
         assert client.post("/api/v1/fleets/none/stop", headers=operator).status_code == 404
         assert client.post("/api/v1/fleets/none/accept", json={"proposal": 1}, headers=operator).status_code == 404
-    assert client.post("/api/v1/fleets", content=b" " * 500_000, headers=operator).status_code == 422
+    answer = client.post("/api/v1/fleets", content=b" " * 500_000, headers=operator)
+    assert answer.status_code == 422 and "not JSON" in answer.json()["error"]
+    answer = client.post("/api/v1/fleets", json={"name": "x", "plan": "p", "odd": 1}, headers=operator)
+    assert answer.status_code == 422 and answer.json()["parameter"] == "odd"
+    answer = client.post("/api/v1/fleets/none/accept", content=b" " * 70_000, headers=operator)
+    assert answer.status_code == 413 and "64 KB" in answer.json()["error"], "bodies of orders are short"
     assert list((app.state.settings.data / BODIES_FOLDER).iterdir()) == []
 
 
@@ -137,7 +143,3 @@ def test_a_client_that_goes_away_is_no_fault(
     with caplog.at_level(logging.WARNING):
         asyncio.run(app(scope, receive, send))
     assert not caplog.records and app.state.bodies.held_bytes == 0
-
-
-def test_settings_give_the_budget() -> None:
-    assert BodyBudget(replace(SETTINGS, upload_mb=64)).most_bytes == 256 * MEGABYTE_BYTES

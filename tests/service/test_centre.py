@@ -12,21 +12,21 @@ from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import BROKEN, OFFLINE, ONLINE, Hold, TractorReport
 from tests.examples import count_examples
 from tests.service.fleets import LENGTH, SimulatedFleet, fleet_plan, restart_manager, start_fleet
+from tests.service.test_safety import remote
 from vehicle.missions.plan import LegGate
 
 WAITS = {(1, 1): (LegGate(0, 1, 5.0),)}  # tractor 2 begins its second leg when tractor 1 is 5 m into its own
 
 
-def whole(fleet: SimulatedFleet, number: int) -> bool:
-    return fleet.manager.states[number].done
-
-
-def test_everybody_drives_to_the_end_and_the_fleet_is_done() -> None:
-    fleet = start_fleet()
-    fleet.run(64)
-    assert whole(fleet, 0) and whole(fleet, 1)
-    assert fleet.manager.state == "done"
+def test_everybody_drives_to_the_end_by_released_legs_that_only_grow_and_the_fleet_is_done() -> None:
+    fleet = start_fleet(fleet_plan(gates=WAITS, legs=4))
+    fleet.run(90)
+    assert all(state.done for state in fleet.manager.states) and fleet.manager.state == "done"
     assert fleet.manager.compute_total_worked_m() == pytest.approx(fleet.manager.plan.worked_m)
+    for number in (0, 1):
+        releases = [order.data for order in fleet.orders if order.kind == "release" and order.tractor == number]
+        told = [(data["update"], data["base_end"]) for data in releases]
+        assert told == sorted(told) and told[-1][1] == 4
 
 
 def test_nothing_is_released_before_the_start_and_little_ahead_after_it() -> None:
@@ -39,27 +39,13 @@ def test_nothing_is_released_before_the_start_and_little_ahead_after_it() -> Non
     assert fleet.manager.states[0].base_end == 1  # the next leg begins 19 m ahead, more than the base reaches
 
 
-def test_released_legs_only_grow_and_each_growth_has_a_higher_update() -> None:
-    fleet = start_fleet(fleet_plan(gates=WAITS, legs=4))
-    fleet.run(90)
-    for number in (0, 1):
-        told = [
-            (o.data["update"], o.data["base_end"]) for o in fleet.orders if o.kind == "release" and o.tractor == number
-        ]
-        assert told == sorted(told)
-        assert told[-1][1] == 4
-
-
-def test_a_gate_opens_by_what_was_really_driven() -> None:
+def test_a_gate_opens_by_what_was_really_driven_and_each_who_is_awaited_is_told_once() -> None:
     fleet = start_fleet(fleet_plan(gates=WAITS), pace={0: 0.5})
     fleet.run(49)
     assert fleet.at_m[0] == pytest.approx(24.4, abs=0.2) and fleet.at_m[1] == pytest.approx(LENGTH)
     assert fleet.manager.find_awaited_legs(1) == [(0, 1)]
     fleet.run(3)
     assert fleet.at_m[1] > LENGTH and fleet.manager.find_awaited_legs(1) == []
-
-
-def test_whom_one_waits_for_is_told_once_however_many_places_it_waits_for() -> None:
     twice = (LegGate(0, 1, 5.0), LegGate(0, 1, 12.0), LegGate(2, 0, 30.0))
     fleet = start_fleet(fleet_plan(3, gates={(1, 1): twice}), pace={0: 0.2, 2: 0.2})
     fleet.run(30)
@@ -126,109 +112,74 @@ def test_connection_is_online_then_broken_or_offline() -> None:
     assert state.get_connection(fleet.now, 1.0) == OFFLINE
 
 
-def test_pause_and_resume_of_one_leave_the_others_alone() -> None:
+def test_pause_and_resume_of_one_leave_the_others_alone_and_stop_all_stops_everybody_and_lasts() -> None:
     fleet = start_fleet()
+    operators = fleet.manager.operators
     fleet.run(5)
-    fleet.manager.operators.pause_tractors("anna", 0, fleet.now)
+    operators.pause_tractors("anna", 0, fleet.now)
     fleet.run(5)
     assert fleet.at_m == [pytest.approx(5.0, abs=0.2), pytest.approx(10.0, abs=0.2)]
-    fleet.manager.operators.resume_tractors("anna", 0, fleet.now)
+    operators.resume_tractors("anna", 0, fleet.now)
     fleet.run(5)
     assert fleet.at_m[0] == pytest.approx(10.0, abs=0.3)
-
-
-def test_stop_all_stops_everybody_also_who_is_paused_and_lasts() -> None:
-    fleet = start_fleet()
-    fleet.run(3)
-    fleet.manager.operators.pause_tractors("anna", 1, fleet.now)
-    fleet.manager.operators.stop_all("bert", fleet.now)
+    operators.pause_tractors("anna", 1, fleet.now)
+    operators.stop_all("bert", fleet.now)
     orders, events = fleet.manager.take_outputs()
     assert [(o.tractor, o.kind) for o in orders if o.data.get("reason") == Hold.HALTED] == [(0, "stop"), (1, "stop")]
     assert ("bert", "stop_all") in [(e.who, e.what) for e in events]
     fleet.standing = [True, True]
     fleet.run(3)
-    assert fleet.at_m[0] == pytest.approx(3.0, abs=0.2)
+    assert fleet.at_m[0] == pytest.approx(10.0, abs=0.3)
     fleet.manager.connect_tractor(0, fleet.now)  # one that comes back is told again
     assert [o.kind for o in fleet.manager.take_outputs()[0]] == ["release", "stop"]
-    fleet.manager.operators.resume_tractors("anna", None, fleet.now)
+    operators.resume_tractors("anna", None, fleet.now)
     fleet.run(2)
-    assert fleet.at_m[0] > 4.0 and fleet.at_m[1] > 4.0
+    assert fleet.at_m[0] > 11.0 and fleet.at_m[1] > 16.0
 
 
-def remote(fleet: SimulatedFleet, number: int = 0, who: str = "anna") -> None:
-    """Somebody drives a tractor, which says so."""
-    fleet.manager.operators.take_lease(who, number, False, fleet.now)
-    fleet.obey()
-    fleet.silent = {number}
-
-
-def says(fleet: SimulatedFleet, number: int, x: float, y: float, heading: float, speed: float = 0.0) -> None:
-    fleet.manager.take_report(number, TractorReport(x, y, heading, speed, speed, mode="remote"), fleet.now)
-
-
-def test_one_operator_at_a_time_and_a_takeover_is_told_to_both() -> None:
-    fleet = start_fleet()
-    remote(fleet)
-    with pytest.raises(ControlLeaseError, match="Tractor 1 is driven by anna"):
-        fleet.manager.operators.take_lease("bert", 0, False, fleet.now)
-    with pytest.raises(ControlLeaseError, match="not yours"):
-        fleet.manager.operators.send_command("bert", 0, 0.0, 0.5, fleet.now)
-    assert fleet.manager.operators.take_lease("bert", 0, True, fleet.now) == "anna"
-    with pytest.raises(ControlLeaseError, match="bert drives it"):
-        fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
-
-
-def test_remote_commands_are_kept_within_speed_and_lock() -> None:
-    fleet = start_fleet()
-    remote(fleet)
-    says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    fleet.manager.operators.send_command("anna", 0, 3.0, 9.0, fleet.now)
+def test_one_operator_at_a_time_drives_within_speed_and_lock_and_who_goes_leaves_it_standing() -> None:
+    fleet = remote()
+    operators = fleet.manager.operators
+    operators.send_command("anna", 0, 3.0, 9.0, fleet.now)
     order = fleet.manager.take_outputs()[0][-1]
-    assert order.kind == "command"
-    assert order.data["speed_mps"] == FleetRules().remote_mps
+    assert (order.kind, order.data["speed_mps"]) == ("command", FleetRules().remote_mps)
     assert order.data["steering_rad"] == math.radians(fleet.manager.plan.tractor.max_steering_deg)
-
-
-def test_dead_man_stops_within_half_a_second() -> None:
-    fleet = start_fleet()
-    remote(fleet)
-    says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
-    fleet.obey()
-    fleet.run(0.4)
-    assert not [o for o in fleet.orders if o.kind == "command" and o.data["speed_mps"] == 0.0]
-    fleet.run(0.2)
-    assert [o for o in fleet.orders if o.kind == "command" and o.data["speed_mps"] == 0.0]
-
-
-def test_an_operator_who_is_gone_leaves_tractors_standing() -> None:
-    fleet = start_fleet()
-    remote(fleet)
-    says(fleet, 0, 0.0, 10.0, math.pi / 2)
-    assert fleet.manager.operators.disconnect_operator("anna", fleet.now) == [0]
+    with pytest.raises(ControlLeaseError, match="Tractor 1 is driven by anna"):
+        operators.take_lease("bert", 0, False, fleet.now)
+    with pytest.raises(ControlLeaseError, match="not yours"):
+        operators.send_command("bert", 0, 0.0, 0.5, fleet.now)
+    assert operators.take_lease("bert", 0, True, fleet.now) == "anna"
+    with pytest.raises(ControlLeaseError, match="bert drives it"):
+        operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
+    assert operators.disconnect_operator("bert", fleet.now) == [0]
     assert fleet.manager.take_outputs()[0][-1].kind == "stop"
     assert fleet.manager.control_leases.get_holder(0) is None
-    fleet.manager.operators.resume_tractors("bert", 0, fleet.now)
+    operators.resume_tractors("bert", 0, fleet.now)
     assert not fleet.manager.states[0].holds
 
 
+def test_dead_man_stops_within_half_a_second() -> None:
+    fleet = remote()
+    fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.obey()
+    for seconds, is_stopped in ((0.4, False), (0.2, True)):
+        fleet.run(seconds)
+        assert any(o.kind == "command" and o.data["speed_mps"] == 0.0 for o in fleet.orders) == is_stopped
+
+
 def test_one_driven_far_off_its_leg_does_not_go_on_by_itself() -> None:
-    fleet = start_fleet()
-    remote(fleet)
-    says(fleet, 0, 4.5, 10.0, math.pi / 2)
+    fleet = remote(4.5)
     fleet.manager.operators.return_lease("anna", 0, fleet.now)
     with pytest.raises(FleetManagerError, match=r"4\.5 m off its leg"):
         fleet.manager.operators.resume_tractors("bert", 0, fleet.now)
 
 
 def test_no_remote_command_leads_out_of_the_fence_and_one_leads_back() -> None:
-    fleet = start_fleet()
-    remote(fleet)
-    says(fleet, 0, 0.0, -6.0, -math.pi / 2, 0.0)  # heading south, a metre inside the fence
+    fleet = remote(0.0, -6.0, -math.pi / 2)  # heading south, a metre inside the fence
     with pytest.raises(FleetManagerError, match="leave the fence"):
         fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
     assert fleet.manager.take_outputs()[0][-1].data["speed_mps"] == 0.0
-    says(fleet, 0, 0.0, -8.0, -math.pi / 2, 0.0)  # outside
+    fleet.manager.take_report(0, TractorReport(0.0, -8.0, -math.pi / 2, 0.0, mode="remote"), fleet.now)  # outside
     fleet.run(0.5)
     assert Hold.FENCE in fleet.manager.states[0].holds
     fleet.manager.operators.send_command("anna", 0, 0.0, -1.0, fleet.now)
@@ -272,12 +223,12 @@ def test_an_obstacle_blocks_the_legs_it_touches_and_the_rest_goes_on() -> None:
         "anna", ((-1.0, 45.0), (1.0, 45.0), (1.0, 47.0), (-1.0, 47.0)), "bale", fleet.now
     )
     fleet.run(62)
-    assert fleet.at_m[0] == pytest.approx(2 * LENGTH) and whole(fleet, 1)
+    assert fleet.at_m[0] == pytest.approx(2 * LENGTH) and fleet.manager.states[1].done
     assert fleet.manager.blocked_legs == [{2: "bale"}, {}]
     assert math.isinf(fleet.manager.finish_in_s[0])
     fleet.manager.obstacle_reports.clear("anna", block.id, fleet.now)
     fleet.run(22)
-    assert whole(fleet, 0)
+    assert fleet.manager.states[0].done
 
 
 def test_an_obstacle_on_a_released_leg_stops_who_drives_at_it_but_not_who_has_passed() -> None:
@@ -294,12 +245,6 @@ def test_an_obstacle_on_a_released_leg_stops_who_drives_at_it_but_not_who_has_pa
     assert fleet.at_m[0] == pytest.approx(15.0, abs=0.4)
 
 
-def test_what_is_no_outline_is_refused() -> None:
-    fleet = start_fleet()
-    with pytest.raises(FleetManagerError, match="not a polygon"):
-        fleet.manager.obstacle_reports.add("anna", ((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)), "bow", fleet.now)
-
-
 def test_alarms_stay_until_they_are_over_and_acknowledged() -> None:
     fleet = start_fleet()
     fleet.manager.operators.mark_failed("anna", 0, fleet.now)
@@ -313,12 +258,12 @@ def test_alarms_stay_until_they_are_over_and_acknowledged() -> None:
 
 
 def test_every_order_is_in_the_log_of_who_did_what() -> None:
-    fleet = start_fleet()
+    fleet = remote()
     fleet.manager.operators.pause_tractors("anna", None, fleet.now)
     fleet.run(1.1)
     fleet.manager.operators.resume_tractors("bert", None, fleet.now)
-    remote(fleet)
-    says(fleet, 0, 0.0, 10.0, math.pi / 2)
+    fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
+    fleet.manager.take_report(0, TractorReport(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), fleet.now)
     fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     fleet.obey()
     log = [(event.who, event.what) for event in fleet.events]
@@ -361,15 +306,11 @@ def test_last_places_and_what_was_seen_of_alarms_outlive_a_restart() -> None:
     first.manager.obstacle_reports.acknowledge_alarm("bert", failed.id, first.now)
     again = restart_manager(first.manager, first.now, 3.0, 60.0)
     assert [s.report for s in again.states] == [s.report for s in first.manager.states]
-    assert (
-        again.states[1].last_contact_s == pytest.approx(3.0 - 60.0)
-        and again.states[1].get_connection(3.0, 1.0) == "broken"
-    )
-    before = {alarm.id: alarm for alarm in first.manager.alarms.list_alarms()}
+    second = again.states[1]
+    assert second.last_contact_s == pytest.approx(3.0 - 60.0) and second.get_connection(3.0, 1.0) == "broken"
+    before = {alarm.id: alarm.acknowledged for alarm in first.manager.alarms.list_alarms()}
     assert again.alarms.list_alarms()[-1].code == "restarted"
-    assert {alarm.id: alarm.acknowledged for alarm in again.alarms.list_alarms()[:-1]} == {
-        id: alarm.acknowledged for id, alarm in before.items()
-    }
+    assert {alarm.id: alarm.acknowledged for alarm in again.alarms.list_alarms()[:-1]} == before
     assert again.alarms.is_alarm_on("failed", 0)
     assert again.alarms.list_alarms()[-2].since_s == pytest.approx(failed.since_s - first.now + 3.0 - 60.0)
     assert block.id == 2 and list(again.obstacles.items) == [1]
@@ -404,11 +345,16 @@ def test_progress_of_a_tractor_never_goes_back() -> None:
         fleet.manager.take_report(0, TractorReport(0.0, 0.0, 0.0, 0.0, leg=7), fleet.now)
 
 
-def test_rules_that_cannot_be_are_refused() -> None:
-    with pytest.raises(FleetManagerError, match="silence_s is 0"):
-        FleetRules(silence_s=0.0)
-    with pytest.raises(FleetManagerError, match="at most 100 times"):
-        FleetRules(times=1000.0)
+@pytest.mark.parametrize(
+    ("rule", "words"),
+    [
+        ({"silence_s": 0.0}, "silence_s is 0"), ({"times": 1000.0}, "at most 100 times"),
+        ({"horizon_s": 1.9}, "use 2 to 600 seconds"), ({"horizon_s": 601.0}, "use 2 to 600 seconds"),
+    ],
+)  # fmt: skip
+def test_rules_that_cannot_be_are_refused(rule: dict[str, float], words: str) -> None:
+    with pytest.raises(FleetManagerError, match=words):
+        FleetRules(**rule)  # type: ignore[arg-type]
 
 
 def test_the_alarm_of_a_broken_link_says_what_the_tractor_does_now() -> None:
@@ -430,9 +376,3 @@ def test_the_alarm_of_a_broken_link_says_what_the_tractor_does_now() -> None:
     fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.0, 0.0, mode="stopped", leg_m=5.0), fleet.now)
     fleet.manager.operators.stop_all("anna", fleet.now)
     assert told().endswith("it was ordered to stop, and stands.")
-
-
-def test_horizons_that_cannot_be_are_refused() -> None:
-    for seconds in (1.9, 601.0):
-        with pytest.raises(FleetManagerError, match="use 2 to 600 seconds"):
-            FleetRules(horizon_s=seconds)

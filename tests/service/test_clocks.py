@@ -114,14 +114,15 @@ def test_a_clock_that_is_set_while_it_drives_is_seen_at_once_and_when_it_is_righ
     assert link.clock.offset_s == 0.0
 
 
-def test_a_link_that_stood_still_for_a_while_is_no_clock_that_was_set() -> None:
+def test_a_link_that_stood_still_is_no_clock_that_was_set_and_a_slow_one_with_a_wrong_clock_shows_its_age() -> None:
     link = Link(echoes=False)
     link.come(0.1)
     assert link.come(29.0, after_s=30.0).age_s == pytest.approx(29.0)  # held up, and the next come all at once
     assert link.come(28.9, after_s=0.0).age_s == pytest.approx(28.9)
-
-
-def test_it_is_said_as_clocks_are_read() -> None:
+    link = Link(3603.0, echoes=True)
+    for _ in range(100):
+        reading = link.come(1.5)
+    assert reading.age_s + reading.unsure_s >= 1.5, "what a right clock would show, or more"
     assert describe_offset(-3603.2) == "1:00:03 ahead" and describe_offset(62.0) == "0:01:02 behind"
     assert describe_offset(-86_400.0) == "1 day 0:00:00 ahead" and describe_offset(200_000.0) == "2 days 7:33:20 behind"
 
@@ -163,10 +164,3 @@ def test_a_tractor_whose_clock_is_an_hour_off_drives_on_and_that_is_told_once(
     assert "Set it before you drive by remote control" in alarm.sentence
     with pytest.raises(FleetManagerError, match="its present place is unknown"):
         fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, now)
-
-
-def test_who_is_on_a_slow_link_with_a_wrong_clock_is_not_driven_by_remote_control() -> None:
-    link = Link(3603.0, echoes=True)
-    for _ in range(100):
-        reading = link.come(1.5)
-    assert reading.age_s + reading.unsure_s >= 1.5, "what a right clock would show, or more"

@@ -21,13 +21,15 @@ from planner.service.store.database import hold_service_lock
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 from planner.service.store.token_table import parse_expiry
+from tests.examples import seldom
 from tests.service.conftest import find_token
 from tests.service.databases import KINDS, database
 
+WORKER = ["worker", "--database", "postgresql://127.0.0.1:1/x"]
 COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
 
 
-def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], plain: Store, tmp_path: Path) -> None:
     status, out, _ = run("token", "new", "--scope", "operator", "--scope", "planner", "--data", tmp_path)
     token = out.strip()
     assert status == 0 and token.startswith("hl_")
@@ -35,63 +37,51 @@ def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_pat
     assert listed.startswith("operator-planner-1  operator planner  ") and token not in listed
     assert listed.endswith("  never expires\n")
     assert all(token.encode() not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
-    store = Store(ServiceSettings(data=tmp_path))
-    assert find_token(store, token) is not None
+    assert find_token(plain, token) is not None
     assert run("token", "revoke", "operator-planner-1", "--data", tmp_path)[0] == 0
-    assert find_token(store, token) is None
-    store.close()
+    assert find_token(plain, token) is None
 
 
 def test_a_token_for_a_robot_is_for_one_tractor_and_ends(
-    run: Callable[..., tuple[int, str, str]], tmp_path: Path
+    run: Callable[..., tuple[int, str, str]], plain: Store, tmp_path: Path
 ) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
-    store.save_fleet("f1", "north", "{}", {})
+    plain.save_fleet("f1", "north", "{}", {})
     words = ("token", "new", "--scope", "robot", "--fleet", "f1", "--tractor", "2", "--data", tmp_path)
     assert run(*words)[0] == 0
     status, out, err = run(*words, "--name", "short", "--expires", "90m")
-    row = find_token(store, out.strip())
+    row = find_token(plain, out.strip())
     assert status == 0 and row is not None and (row.fleet, row.tractor, row.scopes) == ("f1", 2, "robot")
     assert f"expires {row.expires}" in err
     lines = run("token", "list", "--data", tmp_path)[1].splitlines()
     assert lines[0].startswith("robot-1  robot of tractor 2 of fleet f1  ") and lines[1].endswith(str(row.expires))
     ends = [
-        datetime.fromisoformat(str(each.expires)) - datetime.fromisoformat(each.created) for each in store.list_tokens()
+        datetime.fromisoformat(str(each.expires)) - datetime.fromisoformat(each.created) for each in plain.list_tokens()
     ]
     assert [round(each / timedelta(minutes=1)) for each in ends] == [30 * 24 * 60, 90]
-    with store.database.open_write_session() as session:
+    with plain.database.open_write_session() as session:
         session.execute(sa.update(TokenRow).values(expires="2026-01-01T00:00:00.000Z"))
     assert (
-        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and find_token(store, out.strip()) is None
+        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and find_token(plain, out.strip()) is None
     )
-    store.close()
+
+
+@pytest.mark.parametrize(("text", "minutes"), [("90m", 90), ("12h", 720), ("30d", 43_200)])
+def test_an_end_is_so_much_later_or_after_a_day_or_at_a_time_of_a_zone(text: str, minutes: int) -> None:
+    end = parse_expiry(text)
+    assert end is not None and parse_expiry("never") is None
+    assert (datetime.fromisoformat(end) - datetime.now(UTC)) / timedelta(minutes=1) == pytest.approx(minutes, abs=1.0)
+    day = (datetime.now(UTC) + timedelta(days=10)).date()
+    assert parse_expiry(day.isoformat()) == f"{day + timedelta(days=1)}T00:00:00.000Z"
+    assert parse_expiry(f"{day}T18:00:00+02:00") == parse_expiry(f"{day}T16:00:00") == f"{day}T16:00:00.000Z"
 
 
 @pytest.mark.parametrize(
-    "text, minutes",
-    [("90m", 90), ("12h", 720), ("30d", 43_200), ("never", None), ("2100-01-01", 0), ("0d", 0), ("99999d", 0),
-     ("", 0), ("soon", 0), ("30 d", 0), ("999999d", 0), ("2001-01-01T00:00:00Z", 0), ("2030-13-01", 0)],
-)  # fmt: skip
-def test_an_end_is_read_or_refused(text: str, minutes: int | None) -> None:
-    if minutes == 0:
-        with pytest.raises(ServiceError) as refusal:
-            parse_expiry(text)
-        assert len(str(refusal.value).splitlines()) == 1 and refusal.value.parameter == "expires"
-        return
-    end = parse_expiry(text)
-    if minutes is None:
-        assert end is None
-    else:
-        assert end is not None
-        in_minutes = (datetime.fromisoformat(end) - datetime.now(UTC)) / timedelta(minutes=1)
-        assert in_minutes == pytest.approx(minutes, abs=1.0)
-
-
-def test_an_end_by_a_date_includes_the_day_and_by_a_time_knows_its_zone() -> None:
-    day = (datetime.now(UTC) + timedelta(days=10)).date()
-    after = (day + timedelta(days=1)).isoformat()
-    assert parse_expiry(day.isoformat()) == f"{after}T00:00:00.000Z"
-    assert parse_expiry(f"{day}T18:00:00+02:00") == parse_expiry(f"{day}T16:00:00") == f"{day}T16:00:00.000Z"
+    "text", ["2100-01-01", "0d", "99999d", "", "soon", "30 d", "999999d", "2001-01-01T00:00:00Z", "2030-13-01"]
+)
+def test_what_is_no_end_is_refused(text: str) -> None:
+    with pytest.raises(ServiceError) as refusal:
+        parse_expiry(text)
+    assert len(str(refusal.value).splitlines()) == 1 and refusal.value.parameter == "expires"
 
 
 @pytest.mark.parametrize(
@@ -113,13 +103,35 @@ def test_an_end_by_a_date_includes_the_day_and_by_a_time_knows_its_zone() -> Non
         (["backup", "copy.tar"], "does not end in .zip"),
         (["restore", "nothing.zip"], "no file nothing.zip"),
         (["restore", __file__], "cannot be read as a backup"),
+        (["worker"], "Missing option '--database'"),
+        (["worker", "--database", "x"], "The database is not a URL; write one such as"),
+        (["worker", "--database", "sqlite:///x.db"], "A worker takes jobs from PostgreSQL; give the --database of"),
+        ([*WORKER, "--workers", "0"], "--workers is 0; use 1 to 64."),
+        (WORKER, "cannot be used: connection"),
+        (
+            [*WORKER, "--results", "results"],
+            "Results cannot go to 'results': ValueError: it is no URL with a folder",
+        ),
+        ([*WORKER, "--results", "x9://results/farm"], "Results cannot go to 'x9://results/farm': ValueError: Protocol"),
+        (["serve", "--workers", "0"], "Without workers of its own the service needs PostgreSQL"),
+        (["serve", "--workers", "-1"], "--workers is -1; use 0 to 64."),
+        (
+            ["serve", "--results", "s3://results/farm"],
+            "Results go by a store from workers on other machines",
+        ),
     ],
 )
 def test_refusals_are_one_sentence(
-    run: Callable[..., tuple[int, str, str]], tmp_path: Path, arguments: list[str], words: str
+    run: Callable[..., tuple[int, str, str]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    arguments: list[str],
+    words: str,
 ) -> None:
-    status, out, err = run(*arguments, "--data", tmp_path / "data")
-    assert (status, out) == (2, "") and words in err and len(err.splitlines()) == 1
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HEADLAND_DATA", str(tmp_path / "data"))
+    status, out, err = run(*arguments)
+    assert (status, out) == (2, "") and words in err and len(err.splitlines()) == 1 and err.startswith("Error: ")
 
 
 def test_a_backup_holds_the_database(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
@@ -130,24 +142,21 @@ def test_a_backup_holds_the_database(run: Callable[..., tuple[int, str, str]], t
     assert run("backup", file, "--data", tmp_path / "data", "--force")[0] == 0
 
 
-def test_a_second_service_on_one_folder_is_refused(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    with hold_service_lock(ServiceSettings(data=tmp_path)):
-        status, out, err = run("serve", "--port", "0", "--data", tmp_path)
-        assert (status, out) == (2, "") and len(err.splitlines()) == 1
-        assert "Another headland serve" in err and str(tmp_path) in err
-    with hold_service_lock(ServiceSettings(data=tmp_path)):
-        pass  # the first one has let go
-
-
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_second_service_on_one_database_is_refused_whatever_its_folder(kind: str, tmp_path: Path) -> None:
+def test_a_second_service_on_one_folder_or_database_is_refused(
+    run: Callable[..., tuple[int, str, str]], kind: str, tmp_path: Path
+) -> None:
     with database(kind) as url:
         url = url or f"sqlite:///{tmp_path / 'shared.db'}"
         first, second = (ServiceSettings(data=tmp_path / name, database=url) for name in ("one", "two"))
         for each in (first, second):
             each.data.mkdir()
-        with hold_service_lock(first), pytest.raises(ConflictError, match="--database"), hold_service_lock(second):
-            pass
+        with hold_service_lock(first):
+            status, out, err = run("serve", "--port", "0", "--data", first.data)
+            assert (status, out) == (2, "") and len(err.splitlines()) == 1
+            assert "Another headland serve" in err and str(first.data) in err
+            with pytest.raises(ConflictError, match="--database"), hold_service_lock(second):
+                pass
         with hold_service_lock(second):
             pass
 
@@ -205,7 +214,7 @@ main()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="ends it by a signal")
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("how", [signal.SIGTERM, *seldom(signal.SIGINT)])
 def test_however_the_demonstration_is_ended_it_leaves_no_process_and_no_folder(how: int) -> None:
     with subprocess.Popen([sys.executable, "-c", TWO], stdout=subprocess.PIPE, text=True) as demo:
         assert demo.stdout is not None

@@ -62,15 +62,6 @@ def test_a_write_is_what_counts_and_it_counts_for_five_seconds(store: Store) -> 
     assert not watch.is_fresh and watch.age_s == pytest.approx(STALE_S + 0.1)
 
 
-def test_a_locked_file_is_no_file_that_can_be_written_to(small: Store) -> None:
-    watch, other = DatabaseWatch(small), lock(small)
-    assert small.list_tokens() == [] and not watch.write_once(), "it can be read all the same"
-    assert "locked" in str(watch.last_error)
-    other.execute("COMMIT")
-    other.close()
-    assert watch.write_once() and watch.is_fresh
-
-
 @pytest.mark.skipif(os.name == "nt", reason="open files cannot be moved there")
 def test_a_file_that_was_moved_is_missed_and_not_made_anew(small: Store) -> None:
     text = small.create_token_text("office", "read")
@@ -91,6 +82,9 @@ def test_another_database_in_its_place_is_not_used_and_a_copy_is(small: Store, t
     small.create_token("office", "read")
     Store(ServiceSettings(data=tmp_path / "other")).close()
     away, place = move(small), small.settings.data / DATABASE_FILE
+    with pytest.raises(DatabaseError, match=f"its log {DATABASE_FILE}-wal is there; bring"):
+        Store(small.settings)
+    assert not place.exists(), "no empty one is made beside the log of one that is gone"
     log = place.with_name(f"{DATABASE_FILE}-wal")
     kept = log.read_bytes()
     shutil.copy(tmp_path / "other" / DATABASE_FILE, place)
@@ -102,19 +96,11 @@ def test_another_database_in_its_place_is_not_used_and_a_copy_is(small: Store, t
     assert [row.name for row in small.list_tokens()] == ["office"]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="open files cannot be moved there")
-def test_no_empty_database_is_made_beside_the_log_of_one_that_is_gone(small: Store) -> None:
-    small.add_event(None, "office", "before")
-    move(small)
-    with pytest.raises(DatabaseError, match=f"its log {DATABASE_FILE}-wal is there; bring"):
-        Store(small.settings)
-    assert not (small.settings.data / DATABASE_FILE).exists()
-
-
 def test_a_revocation_holds_at_once_and_after_a_restart_while_the_file_is_locked(small: Store) -> None:
-    text, cache = small.create_token_text("office", "operator"), TokenCache(small)
+    text, cache, watch = small.create_token_text("office", "operator"), TokenCache(small), DatabaseWatch(small)
     assert cache.refresh() and cache.find_token(text) is not None
     sha256, other = str(next(iter(small.list_tokens())).sha256), lock(small)
+    assert not watch.write_once() and "locked" in str(watch.last_error), "it can be read all the same"
     asyncio.run(cache.revoke_token("office", "chief"))
     assert cache.find_token(text) is None and sha256 in cache.find_invalid_tokens([sha256])
     with pytest.raises(TokenError):
@@ -126,7 +112,7 @@ def test_a_revocation_holds_at_once_and_after_a_restart_while_the_file_is_locked
     with pytest.raises(NotFoundError, match="no token 'office'"):
         asyncio.run(cache.revoke_token("office", "chief"))
     other.execute("COMMIT")
-    assert DatabaseWatch(small).write_once() and small.revocations.list_waiting() == {}
+    assert watch.write_once() and watch.is_fresh and small.revocations.list_waiting() == {}
     assert other.execute("SELECT name FROM tokens").fetchall() == []
     other.close()
     assert [(event.who, event.what, event.data) for event in small.list_events()] == [
@@ -134,7 +120,9 @@ def test_a_revocation_holds_at_once_and_after_a_restart_while_the_file_is_locked
     ]
 
 
-def test_the_command_revokes_while_the_file_is_locked(small: Store) -> None:
+def test_the_command_revokes_while_the_file_is_locked_and_other_files_beside_revocations_are_ignored(
+    small: Store,
+) -> None:
     text, other = small.create_token_text("office", "read"), lock(small)
     small.revoke_token("office")
     other.close()
@@ -142,6 +130,11 @@ def test_the_command_revokes_while_the_file_is_locked(small: Store) -> None:
     assert cache.refresh() and cache.find_token(text) is None and small.list_tokens() == []
     small.write_revocations()
     assert small.list_events() == [] and small.create_token_text("office", "read") != text
+    revocation = Revocation("0" * 64, "office", None)
+    small.revocations.add(revocation)
+    for name in ("README", ".DS_Store", f"{revocation.sha256}~"):
+        (small.settings.data / REVOCATIONS_FOLDER / name).write_text("no revocation", encoding="utf-8")
+    assert small.revocations.list_waiting() == {revocation.sha256: revocation}
 
 
 def test_a_revocation_that_cannot_be_stored_anywhere_holds_and_says_until_when(
@@ -184,14 +177,6 @@ def test_a_revocation_by_root_is_the_services(small: Store) -> None:
     folder = small.settings.data / REVOCATIONS_FOLDER
     (waiting,) = folder.iterdir()
     assert [(one.stat().st_uid, one.stat().st_gid) for one in (folder, waiting)] == [(4321, 1234)] * 2
-
-
-def test_other_files_beside_revocations_are_ignored(small: Store) -> None:
-    revocation = Revocation("0" * 64, "office", None)
-    small.revocations.add(revocation)
-    for name in ("README", ".DS_Store", f"{revocation.sha256}~"):
-        (small.settings.data / REVOCATIONS_FOLDER / name).write_text("no revocation", encoding="utf-8")
-    assert small.revocations.list_waiting() == {revocation.sha256: revocation}
 
 
 def test_a_backup_holds_no_token_whose_revocation_waits(small: Store, both: ServiceSettings, tmp_path: Path) -> None:

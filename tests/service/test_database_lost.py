@@ -5,7 +5,7 @@ import sqlite3
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -68,16 +68,6 @@ class Way:
         self.cut()
 
 
-@contextmanager
-def way_to(host: str, port: int) -> Iterator[Way]:
-    """A way that is closed with the body."""
-    way = Way(host, port)
-    try:
-        yield way
-    finally:
-        way.close()
-
-
 def test_what_waits_for_a_database_waits_for_seconds() -> None:
     assert postgresql.BoundedConnection.answer_timeout_s == postgresql.ANSWER_TIMEOUT_S == 5.0
     assert f"'statement_timeout', '{postgresql.ANSWER_TIMEOUT_S:g}s'" in postgresql.SET_TIMEOUTS
@@ -101,16 +91,20 @@ def way(tmp_path: Path, impatient: None) -> Iterator[tuple[Way, ServiceSettings]
     """Settings of a service whose PostgreSQL is reached by a way that can be blocked."""
     with database("postgresql") as url:
         parsed = sa.make_url(url)
-        with way_to(parsed.host or "127.0.0.1", parsed.port or 5432) as way:
+        with closing(Way(parsed.host or "127.0.0.1", parsed.port or 5432)) as way:
             through = parsed.set(host="127.0.0.1", port=way.port).render_as_string(hide_password=False)
             yield way, ServiceSettings(data=tmp_path, database=through, workers=0)
 
 
 @pytest.mark.slow
-def test_no_question_to_a_database_that_hangs_waits_for_ever(way: tuple[Way, ServiceSettings]) -> None:
+def test_a_database_that_hangs_or_was_started_anew_is_found_again_and_no_question_waits_for_ever(
+    way: tuple[Way, ServiceSettings],
+) -> None:
     blocked, settings = way
     store = Store(settings)
     store.add_event(None, "office", "before")
+    blocked.cut()
+    assert len(store.list_events()) == 1, "a connection that is gone is replaced before it is used"
     blocked.open.clear()
     for ask in (store.list_events, lambda: store.add_event(None, "office", "meanwhile")):
         begin = time.monotonic()
@@ -119,35 +113,17 @@ def test_no_question_to_a_database_that_hangs_waits_for_ever(way: tuple[Way, Ser
         assert time.monotonic() - begin < ENDS_S
     blocked.open.set()
     assert next(each.what for each in store.list_events()) == "before"
-    store.close()
-
-
-@pytest.mark.slow
-def test_a_database_that_hangs_in_the_midst_of_a_transaction_keeps_nothing_of_it(
-    way: tuple[Way, ServiceSettings],
-) -> None:
-    blocked, settings = way
-    store = Store(settings)
     begin = time.monotonic()
     with (
         pytest.raises(sa.exc.OperationalError, match="has not answered"),
         store.database.open_write_session() as session,
     ):
-        session.execute(sa.text("DELETE FROM tokens"))
+        session.execute(sa.text("DELETE FROM events"))
         blocked.open.clear()
         session.execute(sa.text("SELECT 1"))
     assert time.monotonic() - begin < ENDS_S
     blocked.open.set()
-    assert store.list_tokens() == []
-    store.close()
-
-
-def test_a_database_that_was_started_anew_is_found_again(way: tuple[Way, ServiceSettings]) -> None:
-    blocked, settings = way
-    store = Store(settings)
-    store.add_event(None, "office", "before")
-    blocked.cut()
-    assert len(store.list_events()) == 1, "a connection that is gone is replaced before it is used"
+    assert store.list_events(), "nothing is kept of a transaction in the midst of which it hung"
     store.close()
 
 
@@ -182,22 +158,21 @@ def test_a_request_to_a_database_that_hangs_is_answered_and_the_token_is_known(
 
 
 def test_a_file_that_somebody_else_writes_to_is_waited_for_so_long(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plain: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(databases, "SQLITE_BUSY_TIMEOUT_MS", 500)
-    store = Store(ServiceSettings(data=tmp_path))
+    plain.database.engine.dispose()  # connections of before wait longer
     other = sqlite3.connect(tmp_path / DATABASE_FILE, isolation_level=None, check_same_thread=False)
     other.execute("BEGIN IMMEDIATE")
     begin = time.monotonic()
     with pytest.raises(sa.exc.OperationalError, match="locked"):
-        store.add_event(None, "office", "meanwhile")
+        plain.add_event(None, "office", "meanwhile")
     assert 0.4 < time.monotonic() - begin < ENDS_S
-    assert store.list_events() == [], "who only reads waits for nobody"
+    assert plain.list_events() == [], "who only reads waits for nobody"
     monkeypatch.undo()
-    store.database.engine.dispose()  # the next connection waits as long as those of a service
+    plain.database.engine.dispose()  # the next connection waits as long as those of a service
     ended = threading.Timer(0.1, lambda: other.execute("COMMIT"))
     ended.start()
-    assert store.add_event(None, "office", "afterwards") == 1
+    assert plain.add_event(None, "office", "afterwards") == 1
     ended.join()
     other.close()
-    store.close()

@@ -47,15 +47,6 @@ def report(
     page.close()
 
 
-def read_bars(page: Page, title: str) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = page.eval_on_selector_all(
-        f"figure:has(figcaption:text-is('{title}, cm')) rect",
-        """(all) => all.map((one) => ({ when: one.className.baseVal, value: Number(one.dataset.value),
-          height: one.getBoundingClientRect().height }))""",
-    )
-    return found
-
-
 @pytest.mark.parametrize(
     ("title", "name"), [("over driving time", "time"), ("by speed", "speed"), ("by wheel angle", "angle")]
 )
@@ -64,7 +55,11 @@ def test_every_bin_has_two_bars_as_high_as_its_errors(
     report: tuple[Page, list[str]], evidence: ReplayEvidence, title: str, name: str, words: str, kind: str
 ) -> None:
     bins = getattr(evidence, {"time": "over_time", "speed": "by_speed", "angle": "by_angle"}[name])
-    bars = read_bars(report[0], f"{words} the path, {title}")
+    bars: list[dict[str, Any]] = report[0].eval_on_selector_all(
+        f"figure:has(figcaption:text-is('{words} the path, {title}, cm')) rect",
+        """(all) => all.map((one) => ({ when: one.className.baseVal, value: Number(one.dataset.value),
+          height: one.getBoundingClientRect().height }))""",
+    )
     assert len(bars) == 2 * len(bins.rows) > 8
     for when in ("before", "after"):
         mine, errors = [one for one in bars if one["when"] == when], getattr(bins, f"{kind}_{when}_cm")
@@ -115,10 +110,8 @@ def test_the_sample_log_is_diagnosed_and_a_result_is_titled_with_what_was_asked(
     page.wait_for_function("() => location.hash === '#/diagnose/made'")
     assert ("diagnoses", {"logs": ["sample"]}) in made.requests
     asked = {"logs": ["run-1", "run-2"], "tractor": "mine", "ground": "asphalt"}
-    page.route(
-        "**/api/v1/diagnoses/old",
-        lambda route: route.fulfill(json={"id": "old", "status": "done", "name": "north", "request": asked}),
-    )
+    old = {"id": "old", "status": "done", "name": "north", "request": asked}
+    page.route("**/api/v1/diagnoses/old", lambda route: route.fulfill(json=old))
     watched.open("/diagnose/old")
     page.wait_for_selector("text=What does the simulation of mine on asphalt get wrong in run-1, run-2?")
     assert "emonstration" not in page.inner_text("main")
@@ -137,12 +130,13 @@ def test_runs_are_held_out_where_that_was_chosen(watched: WatchedPage, pages: tu
     watched.well()
 
 
-def test_the_report_says_what_began_before_what_is_wrong(report: tuple[Page, list[str]]) -> None:
+def test_the_report_says_what_began_before_what_is_wrong_and_is_accessible(report: tuple[Page, list[str]]) -> None:
     text = report[0].inner_text("main")
     places = [text.index(part) for part in ("the wheel does not follow", "held for up to 2 s", "The wheels stand")]
     assert places == sorted(places)
     assert report[0].locator("p.fault").count() == 1
     assert report[0].get_by_role("region", name="Error of each run", exact=True).locator("tr").count() == 4
+    assert find_violations(report[0]) == []
 
 
 def test_the_sample_log_is_replayed_in_the_browser(watched: WatchedPage) -> None:
@@ -160,12 +154,8 @@ def test_the_sample_log_is_replayed_in_the_browser(watched: WatchedPage) -> None
 def test_the_drive_to_do_next_has_a_button_that_saves_its_plan(watched: WatchedPage) -> None:
     page = watched.page
     job = {"id": "doubt", "status": "done", "name": "x", "request": {"logs": ["run-1"]}, "results": ["next-drive.json"]}
-    drive = {
-        "words": "Drive there and back.",
-        "decides": True,
-        "separates": ["side_slip", "understeer"],
-        "seconds": 40.0,
-    }
+    causes = ["side_slip", "understeer"]
+    drive = {"words": "Drive there and back.", "decides": True, "separates": causes, "seconds": 40.0}
     page.route("**/api/v1/diagnoses/doubt", lambda route: route.fulfill(json=job))
     page.route("**/doubt/results/result.json", lambda route: route.fulfill(json={"next_drive": drive}))
     page.route("**/doubt/results/next-drive.json", lambda route: route.fulfill(json={"format_version": 1}))
@@ -189,8 +179,3 @@ def test_the_report_saves_the_plan_of_the_next_drive_by_itself(browser: Browser,
         page.click("text=Save the plan of this drive")
     assert Path(saving.value.path()).read_text(encoding="utf-8") == plan
     page.close()
-
-
-@pytest.mark.slow
-def test_the_report_is_accessible(report: tuple[Page, list[str]]) -> None:
-    assert find_violations(report[0]) == []

@@ -107,13 +107,8 @@ def two_from_one_entrance(side: float) -> FleetPlan:
         missions.append(Mission(tuple(legs)))
     courses = tuple(TimedMission(mission, (20.0 / SPEED,) * 3) for mission in missions)
     plan = lane((0.0, 0.0), (0.0, 20.0))
-    return replace(
-        plan,
-        saved=replace(plan.saved, plan=Plan(tuple(missions))),
-        timed_missions=courses,
-        min_clearance_m=0.0,
-        finish_s=(60.0, 60.0),
-    )
+    saved, finish_s = replace(plan.saved, plan=Plan(tuple(missions))), (60.0, 60.0)
+    return replace(plan, saved=saved, timed_missions=courses, min_clearance_m=0.0, finish_s=finish_s)
 
 
 @pytest.mark.parametrize("first_started", ["a", *seldom("b"), "both"])

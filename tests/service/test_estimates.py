@@ -22,6 +22,7 @@ from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S
 from planner.service.sandbox.readings import build_work_order
 from planner.service.settings import ServiceSettings
+from planner.service.store.token_table import hash_token
 from planner.sweeps import estimates
 from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
@@ -59,6 +60,12 @@ def test_an_estimate_answers_every_number_and_follows_start_deadline_and_price(s
     assert [plan["in_time"] for plan in timed["plans"]] == [False, True] and timed["recommended"] == 2
     assert timed["plans"][1]["end"] == "08:22"
     assert timed["plans"][0]["cost"] == pytest.approx(2.0 * one["cost"])
+    client, headers = shared
+    at_once = [
+        client.post("/api/v1/estimates?at_once=true", json=VALUES | {"width": width}, headers=headers).json()
+        for width in (6.0, 6.3)
+    ]
+    assert [answer["is_scaled"] for answer in (plain, *at_once)] == [False, False, True]
 
 
 def test_an_estimate_says_what_its_tractor_cannot_pull(shared: Shared) -> None:
@@ -72,19 +79,28 @@ def test_an_estimate_says_what_its_tractor_cannot_pull(shared: Shared) -> None:
     assert late["caution"] == "It is not done in time."
 
 
-def test_bad_input_is_refused_in_one_sentence_with_its_parameter(shared: Shared) -> None:
-    assert ask(shared, width=-1.0)[0] == 422
-    assert ask(shared, width=-1.0)[1]["parameter"] == "width"
-    for bad, parameter in (({"field": "nowhere"}, "field"), ({"wdth": 3.0}, "wdth"), ({"start": "x"}, "start")):
-        status, answer = ask(shared, **bad)
-        assert (status, answer["parameter"]) == (422, parameter) and answer["error"].endswith(".")
+@pytest.mark.parametrize(
+    ("bad", "parameter"),
+    [({"width": -1.0}, "width"), ({"field": "nowhere"}, "field"), ({"wdth": 3.0}, "wdth"), ({"start": "x"}, "start")],
+)
+def test_bad_input_is_refused_in_one_sentence_with_its_parameter(
+    shared: Shared, bad: dict[str, Any], parameter: str
+) -> None:
+    status, answer = ask(shared, **bad)
+    assert (status, answer["parameter"]) == (422, parameter) and answer["error"].endswith(".")
 
 
-def test_who_may_not_plan_gets_no_estimate(shared: Shared) -> None:
-    client, _ = shared
+def test_who_may_not_plan_or_has_spent_its_computing_gets_no_estimate(shared: Shared) -> None:
+    client, headers = shared
     assert client.post("/api/v1/estimates", json=VALUES).status_code == 401
-    reader = bearer(client.app, "read")  # type: ignore[arg-type]
+    reader, spender = (bearer(client.app, scope) for scope in ("read", "planner"))  # type: ignore[arg-type]
     assert client.post("/api/v1/estimates", json=VALUES, headers=reader).status_code == 403
+    budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
+    digest = hash_token(spender["Authorization"].removeprefix("Bearer "))
+    budget.spend_tokens(f"token {digest}", 10.0 * MOST_COMPUTING_S)
+    answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
+    assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
+    assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200
 
 
 def test_a_client_who_has_spent_all_computing_waits_and_others_do_not() -> None:
@@ -96,24 +112,6 @@ def test_a_client_who_has_spent_all_computing_waits_and_others_do_not() -> None:
     assert budget.measure_wait_s("a") == 5.0 / COMPUTING_SHARE and budget.measure_wait_s("b") == 0.0
     now_s = 5.0 / COMPUTING_SHARE
     assert budget.measure_wait_s("a") == 0.0
-
-
-def test_the_budget_is_asked_before_anything_is_computed(shared: Shared) -> None:
-    client, headers = shared
-    budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
-    spender = bearer(client.app, "planner")  # type: ignore[arg-type]
-    for key in client_keys(client, spender):
-        budget.spend_tokens(key, 10.0 * MOST_COMPUTING_S)
-    answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
-    assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
-    assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200
-
-
-def client_keys(client: Any, headers: dict[str, str]) -> list[str]:
-    """The key of a token in queues and budgets."""
-    from planner.service.store.token_table import hash_token
-
-    return [f"token {hash_token(headers['Authorization'].removeprefix('Bearer '))}"]
 
 
 def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
@@ -140,14 +138,22 @@ def test_lines_are_those_of_the_plan_that_is_driven(speed_kmh: float) -> None:
 
 
 @pytest.mark.slow
-def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own(grounds: KeptGrounds) -> None:
+def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own_and_may_pin_it(
+    grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
+) -> None:
     first = estimate(grounds)
-    wider = estimate(grounds, width=6.2)
-    assert not first.is_layout_borrowed and wider.is_layout_borrowed
-    assert wider.headland_passes == first.headland_passes
-    assert wider.bearing_deg == pytest.approx(first.bearing_deg)
+    borrowed = estimate(grounds, width=6.2)
+    assert not first.is_layout_borrowed and borrowed.is_layout_borrowed
+    assert borrowed.headland_passes == first.headland_passes
+    assert borrowed.bearing_deg == pytest.approx(first.bearing_deg)
     own = estimate(grounds, width=6.2, bearing=30.0)
     assert not own.is_layout_borrowed and own.bearing_deg == pytest.approx(30.0)
+    layout = {"bearing": round(borrowed.bearing_deg, BEARING_DECIMALS), "headland_passes": borrowed.headland_passes}
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
+    pinned = estimate(grounds, width=6.2, **layout, work_first="3")
+    assert not pinned.is_layout_borrowed
+    assert [one.name for one in pinned.lines] == [one.name for one in borrowed.lines]
+    assert estimate(grounds, at_once=True, width=6.2, **layout, leave_out="2").is_scaled
 
 
 @pytest.mark.slow
@@ -179,18 +185,6 @@ def test_an_answer_at_once_leaves_out_what_is_left_out(grounds: KeptGrounds) -> 
         assert plan.time_s == pytest.approx(exact.time_s, rel=0.2), "who works what is dealt anew"
     everything = "R1-2,1-8"
     assert not estimate(own, at_once=True, leave_out=everything).best
-
-
-def test_who_asks_for_the_borrowed_layout_is_answered_from_its_ground(monkeypatch: pytest.MonkeyPatch) -> None:
-    own = KeptGrounds()
-    estimate(own)
-    borrowed = estimate(own, width=6.2)
-    layout = {"bearing": round(borrowed.bearing_deg, BEARING_DECIMALS), "headland_passes": borrowed.headland_passes}
-    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
-    pinned = estimate(own, width=6.2, **layout, work_first="3")
-    assert borrowed.is_layout_borrowed and not pinned.is_layout_borrowed
-    assert [one.name for one in pinned.lines] == [one.name for one in borrowed.lines]
-    assert estimate(own, at_once=True, width=6.2, **layout, leave_out="2").is_scaled
 
 
 def test_an_answer_at_once_for_another_number_deals_out_the_same_work(grounds: KeptGrounds) -> None:
@@ -229,15 +223,6 @@ def test_what_a_ground_keeps_is_bounded_and_answers_stay_the_same(monkeypatch: p
     first, *_ = [ask_for(1.0 + 0.2 * place, str(1 + place)) for place in range(4)]
     assert (len(ground._sketches), len(ground._moves)) == (4, 2)
     assert ask_for(1.0, "1") == first
-
-
-def test_the_api_says_what_is_scaled(shared: Shared) -> None:
-    client, headers = shared
-    answers = [
-        client.post("/api/v1/estimates?at_once=true", json=VALUES | {"width": width}, headers=headers).json()
-        for width in (6.0, 6.3)
-    ]
-    assert [answer["is_scaled"] for answer in answers] == [False, True]
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.farm.inventory import read_example_farm_text
-from planner.service.errors import BusyError, ServiceError
+from planner.service.errors import BusyError
 from planner.service.jobs import file_reading
 from planner.service.jobs.file_reading import (
     FairQueue,
@@ -52,6 +52,14 @@ class Held:
         wait_until(lambda: len(self.begun) >= count)
 
 
+def hold_queue(**limits: int) -> tuple[FairQueue, Held]:
+    """A queue of one place, which work of the client "a" has taken."""
+    queue, held = FairQueue(slots=1, **limits), Held()
+    queue.submit_work("a", held.work("a"))
+    held.await_begun(1)
+    return queue, held
+
+
 def test_a_client_has_one_thing_read_at_a_time_and_others_go_on() -> None:
     queue, held = FairQueue(slots=3), Held()
     slow = [queue.submit_work("a", held.work(f"a{number}")) for number in range(3)]
@@ -61,6 +69,9 @@ def test_a_client_has_one_thing_read_at_a_time_and_others_go_on() -> None:
     assert held.begun == ["a0"] and not any(each.done() for each in slow)
     held.go.set()
     assert [each.result(60) for each in slow] == ["a0", "a1", "a2"]
+    with pytest.raises(ZeroDivisionError):
+        queue.submit_work("a", lambda: 1 // 0).result(60)
+    assert queue.submit_work("a", lambda: 1).result(60) == 1, "a fault of one is its own"
     queue.close()
 
 
@@ -80,9 +91,7 @@ def test_clients_take_turns() -> None:
 
 
 def test_only_so_much_waits() -> None:
-    queue, held = FairQueue(slots=1, most_per_client=2, most_waiting=3), Held()
-    queue.submit_work("a", held.work("a"))
-    held.await_begun(1)
+    queue, held = hold_queue(most_per_client=2, most_waiting=3)
     for _ in range(2):
         queue.submit_work("a", held.work("a"))
     with pytest.raises(BusyError, match=r"^2 files of yours are waiting already; ask again when some are done\.$"):
@@ -95,9 +104,7 @@ def test_only_so_much_waits() -> None:
 
 
 def test_what_nobody_waits_for_does_not_count() -> None:
-    queue, held = FairQueue(slots=1, most_per_client=2, most_waiting=2), Held()
-    queue.submit_work("a", held.work("a"))
-    held.await_begun(1)
+    queue, held = hold_queue(most_per_client=2, most_waiting=2)
     for _ in range(2):
         queue.submit_work("a", held.work("left")).cancel()
     last = queue.submit_work("a", held.work("last"))
@@ -107,9 +114,7 @@ def test_what_nobody_waits_for_does_not_count() -> None:
 
 
 def test_what_has_waited_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    queue, held = FairQueue(slots=1), Held()
-    queue.submit_work("a", held.work("a"))
-    held.await_begun(1)
+    queue, held = hold_queue()
     monkeypatch.setattr(file_reading, "LONGEST_WAIT_S", 0.01)
     late = queue.submit_work("b", held.work("b"))
     time.sleep(0.05)
@@ -120,9 +125,7 @@ def test_what_has_waited_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_what_waits_is_dropped_at_the_end_and_what_nobody_wants_is_left_out() -> None:
-    queue, held = FairQueue(slots=1), Held()
-    queue.submit_work("a", held.work("a"))
-    held.await_begun(1)
+    queue, held = hold_queue()
     unwanted, dropped = queue.submit_work("b", held.work("b")), queue.submit_work("c", held.work("c"))
     assert unwanted.cancel()
     queue.close()
@@ -130,14 +133,6 @@ def test_what_waits_is_dropped_at_the_end_and_what_nobody_wants_is_left_out() ->
     with pytest.raises(CancelledError):
         dropped.result(60)
     assert held.begun == ["a"]
-
-
-def test_a_fault_of_one_is_its_own() -> None:
-    queue = FairQueue(slots=1)
-    with pytest.raises(ZeroDivisionError):
-        queue.submit_work("a", lambda: 1 // 0).result(60)
-    assert queue.submit_work("a", lambda: 1).result(60) == 1
-    queue.close()
 
 
 class SlowProcesses:
@@ -177,14 +172,10 @@ def stored(app: FastAPI, *names: str) -> None:
 def test_many_slow_summaries_leave_other_routes_and_clients_quick(slow: tuple[FastAPI, SlowProcesses]) -> None:
     app, processes = slow
     stored(app, "quick", *(f"slow{number}" for number in range(120)))
-    one, other = (
-        bearer(app, "read"),
-        {"Authorization": f"Bearer {app.state.store.create_token_text('another', 'read')}"},
-    )
+    one, other = bearer(app, "read"), bearer(app, "read planner")
     with client_of(app) as client, ThreadPoolExecutor(120) as threads:
-        asked = [
-            threads.submit(client.get, f"/api/v1/fields/slow{number}/summary", headers=one) for number in range(120)
-        ]
+        paths = (f"/api/v1/fields/slow{number}/summary" for number in range(120))
+        asked = [threads.submit(client.get, path, headers=one) for path in paths]
         most = file_reading.MOST_WAITING_PER_CLIENT
         wait_until(lambda: sum(each.done() for each in asked) >= 120 - 1 - most)
         assert client.get("/api/v1/fields", headers=other).status_code == 200
@@ -261,12 +252,12 @@ def test_an_upload_that_names_the_database_of_the_service(
         assert answer.status_code == 422 and SECRET not in answer.text and answer.json()["error"].endswith(".")
 
 
-def test_a_small_file_is_not_read_for_long() -> None:
+def test_a_reading_gets_the_time_of_its_files_and_memory_that_fits_the_machine(
+    slow: tuple[FastAPI, SlowProcesses],
+) -> None:
     megabytes = (0.0, 0.1, 1.0, 2.0, 5.0, 11.0, 200.0)
     assert [compute_read_timeout_s(int(each * 2**20)) for each in megabytes] == [10, 10, 10, 15, 30, 60, 60]
-
-
-def test_a_reading_gets_the_time_of_its_files(slow: tuple[FastAPI, SlowProcesses]) -> None:
+    assert 512 * 2**20 <= compute_reading_memory_limit_bytes() <= 2 * 2**30
     app, processes = slow
     stored(app, "slow")
     processes.go.set()
@@ -285,22 +276,10 @@ def test_a_key_of_many_parts_is_refused_at_once(real: tuple[TestClient, dict[str
 
 
 @pytest.mark.slow
-def test_memory_of_a_reading_fits_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert 512 * 2**20 <= compute_reading_memory_limit_bytes() <= 2 * 2**30
-
-
-@pytest.mark.slow
-def test_a_reader_that_is_closed_reads_again_when_it_is_asked(tmp_path: Path) -> None:
-    app = create_app(ServiceSettings(data=tmp_path, workers=0))
-    reader: FileReader = app.state.reader
+def test_a_reader_that_is_closed_reads_again_when_it_is_asked(
+    real: tuple[TestClient, dict[str, str], FastAPI],
+) -> None:
+    reader: FileReader = real[2].state.reader
     reader.close()
-    try:
-        assert (
-            asyncio.run(reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))["field"]["name"]
-            == "netherlands"
-        )
-    except ServiceError:
-        pytest.fail("a closed reader is a new one")
-    finally:
-        reader.close()
-        app.state.store.close()
+    read = asyncio.run(reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))
+    assert read["field"]["name"] == "netherlands"

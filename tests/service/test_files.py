@@ -13,11 +13,16 @@ import numpy as np
 import pyogrio
 import pytest
 import shapely
+from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.farm.inventory import read_example_farm_text
+from planner.pipeline.outputs.guidance_lines import build_guidance
+from reports.plan.guidance_export import find_guidance_format, write_guidance
 from tests.fields.farm_files import partfield, pattern, points, polygon, taskdata
-from tests.service.conftest import SMALL, Shared
+from tests.planner.saved_plans import saved
+from tests.service.conftest import SMALL, Shared, store_done_job
+from vehicle.missions.plan_file import format_plan
 
 LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
     f"{row / 10:.1f},{row / 7:.3f},0.0,0.0,1.4\n" for row in range(400)
@@ -57,7 +62,6 @@ def test_samples_are_listed_and_stay(client: TestClient, token: dict[str, str]) 
     assert client.get("/api/v1/tractors/eg105/summary").json()["name"] == "Yanmar EG105"
     assert b"mass_kg" in client.get("/api/v1/tractors/eg105").content
     assert upload(client, "fields", token, "denmark.geojson", SMALL).status_code == 409
-    assert client.delete("/api/v1/tractors/eg105", headers=token).status_code == 409
 
 
 def test_several_fields_of_a_file(client: TestClient, token: dict[str, str]) -> None:
@@ -79,6 +83,8 @@ def test_several_fields_of_a_file(client: TestClient, token: dict[str, str]) -> 
     "path, name, content, words",
     [
         ("fields", "x.geojson", b"{", "JSON"),
+        ("fields", "x.geojson", SMALL.replace(b"80.0", b"NaN", 1), "is not finite"),
+        ("fields", "x.geojson", SMALL.replace(b"80.0", b"1e308", 1), "is beyond 1e+08"),
         ("fields", "x.shp", SMALL, "does not end in '.shp'"),
         ("fields", "..geojson", SMALL, "cannot be used"),
         ("tractors", "x.toml", b"mass_kg = -1", "mass_kg"),
@@ -126,15 +132,10 @@ def test_a_field_of_task_data(client: TestClient, token: dict[str, str]) -> None
     )
 
 
-def test_a_log_says_what_it_is(client: TestClient, token: dict[str, str]) -> None:
+def test_a_log_says_what_it_is_or_which_mapping_reads_it(client: TestClient, token: dict[str, str]) -> None:
     assert upload(client, "logs", token, "run 1.csv", LOG.encode()).status_code == 201
     found = client.get("/api/v1/logs/run 1/summary").json()
     assert found["rows"] == 400 and found["seconds"] == pytest.approx(39.9) and found["error"] is None
-
-
-def test_a_log_of_other_names_is_kept_and_says_which_mapping_reads_it(
-    client: TestClient, token: dict[str, str]
-) -> None:
     content = LOG.replace("time_s", "Zeit").replace("speed_mps", "v [m/s]").replace(",", ";").replace(".", ",").encode()
     assert upload(client, "logs", token, "run.csv", content).status_code == 201
     assert 'add mapping "time_s=Zeit" mapping' in client.get("/api/v1/logs/run/summary").json()["error"]
@@ -169,15 +170,6 @@ def test_a_shapefile_without_prj_is_read_as_is_said_of_it(client: TestClient, to
     asked = client.post("/api/v1/plans", json={"field": "north", "tractors": "1"}, headers=token)
     assert asked.status_code == 202 and asked.json()["request"] == {"field": "north", "tractors": "1"}
     assert client.app.state.store.list_jobs()[0].work["crs"] == "EPSG:25832"  # type: ignore[attr-defined]
-
-
-@pytest.mark.parametrize(("corner", "words"), [(b"NaN", "is not finite"), (b"1e308", "is beyond 1e+08")])
-def test_a_field_that_is_nowhere_is_not_kept(
-    client: TestClient, token: dict[str, str], corner: bytes, words: str
-) -> None:
-    refused = upload(client, "fields", token, "north.geojson", SMALL.replace(b"80.0", corner, 1))
-    assert refused.status_code == 422 and words in refused.json()["error"] and refused.json()["parameter"] == "file"
-    assert client.get("/api/v1/fields/north").status_code == 404
 
 
 @pytest.mark.filterwarnings("ignore:'crs' was not provided")
@@ -285,16 +277,63 @@ def shapefile(ring: list[tuple[float, float]]) -> bytes:
     return made.getvalue()
 
 
-def test_a_part_of_a_form_that_is_not_known_is_refused(shared: Shared) -> None:
+def test_a_part_of_a_form_that_is_not_known_is_refused_and_only_a_known_token_may_send_much(shared: Shared) -> None:
     client, token = shared
     answer = upload(client, "fields", token, "x.geojson", SMALL, csr="EPSG:25832")
     assert (answer.status_code, answer.json()["parameter"]) == (422, "csr") and "crs" in answer.json()["error"]
     assert upload(client, "logs", token, "x.csv", b"", crs="EPSG:25832").json()["parameter"] == "crs"
-
-
-@pytest.mark.parametrize("header", [{}, {"Authorization": "Bearer hl_nobody"}, {"Authorization": "Basic eDp5"}])
-def test_only_a_known_token_may_send_much(shared: Shared, header: dict[str, str]) -> None:
-    client, token = shared
     much = SMALL + b" " * 2**20
-    assert upload(client, "fields", header, "x.geojson", much).status_code == 401
+    for header in ({}, {"Authorization": "Bearer hl_nobody"}, {"Authorization": "Basic eDp5"}):
+        assert upload(client, "fields", header, "x.geojson", much).status_code == 401
     assert upload(client, "fields", token, "x.geojson", much, csr="").status_code == 422
+
+
+Plans = tuple[TestClient, dict[str, str], str]
+
+
+@pytest.fixture(scope="module")
+def plans(shared: Shared) -> Plans:
+    """A client, its header, and the address of the results of a job with a plan and something that is none."""
+    client, token = shared
+    assert isinstance(client.app, FastAPI)
+    store, one = client.app.state.store, saved()
+    text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
+    results = [("plan.json", text.encode(), "application/json"), ("map.png", b"\x89PNG\xff", "image/png")]
+    return client, token, f"/api/v1/plans/{store_done_job(store, results=results).id}/results"
+
+
+def test_a_plan_is_a_zip_of_what_the_command_writes(plans: Plans) -> None:
+    client, token, path = plans
+    form = find_guidance_format("agopengps")
+    assert form is not None
+    done = client.get(f"{path}/plan.json/export", params={"to": "agopengps"}, headers=token)
+    assert done.status_code == 200 and "plan-agopengps.zip" in done.headers["content-disposition"]
+    with zipfile.ZipFile(io.BytesIO(done.content)) as archive:
+        assert {name: archive.read(name) for name in archive.namelist()} == write_guidance(
+            build_guidance(saved()), form
+        ).files
+
+
+def test_one_file_comes_as_it_is(plans: Plans) -> None:
+    client, token, path = plans
+    wanted: dict[str, str] = {"to": "gpx", "tractor": "2", "curves": "false"}
+    done = client.get(f"{path}/plan.json/export", params=wanted, headers=token)
+    assert done.status_code == 200 and done.headers["content-type"] == "application/gpx+xml"
+    assert done.content.count(b"<rte>") == 2 and b"T2 01 track 2a" in done.content
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "status", "said"),
+    [
+        ("plan.json", {"to": "isobus"}, 422, "to 'isobus' is unknown"),
+        ("plan.json", {}, 422, "to"),
+        ("plan.json", {"to": "kml", "tractor": "3"}, 422, "the plan has tractors 1 to 2"),
+        ("plan.json", {"to": "kml", "tracter": "1"}, 422, "is not a parameter of this address"),
+        ("map.png", {"to": "kml"}, 422, "is not JSON"),
+        ("none.json", {"to": "kml"}, 404, "none.json"),
+    ],
+)
+def test_refusals(plans: Plans, name: str, wanted: dict[str, str], status: int, said: str) -> None:
+    client, token, path = plans
+    done = client.get(f"{path}/{name}/export", params=wanted, headers=token)
+    assert done.status_code == status and said in done.json()["error"]

@@ -79,36 +79,21 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
     assert store.get_fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
-
-
-def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
-    store: Store = client.app.state.store  # type: ignore[attr-defined]
-    ranking = build_result_file("result.json", json.dumps({"best": None, "plans": []}))
-    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), ranking])
+    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), results[1]])
     answer = new(client, plan=done.id, result="map.png")
     assert answer.status_code == 422 and "JSON" in answer.json()["error"]
 
 
-def test_only_a_fleet_that_reported_has_something_to_replay(client: TestClient) -> None:
-    id = new(client).json()["id"]
-    live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
-    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is False
-    live.recorder.received[1] = 0
-    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is True
-
-
-def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
-    old = store.blobs.put_bytes(b"as it was")
-    job = store.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": store.blobs.put_bytes(b"")})
-    store.add_file("field", "other", b"another", ".kml")
+def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(plain: Store) -> None:
+    old = plain.blobs.put_bytes(b"as it was")
+    job = plain.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": plain.blobs.put_bytes(b"")})
+    plain.add_file("field", "other", b"another", ".kml")
     wanted = fleet_routes.FleetRequest(name="north", plan=job.id)
-    contents, kept = fleet_routes._read_replacement_files(store, wanted)
+    contents, kept = fleet_routes._read_replacement_files(plain, wanted)
     assert contents == {"field": (".geojson", b"as it was")} and kept == {"field": (".geojson", old)}
-    given, _ = fleet_routes._read_replacement_files(store, wanted.model_copy(update={"field": "other"}))
+    given, _ = fleet_routes._read_replacement_files(plain, wanted.model_copy(update={"field": "other"}))
     assert given == {"field": (".kml", b"another")}
-    assert fleet_routes._read_replacement_files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
-    store.close()
+    assert fleet_routes._read_replacement_files(plain, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
 
 
 def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
@@ -142,6 +127,9 @@ def test_what_no_fleet_can_be_made_of_is_refused_in_a_sentence(
 
 def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -> None:
     id = new(client).json()["id"]
+    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is False
+    client.app.state.hub.get_session(id).recorder.received[1] = 0  # type: ignore[attr-defined]
+    assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is True
     assert "No tractor remains" in client.post(f"/api/v1/fleets/{id}/replan", json={"without": [1, 2]}).json()["error"]
     assert client.post(f"/api/v1/fleets/{id}/replan", json={"without": [9]}).status_code == 422
     assert "not ready" in client.post(f"/api/v1/fleets/{id}/accept", json={"proposal": 1}).json()["error"]
@@ -158,13 +146,12 @@ def driven(sequence: int, leg_m: float) -> inbound_frames.StateFrame:
     return inbound_frames.StateFrame.model_validate_json(json.dumps(state(sequence, time=at, **speeds, **place)))
 
 
-def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_a_fleet_goes_on_after_a_restart_of_the_service(plain: Store) -> None:
 
     async def before() -> str:
-        hub = InlineHub(store)
+        hub = InlineHub(plain)
         given = {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
-        fleet = await hub.create_session(store_new_fleet, store, "north", TEXT, {}, given)
+        fleet = await hub.create_session(store_new_fleet, plain, "north", TEXT, {}, given)
         fleet.manager.operators.start_fleet_work("anna", time.monotonic())
         tractor = FleetClient(TRACTOR, "tractor 1", 0)
         fleet.add_client(tractor, time.monotonic())
@@ -176,7 +163,7 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         return fleet.id
 
     async def after(id: str) -> None:
-        hub = InlineHub(store)
+        hub = InlineHub(plain)
         await hub.restore_sessions()
         fleet = hub.get_session(id)
         assert fleet.manager.state == "running"
@@ -190,20 +177,18 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
         fleet.take_state(tractor, driven(7, 10.5), time.monotonic())
         fleet.take_state(tractor, driven(8, 12.0), time.monotonic())
         await hub.save(fleet)
-        assert [row[0] for row in store.read_recording(id, 0)] == list(range(9))
+        assert [row[0] for row in plain.read_recording(id, 0)] == list(range(9))
 
     asyncio.run(after(asyncio.run(before())))
-    store.close()
 
 
-def test_fleets_are_there_as_soon_as_the_service_has_started(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_fleets_are_there_as_soon_as_the_service_has_started(plain: Store) -> None:
     settings = {"times": 1.0, "way": "predict", "begin_s": 0.0}
-    store.save_fleet("good", "north", TEXT, settings)
-    store.save_fleet("bad", "south", TEXT, settings | {"times": "fast"})
+    plain.save_fleet("good", "north", TEXT, settings)
+    plain.save_fleet("bad", "south", TEXT, settings | {"times": "fast"})
 
     async def started() -> None:
-        hub = InlineHub(store)
+        hub = InlineHub(plain)
         await hub.start()
         try:
             assert hub.get_session("good").tractor_count == 2
@@ -212,26 +197,24 @@ def test_fleets_are_there_as_soon_as_the_service_has_started(tmp_path: Path) -> 
             await hub.stop()
 
     asyncio.run(started())
-    store.close()
 
 
 def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plain: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
-    writing, go_on, add_event = threading.Event(), threading.Event(), store.add_event
+    writing, go_on, add_event = threading.Event(), threading.Event(), plain.add_event
 
     def slow(*arguments: Any) -> int:
         writing.set()
         assert go_on.wait(10.0)
         return add_event(*arguments)
 
-    monkeypatch.setattr(store, "add_event", slow)
+    monkeypatch.setattr(plain, "add_event", slow)
 
     async def ended() -> None:
-        hub = InlineHub(store)
+        hub = InlineHub(plain)
         given = {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
-        fleet = await hub.create_session(store_new_fleet, store, "north", TEXT, {}, given)
+        fleet = await hub.create_session(store_new_fleet, plain, "north", TEXT, {}, given)
         fleet.manager.log_event("anna", "seen once")
         fleet.send_pending_outputs()
         keeping = asyncio.create_task(hub.save(fleet))
@@ -242,8 +225,7 @@ def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written
         await hub.stop()
 
     asyncio.run(ended())
-    assert [event.what for event in store.list_events()].count("seen once") == 1
-    store.close()
+    assert [event.what for event in plain.list_events()].count("seen once") == 1
 
 
 def test_an_order_in_the_moment_of_the_end_keeps_nothing_from_ending(store: Store) -> None:

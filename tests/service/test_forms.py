@@ -20,7 +20,7 @@ from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.readings import read_day_form, read_farm_form
 from strategies.names import STRATEGY_NAMES
 from tests.examples import count_examples
-from tests.service.conftest import SMALL, Shared
+from tests.service.conftest import Shared
 from tests.service.test_library import add, add_field
 from vehicle.datasheet.sheet import Datasheet
 
@@ -42,12 +42,14 @@ def find_fault(form: Any, *path: str | int) -> str:
 
 
 @pytest.mark.parametrize(("kind", "text"), [("day", DAY), ("farm", read_example_farm_text())])
-def test_the_example_is_a_form_without_faults(shared: Shared, kind: str, text: str) -> None:
+def test_the_example_is_a_form_without_faults_and_nothing_is_stored(shared: Shared, kind: str, text: str) -> None:
     client, _ = shared
     form = client.get(f"/api/v1/forms/{kind}").json()
     assert form["text"] == text and form["faults"] == [] and form["values"] == tomllib.loads(text)
     assert form["choices"]["tractor"] == ["Fendt 724", "EG105"]
     assert change(client, kind, text) == form
+    store: Any = client.app.state.store  # type: ignore[attr-defined]
+    assert store.blobs.list_paths() == []
 
 
 def test_values_are_set_added_and_removed_and_comments_stay(shared: Shared) -> None:
@@ -156,64 +158,42 @@ def test_what_a_form_writes_it_reads(names: list[str], km: float) -> None:
     assert not tomllib.loads(emptied).get("roads")
 
 
-def test_a_form_stores_nothing(client: TestClient) -> None:
-    change(client, "farm", read_example_farm_text())
-    store: Any = client.app.state.store  # type: ignore[attr-defined]
-    assert store.blobs.list_paths() == [] and SMALL
-
-
-def test_the_page_asks_for_every_option_of_a_plan() -> None:
+def test_the_pages_ask_for_every_option_of_a_plan_and_for_keys_that_files_of_days_and_farms_have() -> None:
     scripts = STATIC_FOLDER / "js"
     text = "".join((scripts / name).read_text() for name in ("planoptions.js", "trackmap.js", "pages/plan.js"))
     words = set(re.findall(r"\w+", text))
     assert [name for name in PLAN_OPTIONS if name not in words] == []
+    layouts = (scripts / "layouts.js").read_text()
+    asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', layouts)}
+    machines: list[type[BaseModel]] = [FarmTractor, FarmImplement, Datasheet]
+    sections: list[type[BaseModel]] = [FarmPrices, FarmTimes, UncertaintySettings, Yard]
+    models: list[type[BaseModel]] = [DayFile, DayField, DayFleet, DayRoad, FarmFile, *machines, *sections]
+    assert asked - {name for model in models for name in model.model_fields} == set() and len(asked) > 60
 
 
-def test_every_option_has_a_label_with_its_unit(shared: Shared) -> None:
-    client, _ = shared
-    labels = client.get("/api/v1/forms/plan").json()["labels"]
-    assert set(PLAN_OPTIONS) <= set(labels)
+def test_the_form_of_a_plan_has_every_option_with_its_label_and_unit_and_every_strategy(shared: Shared) -> None:
+    form = shared[0].get("/api/v1/forms/plan").json()
+    labels, options, strategies = form["labels"], form["options"], form["strategies"]
+    assert set(PLAN_OPTIONS) <= set(labels) and set(options) == set(PLAN_OPTIONS)
     units = {name: option.limits.unit for name, option in PLAN_OPTIONS.items() if option.limits and option.limits.unit}
     assert [name for name, unit in units.items() if not labels[name].endswith(f", {unit}")] == [] and len(units) > 10
     assert not [label for label in labels.values() if label.startswith("-") or "_" in label], "no names of programs"
     rows = re.findall(r'\["(\w+)", \{', (STATIC_FOLDER / "js" / "planoptions.js").read_text())
     assert set(rows) <= set(labels) and len(rows) > 35
-
-
-def test_the_form_of_a_plan_is_made_from_its_request(shared: Shared) -> None:
-    client, _ = shared
-    options = client.get("/api/v1/forms/plan").json()["options"]
-    assert set(options) == set(PLAN_OPTIONS)
     kinds = {name: options[name]["kind"] for name in ("width", "part", "all", "obstacle", "deadline", "turn")}
     assert list(kinds.values()) == ["number", "number", "check", "list", "text", "choice"]
     assert options["turn"]["choices"] == ["auto", "u", "omega", "switch-back"]
     assert options["objective"]["choices"] == ["", "fastest", "cheapest", "surest", "fuel"]
-
-
-def test_a_refusal_comes_with_the_labels_of_the_form_too(shared: Shared) -> None:
-    client, token = shared
-    body = {"headland": 6.0, "headland_passes": 2}
-    answer = client.post("/api/v1/plans", json=body, headers=token)
-    assert answer.status_code == 422 and answer.json() == {
-        "error": "headland is its depth, and headland_passes says in how many passes it is worked; leave out one of "
-        "them.",
-        "parameter": "headland",
-        "labelled": "\u201cHeadland depth, m\u201d is its depth, and \u201cPasses on the headland\u201d says in how "
-        "many passes it is worked; leave out one of them.",
-    }
-
-
-def test_the_form_offers_every_strategy_in_words(shared: Shared) -> None:
-    client, _ = shared
-    strategies = client.get("/api/v1/forms/plan").json()["strategies"]
     assert tuple(strategies) == STRATEGY_NAMES
     assert all(label.startswith(f"{name}: ") for name, label in strategies.items())
 
 
-def test_the_forms_ask_for_keys_that_the_files_have() -> None:
-    text = (STATIC_FOLDER / "js" / "layouts.js").read_text()
-    asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', text)}
-    machines: list[type[BaseModel]] = [FarmTractor, FarmImplement, Datasheet]
-    sections: list[type[BaseModel]] = [FarmPrices, FarmTimes, UncertaintySettings, Yard]
-    models: list[type[BaseModel]] = [DayFile, DayField, DayFleet, DayRoad, FarmFile, *machines, *sections]
-    assert asked - {name for model in models for name in model.model_fields} == set() and len(asked) > 60
+def test_a_refusal_comes_with_the_labels_of_the_form_too(shared: Shared) -> None:
+    client, token = shared
+    answer = client.post("/api/v1/plans", json={"headland": 6.0, "headland_passes": 2}, headers=token)
+    rule = "{} is its depth, and {} says in how many passes it is worked; leave out one of them."
+    assert answer.status_code == 422 and answer.json() == {
+        "error": rule.format("headland", "headland_passes"),
+        "parameter": "headland",
+        "labelled": rule.format("\u201cHeadland depth, m\u201d", "\u201cPasses on the headland\u201d"),
+    }

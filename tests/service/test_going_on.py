@@ -1,6 +1,5 @@
 """A fleet goes on from where it is: what its new plan keeps and does, and all of it with a real service and robots."""
 
-import json
 import math
 import os
 import re
@@ -9,7 +8,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +20,11 @@ from playwright.sync_api import Browser
 from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetRules
 from planner.fleet.replanning.planning_anew import ReplanProposal, _build_taken_ground, continue_remaining_work
 from planner.fleet.safety.compliance import build_area_doubt
-from planner.fleet.session.frame_content import build_report, describe_mission
-from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
-from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import plan as make_plan
@@ -41,7 +35,7 @@ from strategies.lines.work_line import build_tool_strip, cut_line
 from strategies.programmes.site_moves import SiteMoves
 from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
-from tests.service.test_replanning import WIDTH_M, at, plan_three
+from tests.service.test_replanning import WIDTH_M, at, start_live
 from tests.service.watching import NARROW, WIDE, WatchedPage, find_overflow, needs_browser
 from vehicle.missions.plan import LEAVE
 
@@ -49,11 +43,6 @@ pytestmark = pytest.mark.slow
 
 TIMES = 6.0
 LONGEST_S = 900.0
-
-
-@pytest.fixture(scope="module")
-def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
-    return plan_three(tmp_path_factory, (0.0, 0.0))
 
 
 def stop_and_go_on(plan: FleetPlan, share: float, without: list[int]) -> tuple[RemainingWork, ReplanProposal, Any]:
@@ -65,14 +54,8 @@ def stop_and_go_on(plan: FleetPlan, share: float, without: list[int]) -> tuple[R
 
 def unite_strips(plan: FleetPlan, legs_of: Callable[[int], slice]) -> shapely.Geometry:
     tool_m = plan.tractor.antenna_forward_m + plan.implement.hitch_m
-    return shapely.union_all(
-        [
-            build_tool_strip(leg.points, tool_m, WIDTH_M)
-            for number, mission in enumerate(plan.timed_missions)
-            for leg in mission.legs[legs_of(number)]
-            if leg.implement
-        ]
-    )
+    legs = (leg for number, mission in enumerate(plan.timed_missions) for leg in mission.legs[legs_of(number)])
+    return shapely.union_all([build_tool_strip(leg.points, tool_m, WIDTH_M) for leg in legs if leg.implement])
 
 
 @pytest.mark.parametrize("without", [[], [1]])
@@ -94,6 +77,12 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
     left_s = [max(plan.finish_s) * 0.6] if not without else [sum(plan.finish_s) * 0.6 / 2]
     assert proposal.eta_s < 1.3 * left_s[0]  # who meets whom may cost a wait
     check_proposal_still_fits(remaining, manager, proposal.plan)
+    # What follows the legs that a tractor keeps are other legs, so that its old gates say nothing of them.
+    ends = proposal.unchanged_legs
+    known = [{gate for leg in mission.legs for gate in leg.gates} for mission in plan.timed_missions]
+    for number, state in enumerate(remaining.states):
+        for leg in proposal.plan.timed_missions[number].legs[state.leg + 1 : ends[number]]:
+            assert not [gate for gate in leg.gates if gate in known[number] and gate.leg >= ends[gate.tractor]]
     manager.operators.adopt_plan("anna", proposal.plan, 101.0, remaining.excluded)
     assert [state.leg for state in manager.states] == [state.leg for state in remaining.states]
 
@@ -115,16 +104,6 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
 
 
-def test_gates_of_kept_legs_wait_for_nobodys_new_legs(plan: FleetPlan) -> None:
-    """What follows the legs that a tractor keeps are other legs, so that its old gates say nothing of them."""
-    remaining, proposal, _ = stop_and_go_on(plan, 0.5, [])
-    ends = proposal.unchanged_legs
-    known = [{gate for leg in mission.legs for gate in leg.gates} for mission in plan.timed_missions]
-    for number, state in enumerate(remaining.states):
-        for leg in proposal.plan.timed_missions[number].legs[state.leg + 1 : ends[number]]:
-            assert not [gate for gate in leg.gates if gate in known[number] and gate.leg >= ends[gate.tractor]]
-
-
 def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, found in (("list_options", ()), ("list_cut_moves", ()), ("search", None)):
         monkeypatch.setattr(SiteMoves, name, lambda *_, found=found: found)
@@ -132,7 +111,9 @@ def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest
         stop_and_go_on(plan, 0.5, [])
 
 
-def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_but_not_from_work(plan: FleetPlan) -> None:
+def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_and_from_coming_in_but_not_from_work(
+    plan: FleetPlan,
+) -> None:
     manager = at(plan, 0.4)
     manager.operators.stop_all("anna", 1.0)
     manager.states[1].report = manager.states[1].report._replace(x_m=4.0, y_m=1.5, heading_rad=0.0)
@@ -140,12 +121,6 @@ def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_but_not_from_
     assert "The entrance is blocked by tractor 2: tractors on the field stay there" in proposal.sentence
     assert proposal.unreachable_m < 0.05 * proposal.reassigned_m
     assert not any(leg.task.kind == LEAVE for number in (0, 2) for leg in proposal.plan.timed_missions[number].legs)
-
-
-def test_nobody_comes_in_past_one_that_stands_in_the_entrance(plan: FleetPlan) -> None:
-    manager = at(plan, 0.4)
-    manager.operators.stop_all("anna", 1.0)
-    manager.states[1].report = manager.states[1].report._replace(x_m=4.0, y_m=1.5, heading_rad=0.0)
     outside = manager.states[2]
     outside.leg, outside.leg_m, outside.base_end, outside.report = 0, 0.0, 0, None
     with pytest.raises(FleetManagerError, match="The entrance is blocked by tractor 2; clear it"):
@@ -227,48 +202,8 @@ def test_an_obstacle_is_worked_round(plan: FleetPlan) -> None:
     assert not any(manager.blocked_legs)
 
 
-@dataclass
-class LiveFleet:
-    """All but the network: steering, speed control and noise of every robot, releases and orders."""
-
-    manager: FleetManager
-    drivers: dict[int, RobotDriver]
-    now: float = 0.0
-    legs: dict[int, list[int]] = field(default_factory=dict)
-
-    def drive(self, until: Callable[[], bool], longest_s: float) -> None:
-        end = self.now + longest_s
-        while not until() and self.now < end:
-            self.now += 0.1
-            plan = self.manager.plan
-            orders, events = self.manager.take_outputs()
-            assert not [event for event in events if event.what == "too near another"]
-            for order in orders:
-                frame = {"kind": order.kind, "reason": ""} | order.data
-                if order.kind == "plan":
-                    frame["plan"] = describe_mission(plan, order.tractor)
-                if order.tractor in self.drivers:
-                    self.drivers[order.tractor].handle_frame(frame, self.now)
-            for number, driver in self.drivers.items():
-                driver.handle_frame({"kind": "heartbeat"}, self.now)
-                state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(self.now)))
-                self.manager.take_report(number, build_report(state, plan, state.time.timestamp()), self.now)
-                self.legs.setdefault(number, []).append(state.leg)
-            self.manager.update_fleet(self.now)
-        assert until(), self.manager.state
-
-
 def test_robots_take_up_the_new_mission_where_they_stand_and_drive_it_to_its_end(plan: FleetPlan) -> None:
-    drivers = {
-        number: RobotDriver(
-            mission, plan.tractor, plan.implement, plan.saved.origin_m, name="robot", noise_m=0.02, seed=number
-        )
-        for number, mission in enumerate(plan.plan.missions)
-    }
-    fleet = LiveFleet(FleetManager(plan, FleetRules()), drivers)
-    for number in drivers:
-        fleet.manager.connect_tractor(number, 0.0)
-    fleet.manager.operators.start_fleet_work("anna", 0.0)
+    fleet = start_live(plan)
     begin_s = 0.4 * max(plan.finish_s)
     fleet.drive(lambda: fleet.now >= begin_s, begin_s + 1.0)
     fleet.manager.operators.stop_all("anna", fleet.now)

@@ -16,7 +16,6 @@ from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_s
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import TractorReport
-from planner.fleet.session.clients import FrameOutbox
 from planner.fleet.session.fleet_twins import LEAP_DELAY_S, FleetTwins
 from planner.fleet.session.inbound_frames import ResumeFrame, StartFrame, StateFrame, StopAllFrame, TakeLeaseFrame
 from planner.fleet.simulated_robot import RobotDriver
@@ -58,15 +57,6 @@ def test_an_order_to_go_on_that_was_held_up_is_not_carried_out(order: StartFrame
     assert not fleet.manager.states[0].holds
 
 
-def test_a_stop_comes_before_all_that_waits_but_the_welcome() -> None:
-    box = FrameOutbox()
-    box.put_frame("w", "welcome")
-    box.put_frame("b")
-    box.put_frame("s", "stop", is_first=True)
-    box.put_frame("t", "stop", is_first=True)
-    assert [text for text, _ in box._waiting] == ["w", "t", "s", "b"]
-
-
 def test_whose_fleet_is_deleted_is_told_to_stand_and_nothing_else() -> None:
     fleet, tractor, operator = live()
     fleet.carry_out(operator, StartFrame(kind="start"), 0.0)
@@ -76,20 +66,15 @@ def test_whose_fleet_is_deleted_is_told_to_stand_and_nothing_else() -> None:
     assert asyncio.run(tractor.outbox.take_next_frame()) is None
 
 
-def test_who_creeps_stands_as_the_guard_does_not_look_at_that() -> None:
+def test_who_creeps_stands_and_nobody_is_driven_of_whom_nobody_knows_where_it_is() -> None:
     fleet, tractor, operator = live()
-    fleet.manager.take_report(0, TractorReport(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 0.0)
-    fleet.carry_out(operator, TakeLeaseFrame(kind="lease", tractor=1), 0.0)
-    waiting(tractor)
-    fleet.carry_out(operator, drive(1, speed=0.049), 0.0)
-    assert waiting(tractor)[-1]["speed_command_mps"] == 0.0
-
-
-def test_nobody_is_driven_by_remote_control_of_whom_nobody_knows_where_it_is() -> None:
-    fleet, _, operator = live()
     fleet.carry_out(operator, TakeLeaseFrame(kind="lease", tractor=1), 0.0)
     with pytest.raises(FleetManagerError, match="its present place is unknown"):
         fleet.carry_out(operator, drive(1), 0.5)  # it is linked, and has not reported
+    fleet.manager.take_report(0, TractorReport(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 0.5)
+    waiting(tractor)
+    fleet.carry_out(operator, drive(2, speed=0.049), 0.5)
+    assert waiting(tractor)[-1]["speed_command_mps"] == 0.0, "the guard does not look at one that creeps"
 
 
 def test_states_that_waited_for_a_link_are_no_sign_of_where_a_tractor_is_now() -> None:
@@ -121,14 +106,15 @@ def beats(driver: RobotDriver, begin: float, seconds: float, late_s: float) -> f
 
 
 def test_beats_that_are_held_up_are_silence_and_late_commands_move_nobody() -> None:
-    driver = robot()
-    driver.handle_frame({"kind": "command", "steering_command_deg": 0.0, "speed_command_mps": 1.0}, 0.0)
+    driver, still = robot(), pytest.approx(0.0, abs=0.02)
+    command = {"kind": "command", "steering_command_deg": 0.0, "speed_command_mps": 1.0}
+    driver.handle_frame(command, 0.0)
     assert beats(driver, 0.0, 5.0, 0.1) > 0.9
-    assert beats(driver, 5.0, 5.0, 1.5) == pytest.approx(0.0, abs=0.02)
-    driver.handle_frame({"kind": "command", "steering_command_deg": 0.0, "speed_command_mps": 1.0}, 10.0)
-    assert beats(driver, 10.0, 3.0, 1.5) == pytest.approx(0.0, abs=0.02)
-    assert beats(driver, 13.0, 3.0, 0.1) == pytest.approx(0.0, abs=0.02)  # it is told anew, or it stands
-    driver.handle_frame({"kind": "command", "steering_command_deg": 0.0, "speed_command_mps": 1.0}, 16.0)
+    assert beats(driver, 5.0, 5.0, 1.5) == still
+    driver.handle_frame(command, 10.0)
+    assert beats(driver, 10.0, 3.0, 1.5) == still
+    assert beats(driver, 13.0, 3.0, 0.1) == still  # it is told anew, or it stands
+    driver.handle_frame(command, 16.0)
     assert beats(driver, 16.0, 5.0, 0.1) > 0.9
 
 
@@ -145,23 +131,18 @@ def test_an_order_to_go_on_that_comes_late_waits_for_a_link_that_is_in_time() ->
     assert beats(driver, 18.0, 3.0, 0.1) == pytest.approx(0.0, abs=0.02)
 
 
-def test_clocks_that_run_a_little_unlike_are_no_silence() -> None:
+def test_clocks_that_run_a_little_unlike_are_no_silence_and_states_are_dated_by_one_that_was_set() -> None:
     driver = robot()
     release(driver, 3, 0.0)
     for second in range(0, 20000, 20):  # of a clock that loses half a millisecond a second: ten seconds in all
         now = float(second)
         driver.handle_frame({"kind": "heartbeat", "time": "", "clock_s": now * (1.0 - 5e-4)}, now)
         assert driver._late_s < 0.1
-
-
-def test_states_are_dated_by_the_clock_also_after_it_was_set() -> None:
     driver = robot()
-    first = let(driver, 0.0, 0.2)
-    at = datetime.fromisoformat(str(first["time"])).timestamp()
-    driver.set_clock(at + 0.3 - 0.1, 0.3)
-    assert datetime.fromisoformat(str(driver.step(0.3)["time"])).timestamp() == pytest.approx(at + 0.2, abs=0.01)
-    driver.set_clock(at + 3600.0, 0.4)
-    assert datetime.fromisoformat(str(driver.step(0.4)["time"])).timestamp() == pytest.approx(at + 3600.0, abs=0.01)
+    at = datetime.fromisoformat(str(let(driver, 0.0, 0.2)["time"])).timestamp()
+    for now, set_s, told_s in ((0.3, 0.2, 0.2), (0.4, 3600.0, 3600.0)):
+        driver.set_clock(at + set_s, now)
+        assert datetime.fromisoformat(str(driver.step(now)["time"])).timestamp() == pytest.approx(at + told_s, abs=0.01)
 
 
 @pytest.fixture
@@ -213,27 +194,28 @@ def test_a_position_that_leaps_is_told_as_that_and_the_twin_is_not_doubted(
     assert made.items[0] is not None and made.items[0].find_mismatch() is None
 
 
-def rest(manager: FleetManager, without: tuple[int, ...]) -> RemainingWork:
-    return RemainingWork(manager.plan, tuple(replace(state) for state in manager.states), without, (), 0.0, 1.0)
-
-
 def test_a_plan_of_the_rest_is_driven_only_while_what_it_was_made_of_holds() -> None:
     fleet = start_fleet(fleet_plan(3))
     fleet.run(5)
+
+    def remaining(*without: int) -> RemainingWork:
+        states = tuple(replace(state) for state in fleet.manager.states)
+        return RemainingWork(fleet.manager.plan, states, without, (), 0.0, 1.0)
+
     fleet.manager.operators.mark_failed("anna", 1, fleet.now)
-    asked = rest(fleet.manager, (1,))
+    asked = remaining(1)
     fleet.run(3)
     check_proposal_still_fits(asked, fleet.manager)
     fleet.manager.operators.mark_failed("anna", 2, fleet.now)
     with pytest.raises(FleetManagerError, match="Tractor 3 has failed since"):
         check_proposal_still_fits(asked, fleet.manager)
-    asked = rest(fleet.manager, (1, 2))
+    asked = remaining(1, 2)
     there = fleet.manager.states[1].report
     assert there is not None
     fleet.manager.take_report(1, there._replace(y_m=there.y_m + 6.0, speed_mps=0.0), fleet.now)  # it was towed away
     with pytest.raises(FleetManagerError, match=r"Tractor 2 has moved 6\.0 m"):
         check_proposal_still_fits(asked, fleet.manager)
-    asked = rest(fleet.manager, (1, 2))
+    asked = remaining(1, 2)
     fleet.manager.operators.adopt_plan("anna", replace(fleet.manager.plan), fleet.now)
     with pytest.raises(FleetManagerError, match="Another plan was accepted"):
         check_proposal_still_fits(asked, fleet.manager)

@@ -81,15 +81,9 @@ def test_a_plan_keeps_the_field_it_was_made_of(client: TestClient, token: Header
     assert app.state.store.blobs.read_bytes(changed.inputs["field/north.geojson"]) == LARGER
 
 
-def test_a_replacement_that_is_no_field_replaces_nothing(client: TestClient, token: Header) -> None:
+def test_names_that_are_taken_or_could_be_paths_are_refused(client: TestClient, token: Header) -> None:
     add_field(client, token, "north")
-    assert add_field(client, token, "north", b"{}", replace="true").status_code == 422
-    assert client.get("/api/v1/fields/north").content == SMALL
-    assert add_field(client, token, "new", SMALL, replace="true").status_code == 201, "nothing was there to replace"
-
-
-def test_names_that_could_be_paths_are_refused(client: TestClient, token: Header) -> None:
-    add_field(client, token, "north")
+    add_field(client, token, "south", LARGER)
     job = ask_plan(client, token, "north")
     for name in ("../north", "a/b", "a\\b", "..", " north", "con", "x" * 101, "a\x00b", "#", "a..b"):
         for answer in (
@@ -100,14 +94,6 @@ def test_names_that_could_be_paths_are_refused(client: TestClient, token: Header
         ):
             assert answer.status_code == 422 and answer.json()["error"].endswith("."), (name, answer.text)
             assert answer.json()["parameter"] == "name"
-    assert client.patch("/api/v1/fields/north", json={"name": ""}, headers=dict(token)).status_code == 422
-    assert client.patch("/api/v1/fields/..%2Fnorth", json={"name": "x"}, headers=dict(token)).status_code in (404, 413)
-    assert list_names(client, "fields") == ["north"]
-
-
-def test_names_that_are_taken_are_refused(client: TestClient, token: Header) -> None:
-    add_field(client, token, "north")
-    add_field(client, token, "south", LARGER)
     for method, path, name in (
         ("PATCH", "fields/north", "south"), ("PATCH", "fields/north", "denmark"),
         ("POST", "fields/north/copy", "south"), ("POST", "fields/denmark/copy", "denmark"),
@@ -116,6 +102,9 @@ def test_names_that_are_taken_are_refused(client: TestClient, token: Header) -> 
     ):  # fmt: skip
         answer = client.request(method, f"/api/v1/{path}", json={"name": name} if name else None, headers=dict(token))
         assert answer.status_code == 409, (path, answer.text)
+    assert client.patch("/api/v1/fields/north", json={"name": ""}, headers=dict(token)).status_code == 422
+    assert client.patch("/api/v1/fields/..%2Fnorth", json={"name": "x"}, headers=dict(token)).status_code in (404, 413)
+    assert list_names(client, "fields") == ["north", "south"]
     copied = client.post("/api/v1/fields/denmark/copy", json={"name": "mine"}, headers=dict(token))
     assert copied.status_code == 201 and not copied.json()["sample"]
     assert client.get("/api/v1/fields/mine/summary").json()["field"]["area_ha"] > 0
@@ -149,9 +138,12 @@ def test_only_the_owner_and_an_administrator_change_a_thing(app: FastAPI, client
         assert answer.status_code in (200, 204), answer.text
 
 
-def test_a_name_that_is_taken_while_an_upload_is_read_stays_its_owners(
+def test_a_replacement_that_is_no_field_or_whose_name_is_taken_while_it_is_read_replaces_nothing(
     app: FastAPI, client: TestClient, token: Header, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert add_field(client, token, "new", SMALL, replace="true").status_code == 201, "nothing was there to replace"
+    assert add_field(client, token, "new", b"{}", replace="true").status_code == 422
+    assert client.get("/api/v1/fields/new").content == SMALL
     read = app.state.reader.read
 
     async def read_slowly(*arguments: Any, **options: Any) -> None:

@@ -29,7 +29,7 @@ from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleM
 from planner.fleet.safety.possible_area import PossibleArea
 from tests.benchmarks import lies
 from tests.benchmarks.clean_motion import drive
-from tests.service.fleets import fleet_plan, restart_manager, start_fleet
+from tests.service.fleets import SimulatedFleet, fleet_plan, restart_manager, start_fleet
 from tests.service.liars import (
     FIELDS,
     HIDDEN,
@@ -79,14 +79,11 @@ def test_the_time_of_states_that_waited_counts_and_that_of_a_clock_that_was_set_
         report = TractorReport(0.0, 2.0 * now, math.pi / 2, 2.0, mode=AUTOMATIC)
         motion.add_report(report, np.array([0.0, 2.0 * now, math.pi / 2]), told_s, arrived_s)
     assert motion.doubt is None
-
-
-def test_rare_states_that_waited_for_the_first_link_are_no_leaps() -> None:
-    motion = CredibleMotion(1.1, 3.0)
+    rare = CredibleMotion(1.1, 3.0)  # states that waited for the first link
     for number in range(8):
         report = TractorReport(0.0, 3.0 * number, math.pi / 2, 2.0, mode=AUTOMATIC)
-        motion.add_report(report, np.array([0.0, 3.0 * number, math.pi / 2]), 1.5 * number, 15.0, 15.0 - 1.5 * number)
-    assert motion.doubt is None
+        rare.add_report(report, np.array([0.0, 3.0 * number, math.pi / 2]), 1.5 * number, 15.0, 15.0 - 1.5 * number)
+    assert rare.doubt is None
 
 
 def test_one_that_obeys_and_tells_the_truth_is_neither_doubted_nor_told_of() -> None:
@@ -98,22 +95,23 @@ def test_one_that_obeys_and_tells_the_truth_is_neither_doubted_nor_told_of() -> 
     assert scene.seen == {} and scene.robots[0].at_m > 90.0
 
 
-def test_a_receiver_that_froze_is_doubted_within_two_seconds_and_its_robot_held() -> None:
-    scene = Scene(lane(*LONG), lies=FROZEN, obeys=True)
-    scene.start()
-    scene.run(LIES_S + 20.0)
-    assert scene.seen["contradiction (warning)"] <= 2.0 and "drives on" not in scene.seen
-    assert Hold.DOUBTED in scene.state.holds and scene.state.doubt.suspect == POSITIONS
-    assert scene.robots[0].speed_mps == 0.0, "it was held"
-    assert scene.robots[0].at_m == pytest.approx(LIES_S * SPEED_MPS, abs=3.5)
-    assert scene.state.doubt.radius_m == pytest.approx(20.0 * SPEED_MPS, abs=1.0)
-
-
-def test_only_an_operator_who_looked_at_one_ends_its_doubt() -> None:
+def test_a_receiver_that_froze_is_doubted_within_two_seconds_and_its_robot_held_until_an_operator_looked() -> None:
     scene = Scene(lane(*LONG), lies=FROZEN, obeys=True)
     scene.start()
     scene.run(LIES_S + 5.0)
-    manager = scene.fleets[0].manager
+    manager, doubt = scene.fleets[0].manager, scene.state.doubt
+    again = restart_manager(manager, scene.now, 0.0, away_s=60.0)
+    again.update_fleet(0.0)
+    kept = again.states[0].doubt
+    assert Hold.DOUBTED in again.states[0].holds and kept is not None, "a doubt outlives a restart of the service"
+    assert kept.radius_m == pytest.approx(65.0 * SPEED_MPS, abs=0.5)
+    assert (kept.pose, kept.speed_mps) == (doubt.pose, doubt.speed_mps)
+    scene.run(15.0)
+    assert scene.seen["contradiction (warning)"] <= 2.0 and "drives on" not in scene.seen
+    assert Hold.DOUBTED in scene.state.holds and doubt.suspect == POSITIONS
+    assert scene.robots[0].speed_mps == 0.0, "it was held"
+    assert scene.robots[0].at_m == pytest.approx(LIES_S * SPEED_MPS, abs=3.5)
+    assert doubt.radius_m == pytest.approx(20.0 * SPEED_MPS, abs=1.0)
     manager.operators.resume_tractors("anna", None, scene.now)
     scene.run(0.2)
     assert Hold.DOUBTED in scene.state.holds, "who resumes all has not looked at one"
@@ -127,18 +125,6 @@ def test_only_an_operator_who_looked_at_one_ends_its_doubt() -> None:
     assert scene.state.doubt is None and scene.robots[0].speed_mps == SPEED_MPS
     assert all(alarm.over for alarm in manager.alarms.list_alarms())
     assert ("anna", "looked") in [(event.who, event.what) for _, event in scene.fleets[0].events]
-
-
-def test_a_doubt_outlives_a_restart_of_the_service() -> None:
-    scene = Scene(lane(*LONG), lies=FROZEN, obeys=True)
-    scene.start()
-    scene.run(LIES_S + 5.0)
-    again = restart_manager(scene.fleets[0].manager, scene.now, 0.0, away_s=60.0)
-    again.update_fleet(0.0)
-    doubt = again.states[0].doubt
-    assert Hold.DOUBTED in again.states[0].holds and doubt is not None
-    assert doubt.radius_m == pytest.approx(65.0 * SPEED_MPS, abs=0.5)
-    assert doubt.pose == scene.state.doubt.pose and doubt.speed_mps == scene.state.doubt.speed_mps
 
 
 FLOATING = (
@@ -182,10 +168,8 @@ def test_one_that_says_that_it_stands_from_where_it_turns_back_is_doubted(gain_m
 
 @pytest.mark.parametrize("order", ["fail", "leave out"])
 def test_one_in_doubt_that_fails_or_is_left_out_stays_in_doubt_until_an_operator_looked(order: str) -> None:
-    fleet = start_fleet(fleet_plan(2, 10))
-    fleet.run(5.0)
-    manager, pose = fleet.manager, (0.0, fleet.at_m[0], math.pi / 2)
-    manager._start_doubt(0, MotionDoubt(POSITIONS, 0.0, {}, pose, 1.0), fleet.now)
+    fleet = start_doubt()
+    manager = fleet.manager
     fleet.run(30.0)
     if order == "fail":
         manager.operators.mark_failed("anna", 0, fleet.now)
@@ -201,10 +185,17 @@ def test_one_in_doubt_that_fails_or_is_left_out_stays_in_doubt_until_an_operator
     assert manager.states[0].doubt is None and fleet.standing == [True, False]
 
 
-def test_who_says_it_looked_by_the_alarm_does_not_let_the_tractor_drive() -> None:
+def start_doubt(radius_m: float = 0.0) -> SimulatedFleet:
+    """A fleet of two that drive side by side, and the place of the first is in doubt from now on."""
     fleet = start_fleet(fleet_plan(2, 10))
     fleet.run(5.0)
-    fleet.manager._start_doubt(0, MotionDoubt(POSITIONS, 0.0, {}, (0.0, fleet.at_m[0], math.pi / 2), 1.0), fleet.now)
+    pose = 0.0, fleet.at_m[0], math.pi / 2
+    fleet.manager._start_doubt(0, MotionDoubt(POSITIONS, radius_m, {}, pose, 1.0), fleet.now)
+    return fleet
+
+
+def test_who_says_it_looked_by_the_alarm_does_not_let_the_tractor_drive() -> None:
+    fleet = start_doubt()
     fleet.run(1.0)
     (alarm,) = fleet.manager.alarms.list_alarms()
     fleet.manager.obstacle_reports.acknowledge_alarm("anna", alarm.id, fleet.now)
@@ -248,11 +239,8 @@ def test_the_distance_from_an_area_is_that_of_the_outline_from_its_circle() -> N
 
 
 def test_others_of_its_fleet_stand_before_its_area_reaches_them_and_go_on_after_it() -> None:
-    fleet = start_fleet(fleet_plan(2, 10))
-    fleet.run(5.0)
-    manager = fleet.manager
-    pose = 0.0, fleet.at_m[0], math.pi / 2
-    manager._start_doubt(0, MotionDoubt(POSITIONS, 0.0, {}, pose, 1.0), fleet.now)
+    fleet = start_doubt()
+    manager, pose = fleet.manager, (0.0, fleet.at_m[0], math.pi / 2)
     fleet.run(1.0)
     assert fleet.standing == [True, False], "it is held at once, the other not before it must be"
     fleet.run(29.0)
@@ -266,10 +254,7 @@ def test_others_of_its_fleet_stand_before_its_area_reaches_them_and_go_on_after_
 
 
 def test_an_area_that_is_reached_already_has_no_distance_in_its_alarm() -> None:
-    fleet = start_fleet(fleet_plan(2, 10))
-    fleet.run(5.0)
-    doubt = MotionDoubt(POSITIONS, 30.0, {}, (0.0, fleet.at_m[0], math.pi / 2), 1.0)
-    fleet.manager._start_doubt(0, doubt, fleet.now)
+    fleet = start_doubt(30.0)
     fleet.run(1.0)
     (alarm,) = [alarm for alarm in fleet.manager.alarms.list_alarms() if alarm.code == "near 2"]
     assert alarm.sentence.endswith("may be too near in 0.0 s: the place of one is in doubt.")
@@ -404,15 +389,8 @@ def test_a_fleet_in_local_metres_beside_one_with_coordinates_stands_until_an_ope
 def test_where_it_stood_before_it_could_hear_the_order_is_not_held_against_it() -> None:
     """It stood of its own accord as its link went away and the order came, drove on for 6 m, heard it and stood."""
     report = TractorReport(0.0, 0.0, math.pi / 2, 0.0, mode=AUTOMATIC)
-    state: Any = SimpleNamespace(
-        report=report,
-        standing_ordered=True,
-        stood_at=None,
-        ordered_since_s=None,
-        last_contact_s=99.0,
-        delay_s=0.0,
-        holds=set(),
-    )
+    order = {"standing_ordered": True, "ordered_since_s": None, "stood_at": None, "holds": set()}
+    state: Any = SimpleNamespace(report=report, last_contact_s=99.0, delay_s=0.0, **order)
     for now in (100.0, 101.0, 104.0):
         note_standing(state, now, FleetRules())
     assert state.stood_at is None, "nothing was heard since the order"
@@ -442,3 +420,79 @@ def test_every_pair_of_lies_raises_a_critical_alarm(scene: str) -> None:
         if not any(lies.is_critical(code) and code != "refused" for code in seen):
             missed.append(names)
     assert missed == []
+
+
+NORTH_RAD = 0.5 * math.pi
+
+
+def start_manager() -> FleetManager:
+    """A fleet of one that drives."""
+    manager = FleetManager(fleet_plan(1, 10), FleetRules())
+    manager.connect_tractor(0, 0.0)
+    manager.operators.start_fleet_work("anna", 0.0)
+    return manager
+
+
+def find_alarm(manager: FleetManager, code: str) -> str | None:
+    """The level of an alarm that is on."""
+    alarm = manager.alarms.find_alarm_on(code, 0)
+    return None if alarm is None else alarm.level
+
+
+def creep(manager: FleetManager, speed_mps: float, told_mps: float, seconds: float) -> float | None:
+    """Stop all; the robot goes on so slowly, and says so or not: the metres after which it drives on.
+
+    Every half a minute it tells a little more.
+    """
+    manager.operators.stop_all("anna", 0.0)
+    for number in range(round(10.0 * seconds)):
+        now = 0.1 * number
+        told = told_mps + 0.02 * (number % 300 == 150)
+        report = TractorReport(0.0, speed_mps * now, NORTH_RAD, told, mode=STOPPED, time_s=now)
+        manager.take_report(0, report, now)
+        manager.update_fleet(now)
+        if find_alarm(manager, "drives on") == CRITICAL:
+            return speed_mps * now
+    return None
+
+
+@pytest.mark.parametrize("told_mps", [0.04, 0.0])
+def test_who_creeps_slower_than_a_speed_that_counts_is_noticed_by_how_far_it_is(told_mps: float) -> None:
+    manager = start_manager()
+    crept_m = creep(manager, 0.04, told_mps, 180.0)
+    assert crept_m is not None and crept_m < 5.5
+    assert Hold.DOUBTED in manager.states[0].holds
+
+
+@pytest.mark.slow
+def test_who_stands_with_a_poor_receiver_does_not_drive_on() -> None:
+    manager, rng, error = start_manager(), np.random.default_rng(0), np.zeros(2)
+    manager.operators.stop_all("anna", 0.0)
+    for number in range(18_000):
+        now = 0.1 * number
+        error = 0.9983 * error + rng.normal(0.0, 0.5 * math.sqrt(1.0 - 0.9983**2), 2)  # half a metre per axis, a minute
+        report = TractorReport(error[0], error[1], NORTH_RAD, abs(rng.normal(0.0, 0.01)), mode=STOPPED, time_s=now)
+        manager.take_report(0, report, now)
+        manager.update_fleet(now)
+    assert manager.alarms.list_alarms() == []
+
+
+def test_who_leaves_in_good_order_while_it_moves_is_no_better_than_one_whose_link_broke() -> None:
+    report = TractorReport(0.0, 5.0, NORTH_RAD, 1.0, 1.0, mode=AUTOMATIC, leg=0, leg_m=5.0, time_s=0.0)
+    for moving in (True, False):
+        manager = start_manager()
+        manager.take_report(0, report if moving else report._replace(speed_mps=0.0), 0.1)
+        manager.disconnect_tractor(0, 0.2, is_orderly=True)
+        assert find_alarm(manager, "broken") == (CRITICAL if moving else None)
+
+
+def test_who_says_that_it_is_done_and_drives_is_expected_where_it_drives() -> None:
+    manager = start_manager()
+    state = manager.states[0]
+    state.done = True
+    state.report = TractorReport(0.0, 200.0, NORTH_RAD, 2.0, 2.0, mode=AUTOMATIC, leg=9, leg_m=20.0, done=True)
+    (path,) = manager.guard.predict_paths(manager.states)
+    assert path[-1, 1] - path[0, 1] == pytest.approx(10.0)
+    state.report = state.report._replace(speed_mps=0.0)
+    (path,) = manager.guard.predict_paths(manager.states)
+    assert np.ptp(path[:, 1]) == 0.0

@@ -67,7 +67,7 @@ def test_the_answer_follows_texts_sliders_and_keys(page: Page, watched: WatchedP
     watched.well()
 
 
-def test_the_ring_of_a_slider_covers_no_text(page: Page) -> None:
+def test_the_form_with_an_answer_is_accessible_and_the_ring_of_a_slider_covers_no_text(page: Page) -> None:
     page.focus("input[name=width]")
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.type") == "range"
@@ -77,6 +77,7 @@ def test_the_ring_of_a_slider_covers_no_text(page: Page) -> None:
         range.closest(".knob").querySelector(one).getBoundingClientRect());
       return [own.top - ring - text.bottom, hint.top - own.bottom - ring, parseFloat(look.outlineWidth)]; }""")
     assert min(gaps[:2]) >= 0.0 and gaps[2] >= 2.0, "and it is seen"
+    assert find_faults_at_widths(page, widths_px=(390, 1280)) == []
 
 
 def test_all_controls_have_sliders_that_say_what_the_text_says(page: Page) -> None:
@@ -155,7 +156,9 @@ def test_changes_while_an_answer_is_due_are_asked_for_once(page: Page, pages: tu
     assert [each["width"] for each in made.estimates[:2]] == [4, 6]
 
 
-def test_a_drive_replaces_the_estimate_until_a_value_changes(page: Page, pages: tuple[str, Made]) -> None:
+def test_a_drive_replaces_the_estimate_until_a_value_changes_and_is_shown_and_kept(
+    page: Page, pages: tuple[str, Made]
+) -> None:
     made = pages[1]
     page.fill("input[name=width]", "6")
     page.wait_for_selector(".answer >> text=Show the plan")
@@ -165,6 +168,11 @@ def test_a_drive_replaces_the_estimate_until_a_value_changes(page: Page, pages: 
     wait_for_done(page, "0:36:00")
     assert page.locator(".answer .badge").is_visible() and not page.locator(".answer .line a").is_visible()
     until(page, lambda: ("plans/made/delete", None) in made.requests)
+    page.wait_for_selector(".answer >> text=Show the plan")
+    made.requests.clear()
+    page.click("text=Run the plan")
+    page.wait_for_selector("text=Plans, best first")
+    assert page.url.endswith("#/plan/made") and made.requests == [], "it is driven already"
 
 
 def test_progress_of_a_drive_that_begins_anew_does_not_go_back(page: Page) -> None:
@@ -214,31 +222,6 @@ def test_a_drive_whose_tab_was_killed_is_dropped_by_the_next(
     context.close()
 
 
-def test_the_table_of_numbers_closes_where_there_is_no_room_beside_the_form(page: Page) -> None:
-    assert page.locator(".answer .rows").is_visible()
-    page.set_viewport_size(NARROW)
-    until(page, lambda: not page.locator(".answer .rows").is_visible())
-    page.set_viewport_size(WIDE)
-    until(page, lambda: page.locator(".answer .rows").is_visible())
-
-
-def test_a_plan_that_is_driven_already_is_shown_and_kept(page: Page, pages: tuple[str, Made]) -> None:
-    page.wait_for_selector(".answer >> text=Show the plan")
-    page.click("text=Run the plan")
-    page.wait_for_selector("text=Plans, best first")
-    assert page.url.endswith("#/plan/made")
-    assert [kind for kind, _ in pages[1].requests] == ["plans"]
-
-
-def test_a_refusal_is_a_sentence_in_the_box(page: Page, watched: WatchedPage) -> None:
-    page.fill("input[name=width]", "-1")
-    page.wait_for_selector(".answer >> text=width is -1; use metres above 0.")
-    assert read_done(page) == "\u2013" and page.locator("[role=dialog]").count() == 0
-    page.fill("input[name=width]", "4")
-    wait_for_done(page, "0:45:00")
-    watched.said.clear()  # a browser tells of a refused request
-
-
 def test_a_link_shows_the_same_in_another_browser(page: Page, browser: Browser, watched: WatchedPage) -> None:
     page.fill("input[name=width]", "4")
     page.fill("input[name=deadline]", "17:00")
@@ -260,21 +243,20 @@ def test_a_link_shows_the_same_in_another_browser(page: Page, browser: Browser, 
     shown.context.close()
 
 
-def test_a_link_to_a_field_that_is_gone_says_so(watched: WatchedPage) -> None:
+def test_an_earlier_plan_is_changed_by_its_link_and_one_to_a_field_that_is_gone_says_so(watched: WatchedPage) -> None:
     page = watched.open("/plan?width=3&tractors=1&field=sold")
     page.wait_for_selector("text=Not in the library, and so not what is shown: sold.")
-    watched.well()
-
-
-def test_an_earlier_plan_is_changed_by_its_link(watched: WatchedPage) -> None:
-    page = watched.open("/plan/old")
+    watched.open("/plan/old")
     page.click("text=Change and plan again")
     page.wait_for_selector("text=Run the plan")
     assert page.input_value("select[name=fields]") == "north field" and "width=3" in page.url
+    watched.well()
 
 
-def test_the_box_keeps_its_size_on_a_phone(page: Page) -> None:
+def test_the_box_keeps_its_size_on_a_phone_whatever_it_says(page: Page, watched: WatchedPage) -> None:
+    assert page.locator(".answer .rows").is_visible()
     page.set_viewport_size(NARROW)
+    until(page, lambda: not page.locator(".answer .rows").is_visible())
     heights = list[float]()
 
     def note_height() -> None:
@@ -282,7 +264,8 @@ def test_the_box_keeps_its_size_on_a_phone(page: Page) -> None:
 
     note_height()
     page.fill("input[name=width]", "-1")
-    page.wait_for_selector(".answer >> text=use metres above 0.")
+    page.wait_for_selector(".answer >> text=width is -1; use metres above 0.")
+    assert read_done(page) == "\u2013" and page.locator("[role=dialog]").count() == 0
     note_height()
     page.fill("input[name=start]", "08:00")
     page.fill("input[name=width]", "6")
@@ -292,10 +275,9 @@ def test_the_box_keeps_its_size_on_a_phone(page: Page) -> None:
     note_height()
     assert len(set(heights)) == 1, heights
     assert page.evaluate("document.documentElement.scrollWidth") <= NARROW["width"]
-
-
-def test_the_form_with_an_answer_is_accessible(page: Page) -> None:
-    assert find_faults_at_widths(page, widths_px=(390, 1280)) == []
+    page.set_viewport_size(WIDE)
+    until(page, lambda: page.locator(".answer .rows").is_visible())
+    watched.said.clear()  # a browser tells of a refused request
 
 
 def test_a_finger_moves_a_slider(browser: Browser, watched: WatchedPage) -> None:

@@ -146,14 +146,9 @@ def test_who_stands_clear_of_one_it_would_drive_into_is_told_of_as_long_as_it_st
         fleet.manager.take_report(1, TractorReport(0.0, 14.0, 0.0, 0.0, mode="manual"), fleet.now)
         fleet.run(0.1)
     (alarm,) = [each for each in fleet.manager.alarms.list_alarms() if each.code == "near 2"]
-    assert (
-        fleet.manager.states[0].holds == {Hold.TOO_NEAR}
-        and not alarm.over
-        and "cannot resume by themselves" in alarm.sentence
-    )
-    assert (
-        fleet.manager.guard.measure_distance_m(*fleet.manager.states[:2]) > fleet.manager.guard.release_clearances_m[0]
-    )
+    manager, (first, second) = fleet.manager, fleet.manager.states[:2]
+    assert first.holds == {Hold.TOO_NEAR} and not alarm.over and "cannot resume by themselves" in alarm.sentence
+    assert manager.guard.measure_distance_m(first, second) > manager.guard.release_clearances_m[0]
     for _ in range(60):
         fleet.manager.take_report(1, TractorReport(30.0, 14.0, 0.0, 0.0, mode="manual"), fleet.now)
         fleet.run(0.1)
@@ -182,7 +177,7 @@ def restarted(fleet: SimulatedFleet) -> None:
     fleet.manager.operators.resume_tractors("anna", None, fleet.now)
 
 
-def test_two_that_touch_stand_after_a_restart_too() -> None:
+def test_two_that_touch_stand_after_a_restart_too_and_who_was_stopped_for_another_goes_on_once_it_is_clear() -> None:
     fleet = start_fleet(fleet_plan(2, 3, apart_m=0.5))
     fleet.run(30)
     stood_m = list(fleet.at_m)
@@ -191,9 +186,6 @@ def test_two_that_touch_stand_after_a_restart_too() -> None:
         fleet.run(20)
     assert fleet.at_m == stood_m and all(Hold.TOO_NEAR in state.holds for state in fleet.manager.states)
     assert "cannot resume by themselves" in fleet.manager.alarms.list_alarms()[0].sentence
-
-
-def test_who_was_stopped_for_another_goes_on_after_a_restart_once_its_way_is_clear() -> None:
     fleet = behind(0.3)
     restarted(fleet)
     fleet.run(25)
@@ -204,12 +196,8 @@ def test_who_is_found_too_near_before_its_link_is_back_is_told_to_stand_with_the
     fleet = start_fleet(fleet_plan(2, 3, apart_m=2.9))
     fleet.run(5)
     manager = fleet.manager
-    east, west = (
-        TractorReport(0.0, 5.0, NORTH - 0.4, 1.0, 1.0, leg_m=5.0),
-        TractorReport(2.9, 5.0, NORTH + 0.4, 1.0, 1.0, leg_m=5.0),
-    )
-    for number, report in enumerate((east, west)):
-        manager.take_report(number, report, fleet.now)
+    for number, (x, heading) in enumerate(((0.0, NORTH - 0.4), (2.9, NORTH + 0.4))):  # towards each other
+        manager.take_report(number, TractorReport(x, 5.0, heading, 1.0, 1.0, leg_m=5.0), fleet.now)
     again = restart_manager(manager, fleet.now, fleet.now)
     assert all(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
     for state in again.states:  # by what the first tick sees

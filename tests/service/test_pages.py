@@ -1,6 +1,7 @@
 """The pages in a real browser, with a made-up service behind them: every page, both widths, dark and light, by keys."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -11,12 +12,8 @@ from tests.service.fake_service import CONTROL, NASTY, Made
 from tests.service.one_process import create_app
 from tests.service.test_files import HERE_M, shapefile
 from tests.service.watching import (
-    NARROW,
-    WIDE,
     WatchedPage,
-    count_colours,
     evaluate_in_page,
-    find_overflow,
     needs_browser,
     watch_app,
 )
@@ -39,42 +36,29 @@ PAGES = {
     "/access": "text=office: operate, plan, read",
 }
 """What each page has when it is whole."""
+COST = "18"  # 3 tractors x 470 s / 80, as it is stated: the expected cost, in whole units from 10 on
 EMPTY = {
     "/": "text=No fleet yet",
     "/diagnose": "text=Try it with a sample log",
     "/replay": "text=Nothing was recorded yet",
 }
 """The same of a service that is new."""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("path", "whole"), PAGES.items())
-def test_a_page_fits_both_widths_and_is_dark_and_light(watched: WatchedPage, path: str, whole: str) -> None:
-    page = watched.open(path)
-    page.wait_for_selector(whole)
-    back = []
-    for size in (WIDE, NARROW):
-        page.set_viewport_size(size)
-        for scheme in ("light", "dark"):
-            page.emulate_media(color_scheme=scheme)
-            assert page.evaluate("document.documentElement.scrollWidth") <= size["width"], find_overflow(page)
-            assert find_overflow(page) == []
-            back.append(page.evaluate("getComputedStyle(document.body).backgroundColor"))
-    assert back[0] == back[2] != back[1] == back[3]
-    if page.locator("canvas").count():
-        page.wait_for_function("() => document.querySelector('canvas').width > 0")
-        assert count_colours(page) > 3
-    assert (
-        page.evaluate(
-            "[...document.querySelectorAll('button, input, select, textarea')].filter((one) =>"
-            " !one.labels?.length && !one.getAttribute('aria-label') && !one.textContent.trim()).length"
-        )
-        == 0
-    )
-    assert page.title() != "1" and page.evaluate("document.images.length") <= 1, "text of data is no markup"
-    page.set_viewport_size(WIDE)
-    page.emulate_media(color_scheme="light")
-    watched.well()
+LONGEST_SILENCE = """() => new Promise((done) => {
+  const clock = () => performance.now(), shown = (one) => one.offsetParent && one.textContent.trim();
+  let first = null, silent = clock(), silence = 0;
+  const begin = silent, words = new Set();
+  const look = () => {
+    const places = "main .panel [role=status]:not(.lead), main .page > .soft:only-child";
+    const said = [...document.querySelectorAll(places)].filter(shown).map((one) => one.textContent);
+    if (said.length) { first ??= clock() - begin; silent = null; said.forEach((text) => words.add(text)); }
+    else silence = Math.max(silence, clock() - (silent ??= clock()));
+    if (document.querySelector("[aria-label='Ranked plans']")) return done({ first, silence, words: [...words] });
+    requestAnimationFrame(look);
+  };
+  document.querySelector("form button.main").click();
+  look();
+})"""
+"""Milliseconds from the click to the first text of progress, the longest without any, and the texts."""
 
 
 def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: WatchedPage) -> None:
@@ -118,7 +102,9 @@ def test_without_a_token_nothing_can_be_sent(pages: tuple[str, Made], browser: B
     page.context.close()
 
 
-def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: WatchedPage, pages: tuple[str, Made]) -> None:
+def test_a_plan_is_asked_for_in_the_words_of_the_service_and_no_second_of_its_progress_is_silent(
+    watched: WatchedPage, pages: tuple[str, Made]
+) -> None:
     page, made = watched.open("/plan"), pages[1]
     page.select_option("select[name=fields]", NASTY)
     page.fill("input[name=width]", "-1")
@@ -129,39 +115,18 @@ def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: WatchedPage, p
     page.fill("input[name=width]", "3.5")
     made.requests.clear()
     made.polls = 0
-    page.click("text=Run the plan")
-    page.wait_for_selector("text=Simulating plans")
-    asked = {
-        "field": NASTY,
-        "width": 3.5,
-        "deadline": "17:00",
-        "tractors": "1-3",
-        "strategies": "split-field,interleaved",
-        "tractor": "eg105",
-    }
-    assert made.requests == [("plans", asked)]
+    seen = page.evaluate(LONGEST_SILENCE)
+    asked = {"field": NASTY, "width": 3.5, "deadline": "17:00", "tractors": "1-3", "tractor": "eg105"}
+    assert made.requests == [("plans", asked | {"strategies": "split-field,interleaved"})]
+    assert seen["first"] < 1000 and seen["silence"] < 1000, seen
+    shares = [each for each in seen["words"] if re.fullmatch(r"Simulating plans: [12] of 3, (33|67)\xa0%", each)]
+    assert "Checking what was asked" in seen["words"] and shares, seen
     page.wait_for_selector("text=Plans, best first")
     watched.said.clear()  # the refusal above is a failed request, which a browser tells of
 
 
-def test_any_plan_of_the_table_is_played(watched: WatchedPage) -> None:
-    page = watched.open("/plan/old")
-    page.wait_for_selector("text=Plans, best first")
-    assert page.locator(".under .who").count() == 3
-    page.click("[aria-label='Show plan 2 on the map']")
-    assert page.locator(".under .who").count() == 2
-    page.evaluate("""() => { const slider = document.querySelector(".player input"); slider.value = 100;
-      slider.dispatchEvent(new Event("input")); }""")
-    assert page.locator(".player output").inner_text() == "0:01:40" and "track 2" in page.locator(".under").inner_text()
-    page.click("th button:has-text('Cost')")
-    assert page.locator("th[aria-sort=ascending]").inner_text().startswith("Cost")
-    assert [row.split("\t")[1].strip() for row in page.locator("tbody tr").all_inner_texts()[:3]] == ["2", "3", "3"]
-    page.click("summary:has-text('Full report')")
-    page.frame_locator("iframe").locator("text=the report runs").wait_for()
-    watched.well()
-
-
 def test_a_job_is_cancelled_and_a_failure_is_shown(watched: WatchedPage, pages: tuple[str, Made]) -> None:
+    watched.open("/access")
     pages[1].polls = 0
     page = watched.open("/plan/made")
     page.click("text=Cancel")
@@ -207,15 +172,8 @@ def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: Watched
 def test_modules_by_their_closed_forms(watched: WatchedPage) -> None:
     page = watched.open("/access")
     shares = "[9.96, 99.96, 99.75, 100].map(m.percent)"
-    assert evaluate_in_page(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == [
-        "1:02:03",
-        "45\xa0s",
-        "10.0\xa0%",
-        "99.9\xa0%",
-        "99.8\xa0%",
-        "100\xa0%",
-        "\u2013",
-    ]
+    words = ["1:02:03", "45\xa0s", "10.0\xa0%", "99.9\xa0%", "99.8\xa0%", "100\xa0%", "\u2013"]
+    assert evaluate_in_page(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == words
     assert evaluate_in_page(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
     lane = "{ time_s: [0, 10, 20], points_m: [[0, 0], [10, 0], [10, -5]], status: [1, 4] }"
     there = evaluate_in_page(page, f"[m.poseAt({lane}, 5), m.poseAt({lane}, 15)]")
@@ -281,9 +239,30 @@ def _add_files(watched: WatchedPage, folder: Path) -> None:
     page.wait_for_selector("h1:has-text('two b')")
 
 
-@pytest.mark.slow
-def test_a_plan_is_saved_for_a_terminal(watched: WatchedPage, pages: tuple[str, Made]) -> None:
+def test_the_plan_to_take_is_first_and_any_is_played_and_saved_for_a_terminal(
+    watched: WatchedPage, pages: tuple[str, Made]
+) -> None:
+    watched.open("/plan").wait_for_selector("form section:first-child p:text-is('Yanmar EG105')")
+    assert watched.page.locator("form h2").first.inner_text() == "Tractor"
     page, made = watched.open("/plan/old"), pages[1]
+    page.wait_for_selector("text=Plans, best first")
+    assert page.locator("h1").inner_text().startswith("Yanmar EG105: "), "the tractor is named first in both"
+    table = page.locator("[aria-label='Ranked plans']")
+    heads = [head for head in table.locator("th").all_inner_texts() if head]
+    assert len([each for each in table.locator("th").all() if each.is_visible()]) <= 8
+    first = dict(zip(heads, table.locator("tbody tr").first.locator("td").all_inner_texts(), strict=False))
+    assert (first["Tractors"], first["Strategy"], first["Cost"], first["In time %"]) == ("3", "split-field", COST, "93")
+    assert "chosen" in (table.locator("tbody tr").first.get_attribute("class") or "")
+    figures = page.locator("dl").first.inner_text()
+    assert f"Cost\n{COST}" in figures and "In time\n93\xa0%" in figures
+    for is_shown in (True, False):
+        page.click("text=All columns")
+        assert table.locator("th:has-text('Turning')").is_visible() == is_shown
+        pressed = page.locator("button:has-text('All columns')").get_attribute("aria-pressed")
+        assert pressed == str(is_shown).lower()
+    assert page.locator("summary:has-text('not possible')").inner_text() == "1 plan not possible, with the reason"
+    for reason in ("others are estimated to be faster.", "tractors may come nearer than 0.5"):
+        assert page.locator(f"text=1 plan not simulated, as {reason}").is_visible(), "it was not tried"
     page.click("summary:has-text('Guidance for terminals')")
     page.select_option("select[name=form]", "agopengps")
     page.select_option("select[name=of]", "2")
@@ -291,5 +270,30 @@ def test_a_plan_is_saved_for_a_terminal(watched: WatchedPage, pages: tuple[str, 
     with page.expect_download() as saved:
         page.click("text=Save for the terminal")
     assert saved.value.suggested_filename.endswith("-tractor-2-plan-agopengps.zip")
-    assert made.requests == [("plans/old/results/plan.json/export", {"to": "agopengps", "tractor": 2})]
+    exported = [each for each in made.requests if each[0].endswith("/export")]
+    assert exported == [("plans/old/results/plan.json/export", {"to": "agopengps", "tractor": 2})]
+    assert page.locator(".under .who").count() == 3
+    page.click("[aria-label='Show plan 2 on the map']")
+    assert page.locator(".under .who").count() == 2
+    page.evaluate("""() => { const slider = document.querySelector(".player input"); slider.value = 100;
+      slider.dispatchEvent(new Event("input")); }""")
+    assert page.locator(".player output").inner_text() == "0:01:40" and "track 2" in page.locator(".under").inner_text()
+    page.click("th button:has-text('Cost')")
+    assert page.locator("th[aria-sort=ascending]").inner_text().startswith("Cost")
+    assert [row.split("\t")[1].strip() for row in page.locator("tbody tr").all_inner_texts()[:3]] == ["2", "3", "3"]
+    page.click("summary:has-text('Full report')")
+    page.frame_locator("iframe").locator("text=the report runs").wait_for()
     watched.well()
+
+
+def test_a_second_tab_may_plan_until_the_token_is_forgotten(watched: WatchedPage) -> None:
+    first = watched.open("/plan")
+    second = first.context.new_page()
+    second.goto(f"{watched.base}#/plan")
+    second.wait_for_selector("text=Run the plan")
+    assert second.evaluate("sessionStorage.getItem('headland-token')") == CONTROL
+    assert second.locator("text=You can look at everything here").count() == 0
+    second.goto(f"{watched.base}#/access")
+    second.click("text=Forget it")
+    first.wait_for_function("() => sessionStorage.getItem('headland-token') === null")
+    second.close()

@@ -58,13 +58,9 @@ class MapService:
 def service(browser: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapService]:
     folder = tmp_path_factory.mktemp("maps")
     with serve_tiles() as host:
-        settings = ServiceSettings(
-            data=folder / "data",
-            workers=0,
-            background=host.address,
-            background_attribution="© Makers of tiles",
-            rate_per_minute=10**6,  # a browser that many tests share asks as often as the machine is quick
-        )
+        shown = {"background": host.address, "background_attribution": "© Makers of tiles"}
+        # A browser that many tests share asks as often as the machine is quick.
+        settings = ServiceSettings(data=folder / "data", workers=0, rate_per_minute=10**6, **shown)  # type: ignore[arg-type]
         app = create_app(settings, reads_inline=True)
         with watch_app(browser, app, "planner") as watched:
             yield MapService(watched, app, host, folder)
@@ -216,14 +212,8 @@ def test_a_field_with_everything_is_drawn_and_read(service: MapService) -> None:
     type_points(page, (0, 50), (200, 60))
     page.locator(".editor").get_by_label("Its name").fill("A-B")
     page.locator(".editor").get_by_label("Its name").press("Enter")
-    for words in (
-        "obstacle",
-        "obstacle: a point, as wide as it is",
-        "entrance",
-        "refill place",
-        "dashed, thick: fence",
-        "dash and dot: guidance line",
-    ):
+    of_lines = ("dashed, thick: fence", "dash and dot: guidance line")
+    for words in ("obstacle", "obstacle: a point, as wide as it is", "entrance", "refill place", *of_lines):
         assert page.locator(f".editor .legend li:text-is('{words}')").count() == 1
     page.locator(".editor").get_by_label("Name", exact=True).fill("drawn")
     page.click("text=Use this field")
@@ -243,14 +233,9 @@ def test_a_field_with_everything_is_drawn_and_read(service: MapService) -> None:
 def test_an_uploaded_field_is_changed_by_pointer_and_keys_and_replaced(service: MapService) -> None:
     ring = [[10.0, 52.0], [10.003, 52.0], [10.003, 52.002], [10.0, 52.002], [10.0, 52.0]]
     tree = {"type": "Point", "coordinates": [10.0015, 52.001]}
-    features = [
-        {
-            "type": "Feature",
-            "properties": {"name": "West field"},
-            "geometry": {"type": "Polygon", "coordinates": [ring]},
-        },
-        {"type": "Feature", "properties": {"role": "obstacle", "kind": "tree", "radius_m": 1.5}, "geometry": tree},
-    ]
+    outline = {"properties": {"name": "West field"}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    obstacle = {"properties": {"role": "obstacle", "kind": "tree", "radius_m": 1.5}, "geometry": tree}
+    features = [{"type": "Feature"} | each for each in (outline, obstacle)]
     content = json.dumps({"type": "FeatureCollection", "features": features}).encode()
     service.app.state.store.add_file("field", "west", content, ".geojson")
     _, before = service.read_saved("west")

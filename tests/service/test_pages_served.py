@@ -36,7 +36,7 @@ def test_the_page_lets_nothing_run_but_its_own_files(shared: Shared) -> None:
 
 
 @pytest.mark.parametrize("path", PARTS, ids=lambda path: path.name)
-def test_every_part_is_served_and_packaged(shared: Shared, path: Path) -> None:
+def test_every_part_is_served_and_packaged_and_makes_no_markup_of_text(shared: Shared, path: Path) -> None:
     name = path.relative_to(STATIC_FOLDER).as_posix()
     answer = shared[0].get(f"/static/{name}")
     assert answer.status_code == 200 and answer.headers["cache-control"] == "no-cache"
@@ -44,6 +44,12 @@ def test_every_part_is_served_and_packaged(shared: Shared, path: Path) -> None:
     assert kinds[path.suffix] in answer.headers["content-type"]
     globs = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["package-data"]
     assert any(fnmatch.fnmatch(f"static/{name}", glob) for glob in globs["planner.service.pages"])
+    if path.suffix == ".js":
+        text = path.read_text(encoding="utf-8")
+        assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
+        assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text), "nothing of another site"
+        for other in re.findall(r'from "(\.[^"]+)"', text):
+            assert (path.parent / other).is_file() or (path.parent / other).resolve() == MADE, other
 
 
 def test_nothing_else_is_served_and_the_example_of_a_day_is_there(shared: Shared) -> None:
@@ -51,15 +57,6 @@ def test_nothing_else_is_served_and_the_example_of_a_day_is_there(shared: Shared
     for path in ("/static/nothing.js", "/static/../mount.py", "/static/%2e%2e/mount.py", "/mount.py"):
         assert client.get(path).status_code in (404, 405), path
     assert tomllib.loads(client.get("/static/example-day.toml").text)["fields"]
-
-
-@pytest.mark.parametrize("path", [path for path in PARTS if path.suffix == ".js"], ids=lambda path: path.name)
-def test_modules_make_no_markup_of_text_and_import_what_is_there(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(|new Function", text)
-    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text), "nothing of another site"
-    for name in re.findall(r'from "(\.[^"]+)"', text):
-        assert (path.parent / name).is_file() or (path.parent / name).resolve() == MADE, name
 
 
 def test_the_page_takes_the_files_that_the_service_takes(shared: Shared) -> None:

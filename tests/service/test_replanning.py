@@ -2,7 +2,8 @@
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.replanning.planning_anew import ReplanProposal, continue_remaining_work
-from planner.fleet.session.frame_content import build_report
+from planner.fleet.session.frame_content import build_report, describe_mission
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
 from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.outputs.saved_plans import write_saved_plan
@@ -31,21 +32,8 @@ from vehicle.missions.plan_file import format_plan, parse_plan
 pytestmark = pytest.mark.slow
 
 WIDTH_M = 3.0
-FIELD = {
-    "type": "FeatureCollection",
-    "features": [
-        {
-            "type": "Feature",
-            "properties": {},
-            "geometry": {"type": "Polygon", "coordinates": [[[0, 0], [70, 0], [70, 60], [0, 60], [0, 0]]]},
-        }
-    ],
-}
-
-
-@pytest.fixture(scope="module")
-def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
-    return plan_three(tmp_path_factory, (0.0, 0.0))
+RING = [[0, 0], [70, 0], [70, 60], [0, 60], [0, 0]]
+FIELD = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [RING]}}
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +74,7 @@ def plan_three(
 def plan_field(folder: Path, strategy: str, supply: Supply | None = None, **asked: Any) -> FleetPlan:
     """A plan of three tractors on the field of these tests, whose file is put into a folder."""
     file = folder / "field.geojson"
-    file.write_text(json.dumps(FIELD), encoding="utf-8")
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": [FIELD]}), encoding="utf-8")
     always = {"field": str(file), "local": True, "width_m": WIDTH_M, "tractors": (3,), "strategies": (strategy,)}
     site = prepare_context(WorkOrder(PlanRequest(**always, **asked), supply=supply))
     run = simulate_candidate(site, Candidate(strategy, 3)).run
@@ -111,6 +99,51 @@ def at(plan: FleetPlan, share: float) -> FleetManager:
     return manager
 
 
+@dataclass
+class LiveFleet:
+    """All but the network: steering, speed control and noise of every robot, releases and orders."""
+
+    manager: FleetManager
+    drivers: dict[int, RobotDriver]
+    now: float = 0.0
+    legs: dict[int, list[int]] = field(default_factory=dict)
+
+    def drive(self, until: Callable[[], bool], longest_s: float) -> None:
+        end = self.now + longest_s
+        while not until() and self.now < end:
+            self.now += 0.1
+            plan = self.manager.plan
+            orders, events = self.manager.take_outputs()
+            assert not [event for event in events if event.what == "too near another"]
+            for order in orders:
+                frame = {"kind": order.kind, "reason": ""} | order.data
+                if order.kind == "plan":
+                    frame["plan"] = describe_mission(plan, order.tractor)
+                if order.tractor in self.drivers:
+                    self.drivers[order.tractor].handle_frame(frame, self.now)
+            for number, driver in self.drivers.items():
+                driver.handle_frame({"kind": "heartbeat"}, self.now)
+                state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(self.now)))
+                self.manager.take_report(number, build_report(state, plan, state.time.timestamp()), self.now)
+                self.legs.setdefault(number, []).append(state.leg)
+            self.manager.update_fleet(self.now)
+        assert until(), self.manager.state
+
+
+def start_live(plan: FleetPlan) -> LiveFleet:
+    """A fleet whose robots stand at the beginning of a plan, started."""
+    machine, origin_m = (plan.tractor, plan.implement), plan.saved.origin_m
+    drivers = {
+        number: RobotDriver(mission, *machine, origin_m, name="robot", noise_m=0.02, seed=number)
+        for number, mission in enumerate(plan.plan.missions)
+    }
+    fleet = LiveFleet(FleetManager(plan, FleetRules()), drivers)
+    for number in drivers:
+        fleet.manager.connect_tractor(number, 0.0)
+    fleet.manager.operators.start_fleet_work("anna", 0.0)
+    return fleet
+
+
 @pytest.fixture(scope="module")
 def half(plan: FleetPlan) -> tuple[FleetManager, ReplanProposal]:
     manager = at(plan, 0.35)
@@ -127,6 +160,9 @@ def worked(plan: FleetPlan, number: int, first: int) -> shapely.Geometry:
 
 def test_what_one_has_left_is_worked_by_the_others(half: tuple[FleetManager, ReplanProposal]) -> None:
     manager, proposal = half
+    planned = max(course.leg_starts_s[-1] for course in manager.plan.timed_missions)
+    assert 0.6 * planned < proposal.eta_s < 2.0 * planned
+    assert parse_plan(format_plan(proposal.plan.plan, scenario=proposal.plan.saved.scenario)).tractors == 3
     left = worked(manager.plan, 1, manager.states[1].leg + 1)
     taken = shapely.union_all([worked(proposal.plan, number, proposal.unchanged_legs[number]) for number in (0, 2)])
     report = manager.states[1].report
@@ -160,12 +196,6 @@ def test_before_the_start_those_that_are_left_come_in_one_after_another(plan: Fl
     assert all(gate.tractor != number for leg in firsts for gate in leg.gates)
 
 
-def test_the_rest_takes_longer_without_one_and_less_than_alone(half: tuple[FleetManager, ReplanProposal]) -> None:
-    manager, proposal = half
-    planned = max(course.leg_starts_s[-1] for course in manager.plan.timed_missions)
-    assert 0.6 * planned < proposal.eta_s < 2.0 * planned
-
-
 def test_an_accepted_plan_has_the_same_released_legs_and_goes_on(half: tuple[FleetManager, ReplanProposal]) -> None:
     manager, proposal = half
     before = [(state.leg, state.base_end) for state in manager.states]
@@ -187,41 +217,11 @@ def test_an_accepted_plan_has_the_same_released_legs_and_goes_on(half: tuple[Fle
     assert [state.leg for state in again.states] == [state.leg for state in manager.states]
 
 
-def test_a_proposal_is_a_plan_that_is_saved_and_read(half: tuple[FleetManager, ReplanProposal]) -> None:
-    made = half[1].plan
-    text = format_plan(made.plan, scenario=made.saved.scenario)
-    assert parse_plan(text).tractors == 3
-
-
-def test_what_cannot_be_planned_anew_is_refused_in_a_sentence(plan: FleetPlan) -> None:
-    manager = at(plan, 0.1)
-    with pytest.raises(FleetManagerError, match=r"No tractor remains.* keep at least one"):
-        extract_remaining_work(manager, [0, 1, 2], 0.0)
-
-
 def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(plan: FleetPlan) -> None:
-    """All but the network: steering, speed control and noise of every tractor, releases and orders."""
-    manager, now = FleetManager(plan, FleetRules()), 0.0
-    drivers = [
-        RobotDriver(mission, plan.tractor, plan.implement, plan.saved.origin_m, name="robot", noise_m=0.02, seed=number)
-        for number, mission in enumerate(plan.plan.missions)
-    ]
-    for number in range(plan.tractor_count):
-        manager.connect_tractor(number, now)
-    manager.operators.start_fleet_work("anna", now)
-    while manager.state != "done" and now < 1.2 * max(plan.finish_s):
-        now += 0.1
-        orders, events = manager.take_outputs()
-        for order in orders:
-            drivers[order.tractor].handle_frame({"kind": order.kind, "reason": ""} | order.data, now)
-        assert not [event for event in events if event.what == "too near another"]
-        for number, driver in enumerate(drivers):
-            driver.handle_frame({"kind": "heartbeat"}, now)
-            state = FRAMES_OF_ROLE["tractor"].validate_json(json.dumps(driver.step(now)))
-            manager.take_report(number, build_report(state, plan, state.time.timestamp()), now)
-        manager.update_fleet(now)
-    assert now == pytest.approx(max(plan.finish_s), rel=0.03)
-    assert manager.compute_total_worked_m() == pytest.approx(plan.worked_m)
+    fleet = start_live(plan)
+    fleet.drive(lambda: fleet.manager.state == "done", 1.2 * max(plan.finish_s))
+    assert fleet.now == pytest.approx(max(plan.finish_s), rel=0.03)
+    assert fleet.manager.compute_total_worked_m() == pytest.approx(plan.worked_m)
 
 
 def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(

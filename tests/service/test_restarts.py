@@ -63,14 +63,13 @@ async def restore_all(store: Store) -> FleetSessions:
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_what_was_ordered_is_kept_at_once_as_the_service_may_be_killed(
-    order: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    order: str, plain: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hubs, "SAVE_PERIOD_S", 3600.0)
-    store = Store(ServiceSettings(data=tmp_path))
-    fleet = save_small(store, "{}")
+    fleet = save_small(plain, "{}")
 
     async def ordered() -> None:
-        hub = FleetSessions(store)
+        hub = FleetSessions(plain)
         hub.add(fleet)
         keeping = asyncio.create_task(hub._save_periodically())
         fleet.manager.operators.start_fleet_work("anna", 0.0)
@@ -82,7 +81,7 @@ def test_what_was_ordered_is_kept_at_once_as_the_service_may_be_killed(
         obstacles = len(fleet.manager.obstacles.items)
         async with asyncio.timeout(60.0):  # far less than the period of keeping
             while True:
-                kept = store.get_fleet("f1").progress.get("centre", {"tractors": [], "obstacles": []})
+                kept = plain.get_fleet("f1").progress.get("centre", {"tractors": [], "obstacles": []})
                 same = [each["holds"] for each in kept["tractors"]] == [each["holds"] for each in wanted]
                 if same and len(kept["obstacles"]) == obstacles:
                     break
@@ -90,7 +89,6 @@ def test_what_was_ordered_is_kept_at_once_as_the_service_may_be_killed(
         keeping.cancel()
 
     asyncio.run(ordered())
-    store.close()
 
 
 def crossing() -> FleetPlan:
@@ -111,37 +109,31 @@ def test_a_plan_made_anew_is_taken_up_by_its_times_and_the_guard_keeps_its_dista
     text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=SCENARIO | dict(made.saved.scenario))
     timing = json.loads(json.dumps(describe_timing(made)))
     try:
-        alone = prepare_fleet_plan(text).min_clearance_m
+        assert prepare_fleet_plan(text).min_clearance_m < 0.1, "driven from its beginning they meet"
     except FleetManagerError as refusal:
-        alone, told = 0.0, str(refusal)
-        assert "does not reach the end of the plan" in told
-    assert alone < 0.1  # driven from its beginning they meet
+        assert "does not reach the end of the plan" in str(refusal)
     again = prepare_fleet_plan(text, timing=timing)
     assert again.min_clearance_m == 0.6 and again.clearance_m == pytest.approx(0.48)
     assert again.finish_s == made.finish_s
     assert [course.leg_seconds for course in again.timed_missions] == [
         course.leg_seconds for course in made.timed_missions
     ]
+    alone = replace(fleet_plan(1), min_clearance_m=math.inf)
+    assert describe_timing(alone)["near_m"] is None, "JSON of databases has no infinity"
     timing["seconds"][0].append(1.0)
     with pytest.raises(FleetManagerError, match="saved times belong to another plan"):
         prepare_fleet_plan(text, timing=timing)
 
 
-def test_one_tractor_alone_has_no_distance_to_keep_after_a_restart_either() -> None:
-    alone = replace(fleet_plan(1), min_clearance_m=math.inf)
-    assert describe_timing(alone)["near_m"] is None  # as JSON of databases has no infinity
-
-
 @pytest.mark.slow
-def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_a_plan_made_anew_outlives_two_restarts(plain: Store) -> None:
     made = crossing()
     text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=SCENARIO)
-    fleet = save_small(store, "no plan at all", made)
+    fleet = save_small(plain, "no plan at all", made)
     fleet.plan_text = text
 
     async def again() -> FleetSession:
-        hub = FleetSessions(store)
+        hub = FleetSessions(plain)
         await hub.restore_sessions()
         assert hub.faults == {}
         await hub.save(hub.by_id["f1"])
@@ -149,7 +141,7 @@ def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
         return hub.by_id["f1"]
 
     async def first() -> None:
-        hub = FleetSessions(store)
+        hub = FleetSessions(plain)
         hub.add(fleet)
         await hub.save(fleet)
 
@@ -157,26 +149,23 @@ def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
     for _ in range(2):
         live = asyncio.run(again())
         assert live.plan_text == text and live.manager.plan.min_clearance_m == 0.6
-    store.close()
 
 
 @pytest.mark.slow
-def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is_there(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is_there(plain: Store) -> None:
     mended = EG105.model_copy(update={"name": "slips", "wheel_slip": 0.1})
-    store.add_file("tractor", "mine", format_tractor_toml(mended).encode())
-    fleet = save_small(store, format_plan(fleet_plan().plan, scenario=SCENARIO))
+    plain.add_file("tractor", "mine", format_tractor_toml(mended).encode())
+    fleet = save_small(plain, format_plan(fleet_plan().plan, scenario=SCENARIO))
     fleet.twin_files = {1: "mine", 0: "deleted meanwhile"}
 
     async def again() -> FleetSession:
-        first = FleetSessions(store)
+        first = FleetSessions(plain)
         first.add(fleet)
         await first.save(fleet)
-        return (await restore_all(store)).by_id["f1"]
+        return (await restore_all(plain)).by_id["f1"]
 
     live = asyncio.run(again())
     assert [tractor.name for tractor in live.twins.tractors] == [EG105.name, "slips"] and live.twin_files == {1: "mine"}
-    store.close()
 
 
 @pytest.mark.parametrize("mode", ["automatic", "stopped"])
@@ -230,28 +219,23 @@ def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held
         first.manager.operators.start_fleet_work("anna", 0.0)
         first.manager.operators.stop_all("anna", 1.0)
     again = restart_manager(first.manager, first.now, 100.0, 3.0)
-    assert (
-        any(Hold.SERVICE_RESTARTED in state.holds for state in again.states)
-        == again.alarms.is_alarm_on("restarted", None)
-        == held
-    )
+    assert any(Hold.SERVICE_RESTARTED in state.holds for state in again.states) == held
+    assert again.alarms.is_alarm_on("restarted", None) == held
 
 
 @pytest.mark.slow
-def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_default(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_default(plain: Store) -> None:
     text = format_plan(fleet_plan().plan, scenario=SCENARIO)
     kept = {"begin_s": time.time(), "times": 1.0, "way": "predict"}
-    store.save_fleet("f1", "old", text, kept)
-    store.save_fleet("f2", "new", text, kept | {"horizon_s": 5.0})
+    plain.save_fleet("f1", "old", text, kept)
+    plain.save_fleet("f2", "new", text, kept | {"horizon_s": 5.0})
 
-    hub = asyncio.run(restore_all(store))
+    hub = asyncio.run(restore_all(plain))
     assert [hub.by_id[id].manager.rules.horizon_s for id in ("f1", "f2")] == [20.0, 5.0]
     assert [(fleet.name, fleet.created[:2]) for fleet in hub.by_id.values()] == [("old", "20"), ("new", "20")]
     assert [member.name for member in hub.neighbourhood.list_neighbours("f1")] == ["new"], (
         "they are driven on one ground"
     )
-    store.close()
 
 
 class BrokenStore:
@@ -331,14 +315,12 @@ def ended_the_first_time(mark: str) -> int:
 
 
 @pytest.mark.slow
-def test_a_process_that_is_killed_at_its_work_is_replaced(tmp_path: Path) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_a_process_that_is_killed_at_its_work_is_replaced(plain: Store, tmp_path: Path) -> None:
 
     async def worked() -> int:
-        hub = FleetSessions(store)
+        hub = FleetSessions(plain)
         done: int = await hub.run_in_process(ended_the_first_time, str(tmp_path / "mark"))
         await hub.stop()
         return done
 
     assert asyncio.run(worked()) == 7
-    store.close()

@@ -4,6 +4,7 @@ import asyncio
 import json
 import math
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -100,15 +101,19 @@ def test_it_stops_on_its_released_legs_once_it_has_not_heard_the_centre_for_its_
     assert way_m(state) < 60.0 - 1.0, "not because its legs were at their end"
 
 
-def test_it_goes_on_with_the_next_word_of_the_same_link_and_not_against_a_stop_or_over_a_new_one() -> None:
-    for said, mode in (("heartbeat", "automatic"), ("stop", "stopped"), ("welcome", "stopped")):
-        driver = robot()
-        release(driver, 3, 0.0)
-        driver._horizon_s = 2.0
-        let(driver, 0.0, 4.0)
-        assert let(driver, 4.0, 4.0, beats=False)["mode"] == "stopped"
-        driver.handle_frame(WELCOME | {"kind": said, "reason": "test"}, 8.0)
-        assert let(driver, 8.0, 2.0)["mode"] == mode
+@pytest.mark.parametrize("limit_mps", [None, 0.8], ids=["by its horizon", "as it follows"])
+@pytest.mark.parametrize(("said", "mode"), [("heartbeat", "automatic"), ("stop", "stopped"), ("welcome", "stopped")])
+def test_it_goes_on_with_the_next_word_of_the_same_link_and_not_against_a_stop_or_over_a_new_one(
+    said: str, mode: str, limit_mps: float | None
+) -> None:
+    driver = robot()
+    release(driver, 3, 0.0, limit_mps)
+    driver._horizon_s = 2.0
+    let(driver, 0.0, 4.0)
+    assert let(driver, 4.0, 4.0, beats=False)["mode"] == "stopped"
+    driver.handle_frame(WELCOME | {"kind": said, "reason": "test"}, 8.0)
+    state = let(driver, 8.0, 3.0)
+    assert state["mode"] == mode and (float(str(state["speed_mps"])) > 0.5) == (mode == "automatic")
 
 
 def test_beats_renew_the_horizon_and_late_ones_do_not() -> None:
@@ -152,7 +157,7 @@ def test_silence_for_a_second_stops_one_that_is_driven_by_remote_control_or_foll
         assert state["mode"] == "stopped" and state["speed_mps"] == pytest.approx(0.0, abs=0.02)
 
 
-def test_a_stop_is_obeyed_at_once_and_a_resume_after_it() -> None:
+def test_a_stop_is_obeyed_at_once_and_a_resume_after_it_and_one_before_the_silence_stays() -> None:
     driver = robot()
     release(driver, 3, 0.0)
     let(driver, 0.0, 8.0)
@@ -161,6 +166,12 @@ def test_a_stop_is_obeyed_at_once_and_a_resume_after_it() -> None:
     assert state["mode"] == "stopped" and state["speed_mps"] == pytest.approx(0.0, abs=0.02)
     driver.handle_frame({"kind": "resume"}, 11.0)
     assert float(str(let(driver, 11.0, 5.0)["speed_mps"])) > 0.5
+    driver = robot()
+    release(driver, 3, 0.0, 0.8)
+    let(driver, 0.0, 2.0)
+    driver.handle_frame({"kind": "stop", "reason": "test"}, 2.0)
+    driver.step(4.0)  # the process itself stood still that long
+    assert let(driver, 4.1, 2.0)["mode"] == "stopped"
 
 
 def test_it_drives_as_it_is_commanded_to_the_right() -> None:
@@ -173,7 +184,7 @@ def test_it_drives_as_it_is_commanded_to_the_right() -> None:
     assert float(str(state["easting_m"])) > east and math.isfinite(float(str(state["northing_m"])) - north)
 
 
-def test_a_robot_that_forgets_all_stands_where_its_last_state_said() -> None:
+def test_one_that_forgets_all_goes_on_where_its_last_state_said_and_one_that_is_linked_again_stays() -> None:
     driver, again = robot(), unlinked()
     place = {"leg": 1, "leg_m": 3.0, "easting_m": 1002.5, "northing_m": 2021.0, "heading_deg": 300.0}
     for each in (driver, again):  # the first of them remembers
@@ -182,6 +193,16 @@ def test_a_robot_that_forgets_all_stands_where_its_last_state_said() -> None:
     assert (state["easting_m"], state["northing_m"], state["heading_deg"]) == pytest.approx((1002.5, 2021.0, 300.0))
     assert (state["leg"], state["leg_m"], state["mode"]) == (1, pytest.approx(3.0), "stopped")
     assert driver.step(0.0)["leg"] == 0
+    driver, welcome = unlinked(), WELCOME | {"leg": 1, "leg_m": 5.0}
+    driver.handle_frame(welcome, 0.0)
+    state = driver.step(0.0)
+    assert (state["leg"], state["leg_m"], state["done"]) == (1, pytest.approx(5.0), False)
+    assert state["northing_m"] == pytest.approx(PLAN.saved.origin_m[1] + LENGTH + 5.0)
+    release(driver, 3, 0.0)
+    assert float(str(let(driver, 0.0, 10.0)["leg_m"])) > 12.0
+    before = float(str(driver.step(10.0)["leg_m"]))
+    driver.handle_frame(welcome, 10.0)
+    assert float(str(driver.step(10.1)["leg_m"])) >= before
 
 
 @pytest.mark.parametrize("times, period_s", [(0.5, 0.1), (3.0, 0.1), (6.0, 0.05), (10.0, 0.03), (100.0, 0.03)])
@@ -197,28 +218,6 @@ def test_states_wait_until_they_are_acknowledged_and_the_oldest_are_lost_first()
     assert waiting.lost == 2 and len(waiting) == 3
     waiting.drop_acknowledged(3)
     assert waiting.list_after(2) == [(4, '{"sequence":4}')] and waiting.list_after(4) == []
-
-
-@pytest.mark.parametrize(("said", "goes_on"), [("heartbeat", True), ("stop", False), ("welcome", False)])
-def test_one_that_follows_goes_on_when_it_hears_the_centre_again_and_never_against_a_stop(
-    said: str, goes_on: bool
-) -> None:
-    driver = robot()
-    release(driver, 3, 0.0, 0.8)
-    let(driver, 0.0, 4.0)
-    assert let(driver, 4.0, 3.0, beats=False)["mode"] == "stopped"
-    driver.handle_frame(WELCOME | {"kind": said, "reason": "test"}, 7.0)
-    state = let(driver, 7.0, 3.0)
-    assert (float(str(state["speed_mps"])) > 0.5) == goes_on == (state["mode"] == "automatic")
-
-
-def test_a_stop_before_the_silence_stays_one() -> None:
-    driver = robot()
-    release(driver, 3, 0.0, 0.8)
-    let(driver, 0.0, 2.0)
-    driver.handle_frame({"kind": "stop", "reason": "test"}, 2.0)
-    driver.step(4.0)  # the process itself stood still that long
-    assert let(driver, 4.1, 2.0)["mode"] == "stopped"
 
 
 class Counter:
@@ -380,21 +379,16 @@ def test_a_robot_whose_place_was_taken_ends(counting: Counter) -> None:
         asyncio.run(whole())
 
 
-def test_one_that_starts_again_goes_on_where_it_was_and_one_that_is_linked_again_stays() -> None:
-    driver = unlinked()
-    welcome = WELCOME | {"leg": 1, "leg_m": 5.0}
-    driver.handle_frame(welcome, 0.0)
-    state = driver.step(0.0)
-    assert (state["leg"], state["leg_m"], state["done"]) == (1, pytest.approx(5.0), False)
-    assert state["northing_m"] == pytest.approx(PLAN.saved.origin_m[1] + LENGTH + 5.0)
-    release(driver, 3, 0.0)
-    assert float(str(let(driver, 0.0, 10.0)["leg_m"])) > 12.0
-    before = float(str(driver.step(10.0)["leg_m"]))
-    driver.handle_frame(welcome, 10.0)
-    assert float(str(driver.step(10.1)["leg_m"])) >= before
-
-
-def test_a_robot_has_compiled_what_drives_before_it_is_linked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_robot_has_compiled_what_drives_before_it_is_linked_which_leaves_the_tractor_where_it_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made = partial(RobotDriver, PLAN.plan.missions[0], EG105, BAR, (0.0, 0.0), name="r", noise_m=0.02, seed=3)
+    driver, other = made(), made()
+    driver.warm_up()
+    for one in (driver, other):
+        one.set_clock(1000.0, 0.0)
+    first, second = ({k: v for k, v in one.step(0.0).items() if k != "time"} for one in (driver, other))
+    assert first == second
     done: list[str] = []
     monkeypatch.setattr(RobotDriver, "warm_up", lambda self: done.append("warm"))
 
@@ -402,20 +396,5 @@ def test_a_robot_has_compiled_what_drives_before_it_is_linked(monkeypatch: pytes
         done.append("linked")
 
     monkeypatch.setattr(RobotClient, "_stay_linked", linked)
-    plan = fleet_plan()
-    driver = RobotDriver(plan.plan.missions[0], EG105, BAR, (0.0, 0.0), name="robot 1")
     asyncio.run(RobotClient(driver, "http://127.0.0.1:9", "f", 1, None).run())
     assert done == ["warm", "linked"]
-
-
-def test_warming_up_leaves_the_tractor_where_it_is() -> None:
-    plan = fleet_plan()
-    driver, other = (
-        RobotDriver(plan.plan.missions[0], EG105, BAR, (0.0, 0.0), name="r", noise_m=0.02, seed=3) for _ in "ab"
-    )
-    driver.warm_up()
-    for one in (driver, other):
-        one.set_clock(1000.0, 0.0)
-    keep = {"time"}
-    first, second = ({k: v for k, v in one.step(0.0).items() if k not in keep} for one in (driver, other))
-    assert first == second

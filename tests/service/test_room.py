@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 import sqlalchemy as sa
@@ -17,7 +18,7 @@ from planner.service.errors import StorageError
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.service_store import Store
-from planner.service.store.tables import EventRow, JobRow
+from planner.service.store.tables import JobRow
 from tests.service.conftest import BOTH, SMALL, bearer, client_of, wait_until
 from tests.service.kinds import KINDS, made
 from tests.service.one_process import create_app
@@ -63,29 +64,39 @@ def of(disk: Disk, reserve_mb: int = 0) -> ServiceSettings:
     return ServiceSettings(data=data, reserve_mb=reserve_mb, workers=0, upload_mb=4, job_functions=KINDS, lease_s=1.0)
 
 
-def test_bytes_for_which_there_is_no_room_leave_nothing_behind(disk: Disk) -> None:
-    store = Store(of(disk))
+def test_bytes_for_which_there_is_no_room_leave_nothing_behind_and_a_database_keeps_all_it_had(disk: Disk) -> None:
+    store, kept = Store(of(disk)), list[int]()
     first = store.blobs.put_bytes(b"first")
     disk.fill(leave=100_000)
     with pytest.raises(StorageError, match=r"^No room is left .*\.$"):
         store.blobs.put_bytes(os.urandom(300_000))
     assert [path.name for path in store.blobs.list_paths()] == [first]
     disk.free()
+    disk.fill(leave=MEGABYTE_BYTES)
+    with pytest.raises(StorageError):
+        for number in range(10_000):
+            kept.append(store.add_event(None, "office", "event", {"text": "x" * 5_000, "number": number}))
+    events = store.list_events()
+    while more := store.list_events(events[-1].id):
+        events += more
+    assert [each.data["number"] for each in events] == list(range(len(kept)))
+    with store.database.open_read_session() as session:
+        assert session.scalar(sa.text("PRAGMA integrity_check")) == "ok"
+    disk.free()
+    assert store.add_event(None, "office", "again") > 0
     assert store.blobs.read_bytes(store.blobs.put_bytes(b"second" * 100_000)) == b"second" * 100_000
     store.close()
 
 
-def test_what_a_write_says_of_a_full_disk_is_believed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    store = Store(ServiceSettings(data=tmp_path))
+def test_what_a_write_says_of_a_full_disk_is_believed(plain: Store, monkeypatch: pytest.MonkeyPatch) -> None:
 
     def full(_number: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr("planner.service.store.disk_storage.os.fsync", full)
     with pytest.raises(StorageError):
-        store.add_file("field", "north", SMALL)
-    assert store.list_files("field") == [] and store.blobs.list_paths() == []
-    store.close()
+        plain.add_file("field", "north", SMALL)
+    assert plain.list_files("field") == [] and plain.blobs.list_paths() == []
 
 
 def test_a_reserve_stays_free_for_the_database(disk: Disk) -> None:
@@ -121,29 +132,6 @@ def test_a_body_that_finds_no_room_while_it_comes_is_refused(disk: Disk, monkeyp
         large = b" " * (3 * MEGABYTE_BYTES)
         answer = client.post("/api/v1/logs", files={"file": ("x.csv", large)}, headers=bearer(app, BOTH))
         assert answer.status_code == 507 and "No room is left" in answer.json()["error"]
-
-
-def test_a_database_without_room_keeps_all_it_had(disk: Disk) -> None:
-    store = Store(of(disk))
-    kept = []
-    disk.fill(leave=MEGABYTE_BYTES)
-    with pytest.raises(StorageError):
-        for number in range(10_000):
-            kept.append(store.add_event(None, "office", "event", {"text": "x" * 5_000, "number": number}))
-    assert [each.data["number"] for each in all_events(store)] == list(range(len(kept)))
-    with store.database.open_read_session() as session:
-        assert session.scalar(sa.text("PRAGMA integrity_check")) == "ok"
-    disk.free()
-    assert store.add_event(None, "office", "again") > 0
-    store.close()
-
-
-def all_events(store: Store) -> list[EventRow]:
-    """All events."""
-    found = store.list_events()
-    while found and (more := store.list_events(found[-1].id)):
-        found += more
-    return found
 
 
 def test_a_server_that_says_its_disk_is_full_is_believed(store: Store) -> None:
@@ -200,9 +188,8 @@ def test_after_a_time_without_room_who_is_alive_reports_before_anything_is_relea
     assert store.claim_job("w") is not None
     with store.database.open_write_session() as session:
         session.execute(sa.update(JobRow).values(lease=time.time() - 60.0))
-    expire, store.release_expired = store.release_expired, no_room  # type: ignore[method-assign]
-    supervisor._release_unreported()
-    store.release_expired = expire  # type: ignore[method-assign]
+    with patch.object(store, "release_expired", side_effect=StorageError("No room.")):
+        supervisor._release_unreported()
     supervisor._release_unreported()
     assert store.get_job(job.id).status == "running" and store.report_job(job.number, "w")
     with store.database.open_write_session() as session:
@@ -210,8 +197,3 @@ def test_after_a_time_without_room_who_is_alive_reports_before_anything_is_relea
     supervisor._release_unreported()
     assert store.get_job(job.id).status == "queued", "nobody has reported since"
     store.close()
-
-
-def no_room() -> None:
-    """A database whose disk is full."""
-    raise StorageError("No room.")

@@ -49,6 +49,11 @@ def test_a_tractor_that_has_failed_is_taken_back_and_goes_on_when_it_is_told_to(
     )
     assert not any(a.code == "failed" and not a.over for a in manager.alarms.list_alarms())
     assert ("bert", "recover") in [(event.who, event.what) for event in fleet.events]
+    led(fleet, 8.0, before, leg_m=before)
+    with pytest.raises(FleetManagerError, match=r"8\.0 m off its leg"):
+        manager.operators.resume_tractors("bert", 0, fleet.now)
+    led(fleet, 0.0, before, leg_m=before)
+    fleet.silent.clear()
     manager.operators.resume_tractors("bert", 0, fleet.now)
     fleet.run(60)
     assert state.done and manager.state == DONE
@@ -56,22 +61,14 @@ def test_a_tractor_that_has_failed_is_taken_back_and_goes_on_when_it_is_told_to(
         manager.operators.mark_repaired("bert", 0, fleet.now)
 
 
-def test_one_that_was_towed_away_goes_on_only_from_its_leg() -> None:
-    fleet = start_fleet()
-    fleet.run(4)
-    fleet.manager.operators.mark_failed("anna", 0, fleet.now)
-    led(fleet, 8.0, 5.0, leg_m=4.0)
-    fleet.manager.operators.mark_repaired("anna", 0, fleet.now)
-    with pytest.raises(FleetManagerError, match=r"8\.0 m off its leg"):
-        fleet.manager.operators.resume_tractors("anna", 0, fleet.now)
-
-
-def test_one_whose_tracks_were_given_away_is_driven_by_remote_control_alone() -> None:
+def test_one_whose_tracks_were_given_away_is_driven_by_remote_control_alone_and_has_not_failed() -> None:
     fleet = start_fleet()
     fleet.run(4)
     manager, state = fleet.manager, fleet.manager.states[0]
-    manager.operators.mark_failed("anna", 0, fleet.now)
     manager.operators.adopt_plan("anna", manager.plan, fleet.now, (0,))
+    assert not state.failed and state.has_no_more_legs and state.standing_ordered and state.holds == {Hold.REASSIGNED}
+    assert not [alarm for alarm in manager.alarms.list_alarms() if alarm.code == "failed"]
+    manager.operators.mark_failed("anna", 0, fleet.now)
     manager.operators.mark_repaired("anna", 0, fleet.now)
     assert state.holds == {Hold.REASSIGNED, Hold.REMOTE_CONTROL}
     with pytest.raises(FleetManagerError, match="were given to others"):
@@ -84,16 +81,6 @@ def test_one_whose_tracks_were_given_away_is_driven_by_remote_control_alone() ->
     manager.operators.take_lease("anna", 0, False, fleet.now)
     manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     assert state.remote_command == (0.0, 0.5)
-
-
-def test_who_is_left_out_of_a_plan_has_not_failed() -> None:
-    fleet = start_fleet()
-    fleet.run(4)
-    manager, state = fleet.manager, fleet.manager.states[0]
-    manager.operators.adopt_plan("anna", manager.plan, fleet.now, (0,))
-    assert not state.failed and state.has_no_more_legs and state.standing_ordered
-    assert state.holds == {Hold.REASSIGNED}
-    assert not [alarm for alarm in manager.alarms.list_alarms() if alarm.code == "failed"]
 
 
 def test_who_was_led_past_an_obstacle_does_not_stand_for_it() -> None:

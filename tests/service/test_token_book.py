@@ -4,17 +4,16 @@ import asyncio
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
 
 from planner.service.errors import TokenError
-from planner.service.settings import ServiceSettings
 from planner.service.store import database_watch
 from planner.service.store.database_watch import TokenCache
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
+from tests.service.conftest import wait_until
 
 PATIENCE_S = 60.0  # for what happens within a second, on a machine that does much else
 
@@ -43,17 +42,8 @@ class Lost:
 
 
 @pytest.fixture
-def lost(tmp_path: Path) -> Iterator[Lost]:
-    store = Store(ServiceSettings(data=tmp_path))
-    yield Lost(store)
-    store.close()
-
-
-def wait_until_unknown(book: TokenCache, text: str) -> None:
-    begin = time.monotonic()
-    while book.find_token(text) is not None:
-        assert time.monotonic() - begin < PATIENCE_S
-        time.sleep(0.01)
+def lost(plain: Store) -> Lost:
+    return Lost(plain)
 
 
 @pytest.mark.slow
@@ -64,7 +54,7 @@ def test_tokens_of_another_process_are_found_and_revoked_ones_are_not(book: Toke
     other = store.create_token_text("phone", "read")
     assert asyncio.run(book.identify_token(other)).name == "phone"
     store.revoke_token("office")
-    wait_until_unknown(book, text)
+    wait_until(lambda: book.find_token(text) is None)
     with pytest.raises(TokenError, match="token is unknown"):
         asyncio.run(book.identify_token(text))
     for odd in ("", "hl_", "office", "\0", "\ud800", "hl_" + "x" * 100_000):
@@ -94,11 +84,8 @@ def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> Non
     book = TokenCache(lost, lambda: time.monotonic() + later_s[0])  # type: ignore[arg-type]
     book.start()
     lost.lost = True
-    begin = time.monotonic()
-    while book.last_error is None:
-        assert time.monotonic() - begin < PATIENCE_S
-        time.sleep(0.01)
-    assert "the server is gone" in book.last_error
+    wait_until(lambda: book.last_error is not None)
+    assert "the server is gone" in str(book.last_error)
     for later_s[0] in (0.0, 60.0):  # however long it is gone
         assert asyncio.run(book.identify_token(text)).scopes == "operator"
     assert not book.is_fresh
@@ -106,7 +93,7 @@ def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> Non
     lost.store.revoke_token("office")
     assert book.find_token(text) is not None
     lost.lost = False
-    wait_until_unknown(book, text)
+    wait_until(lambda: book.find_token(text) is None)
     assert book.last_error is None and book.age_s < PATIENCE_S
     book.close()
 

@@ -19,7 +19,6 @@ from datamodel_code_generator.enums import DataModelType
 from datamodel_code_generator.parser import LiteralType
 from pydantic import ValidationError
 
-from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.conftest import BOTH, SMALL, bearer, client_of
@@ -77,7 +76,8 @@ def generate_client(api: dict[str, Any], folder: Path) -> ModuleType:
         use_standard_collections=True, use_annotated=True, use_union_operator=True, disable_timestamp=True,
         enum_field_as_literal=LiteralType.All, formatters=[],
     )  # fmt: skip
-    (folder / "service_client.py").write_text(HEAD + "".join(_iter_methods(api)), encoding="utf-8")
+    written = [_write_method(path, *one) for path, operations in api["paths"].items() for one in operations.items()]
+    (folder / "service_client.py").write_text(HEAD + "".join(written), encoding="utf-8")
     load_module("service_models", models)
     return load_module("service_client", folder / "service_client.py")
 
@@ -90,12 +90,6 @@ def load_module(name: str, path: Path) -> ModuleType:
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
-
-
-def _iter_methods(api: dict[str, Any]) -> Iterator[str]:
-    for path, operations in api["paths"].items():
-        for method, operation in operations.items():
-            yield _write_method(path, method, operation)
 
 
 def _write_method(path: str, method: str, operation: dict[str, Any]) -> str:
@@ -139,17 +133,11 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ModuleTy
 
 
 @pytest.mark.slow
-def test_every_operation_has_a_method(service: tuple[ModuleType, Any, Store, Path]) -> None:
-    _, client, _, folder = service
+def test_a_program_asks_for_a_plan_and_fetches_the_result(service: tuple[ModuleType, Any, Store, Path]) -> None:
+    module, client, store, folder = service
     source = (folder / "service_client.py").read_text(encoding="utf-8")
-    named = {"list_fields", "upload_field", "ask_plan", "watch_plan", "download_plan_result", "list_jobs", "ask_day"}
-    assert {name for name in named if callable(getattr(client, name, None))} == named
     assert "def ask_plan(self, body: models.PlanJobRequest) -> models.JobInfo:" in source
-
-
-@pytest.mark.slow
-def test_a_program_plans_a_field_and_fetches_the_result(service: tuple[ModuleType, Any, Store, Path]) -> None:
-    module, client, store, _ = service
+    assert all(callable(getattr(client, name)) for name in ("list_jobs", "ask_day"))
     uploaded = client.upload_field(("north.geojson", SMALL, "application/geo+json"))
     assert uploaded.name in [one.name for one in client.list_fields().items]
     request = module.models.PlanJobRequest(
@@ -158,12 +146,10 @@ def test_a_program_plans_a_field_and_fetches_the_result(service: tuple[ModuleTyp
     job = client.ask_plan(request)
     assert client.watch_plan(job.id).status == "queued"
     claimed = store.claim_job("w")
-    assert claimed is not None
-    run_and_store_job(store, "w", claimed)
+    assert claimed is not None and store.finish_job(claimed.number, "w", [("result.json", b"{}", "application/json")])
     done = client.watch_plan(job.id)
-    assert done.status == "done" and "result.json" in done.results
-    answer = json.loads(client.download_plan_result(job.id, "result.json"))
-    assert answer["best"]["strategy"] == "split-field" and answer["best"]["worked_pct"] > 80.0
+    assert done.status == "done" and done.results == ["result.json"]
+    assert client.download_plan_result(job.id, "result.json") == b"{}"
     assert job.id in [one.id for one in client.list_plan_jobs().items]
 
 
@@ -179,13 +165,12 @@ def test_refusals_come_with_their_sentence(service: tuple[ModuleType, Any, Store
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("wrong", "status"), [("", 0), (".colour", 1)])
-def test_the_client_is_typed(service: tuple[ModuleType, Any, Store, Path], wrong: str, status: int) -> None:
+def test_the_client_is_typed(service: tuple[ModuleType, Any, Store, Path]) -> None:
     pytest.importorskip("mypy", reason="types are checked with mypy")
     folder = service[-1]
-    (folder / "used.py").write_text(USED.format(wrong=wrong), encoding="utf-8")
-    types = str(folder / "types")
-    words = [sys.executable, "-m", "mypy", "--strict", "--config-file=", "--cache-dir", types, "used.py"]
-    checked = subprocess.run(words, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
-    assert checked.returncode == status, checked.stdout
-    assert ("has no attribute" in checked.stdout) == bool(wrong)
+    for name, wrong in (("used.py", ""), ("misused.py", ".colour")):
+        (folder / name).write_text(USED.format(wrong=wrong), encoding="utf-8")
+    words = ["-m", "mypy", "--strict", "--config-file=", "--cache-dir", str(folder / "types"), "used.py", "misused.py"]
+    checked = subprocess.run([sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=240)
+    errors = [line for line in checked.stdout.splitlines() if ": error:" in line]
+    assert errors and all(each.startswith("misused.py") and "has no attribute" in each for each in errors), errors

@@ -19,9 +19,10 @@ from planner.fleet.session.state_recorder import MOST_SEQUENCES_AHEAD
 from planner.service.fleets.fleet_socket import _handle_frame
 from tests.benchmarks.links import spoil_frame
 from tests.service.fleets import SimulatedFleet, fleet_plan, start_fleet, state
-from tests.service.test_safety import live, waiting
+from tests.service.test_safety import live, remote, waiting
 
 SQUARE = [[1000.0, 2100.0], [1001.0, 2100.0], [1001.0, 2101.0], [1000.0, 2101.0]]
+NAMED: dict[str, Any] = {"kind": "obstacle", "polygon_m": SQUARE}
 CIRCLE = [[1000.0 + math.cos(k / 50), 2100.0 + math.sin(k / 50)] for k in range(300)]
 BAD_FRAMES = {
     "many corners": json.dumps({"kind": "obstacle", "polygon_m": CIRCLE}),
@@ -63,6 +64,8 @@ def test_who_tells_of_an_obstacle_that_cannot_be_read_stands_and_nobody_else(wha
 
 
 def test_what_does_not_name_itself_an_obstacle_or_comes_of_an_operator_holds_nobody() -> None:
+    assert is_about_obstacle('{"kind":"obstacle"') and is_about_obstacle('{"polygon_m" : 3}')
+    assert not is_about_obstacle('{"kind":"state","name":"obstacle"}')
     fleet, first, _, operator = started()
     said = json.dumps(state(5, errors=['"kind":"obstacle"']) | {"leg": -1})
     for text in (said, "{", "[]", '"obstacle"', None, "x" * (LARGEST_FRAME + 1)):
@@ -143,27 +146,20 @@ def test_one_that_can_be_read_lets_it_go_on_once_no_other_has_come_for_a_while()
     fleet.manager.obstacle_reports.add("tractor 1", AWAY, "stone", fleet.now, 0)
     fleet.run(SETTLED_S)
     assert not held(fleet) and not fleet.standing[0]
-
-
-def test_one_that_is_read_and_stands_before_it_holds_it_instead() -> None:
     fleet = facing()
     fleet.manager.obstacle_reports.add("tractor 1", ((-1.0, 12.0), (1.0, 12.0), (1.0, 13.0)), "stone", fleet.now, 0)
     fleet.run(SETTLED_S + 1.0)
-    assert not held(fleet) and fleet.standing[0] and fleet.manager.states[0].holds == {"obstacle on its way"}
+    assert fleet.standing[0] and fleet.manager.states[0].holds == {Hold.OBSTACLE}, "what is read holds it instead"
 
 
 def test_remote_control_stands_too_until_somebody_has_looked() -> None:
-    fleet = start_fleet()
-    fleet.run(5)
-    fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
-    fleet.silent = {0}
-    fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
+    fleet = remote(0.0, 5.0)
     fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     fleet.manager.obstacle_reports.add_unreadable(0, "It has 300 corners.", fleet.now)
     fleet.now += LOOK_DELAY_S
     fleet.manager.take_report(0, TractorReport(0.0, 5.0, math.pi / 2, 0.0, mode="remote", leg_m=5.0), fleet.now)
     assert fleet.manager.states[0].remote_command[1] == 0.0
-    with pytest.raises(Exception, match="an obstacle that cannot be read") as refused:
+    with pytest.raises(FleetManagerError, match="an obstacle that cannot be read") as refused:
         fleet.manager.operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     assert not isinstance(refused.value, ControlLeaseError)
     acknowledge(fleet)
@@ -218,11 +214,6 @@ def test_an_acknowledgement_that_was_held_up_lets_nobody_go_on() -> None:
     assert not fleet.manager.states[0].holds
 
 
-def test_an_obstacle_is_named_by_its_kind_or_by_its_corners() -> None:
-    assert is_about_obstacle('{"kind":"obstacle"') and is_about_obstacle('{"polygon_m" : 3}')
-    assert not is_about_obstacle('{"kind":"state","name":"obstacle"}')
-
-
 @pytest.mark.parametrize(
     ("frame", "sentence"),
     [
@@ -232,18 +223,9 @@ def test_an_obstacle_is_named_by_its_kind_or_by_its_corners() -> None:
         ({"kind": "obstacle"}, "polygon_m is missing; give it."),
         ({"polygon_m": SQUARE}, "kind is missing; give the kind of this object."),
         ({"kind": "stone", "polygon_m": SQUARE}, "kind is \"stone\"; use 'state', 'obstacle' or 'disconnect'."),
-        (
-            {"kind": "obstacle", "polygon_m": SQUARE, "name": "a\x00b"},
-            'name is "a\\u0000b", with characters that are not allowed; leave them out.',
-        ),
-        (
-            {"kind": "obstacle", "polygon_m": SQUARE, "a\x00b": 1},
-            "a\\u0000b is unknown; the API is documented at /api/v1/docs.",
-        ),
-        (
-            {"kind": "obstacle", "polygon_m": SQUARE, "k" * 500: 1},
-            f"{'k' * 40} is unknown; the API is documented at /api/v1/docs.",
-        ),
+        (NAMED | {"name": "a\x00b"}, 'name is "a\\u0000b", with characters that are not allowed; leave them out.'),
+        (NAMED | {"a\x00b": 1}, "a\\u0000b is unknown; the API is documented at /api/v1/docs."),
+        (NAMED | {"k" * 500: 1}, f"{'k' * 40} is unknown; the API is documented at /api/v1/docs."),
         (state(0, speed_mps=-1.0), "speed_mps is -1.0; use at least 0."),
         (state(0, time="now"), 'time is "now"; give a time with its zone, such as 2026-05-04T08:00:00Z.'),
         (state(0, shuttle=7), "shuttle is 7; use -1, 0 or 1."),

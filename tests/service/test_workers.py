@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -22,20 +22,21 @@ import yaml
 
 from planner.cli import main
 from planner.service.errors import BusyError, DatabaseError, NotFoundError, ResultPlaceError, VersionError
-from planner.service.jobs.workers import run_and_store_job
+from planner.service.jobs import job_runs, workers
+from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import RemoteStore, ResultPlace, check_result_place
 from planner.service.store.database import Database, migrate_database
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
-from tests.service.conftest import wait_until
+from tests.benchmarks.jobs import campaign
+from tests.service.conftest import run_next_job, wait_until
 from tests.service.databases import database
 from tests.service.kinds import KINDS, made
 from tests.service.test_commands import COMMAND
 from tests.service.web_proxies import GUIDE
 
 ROOT = Path(__file__).parents[2]
-WORKER = ("worker", "--database", "postgresql://127.0.0.1:1/x")
 OWNERS = {name: None if name == "nobody" else Owner(name, name) for name in ("nobody", "ann", "bob", "eve")}
 
 
@@ -130,15 +131,11 @@ def test_inputs_come_and_results_go_by_the_database(shared: Store, remote: Remot
     inputs = {"field/x": sha256, "field/y": sha256, "field/gone": "0" * 64}
     job = shared.add_job("tiny", "first", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
     assert count_carried(shared) == 1
-    missing = remote.claim_job("w")
-    assert missing is not None
-    run_and_store_job(remote, "w", missing)
+    run_next_job(remote)
     assert "are gone" in str(shared.get_job(job.id).error)
     del inputs["field/gone"]
     job = shared.add_job("tiny", "second", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
-    claimed = remote.claim_job("w")
-    assert claimed is not None
-    run_and_store_job(remote, "w", claimed)
+    run_next_job(remote)
     (result,) = shared.get_job(job.id).results
     wanted = made(7, 2 * content)[0][1]
     path = shared.blobs.get_path(result.sha256)
@@ -171,9 +168,7 @@ def bucket(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 def run_one_job(shared: Store, remote: RemoteStore, name: str) -> str:
     """Let a worker elsewhere do a job; returns the SHA-256 of its result."""
     job = shared.add_job("tiny", name, {"number": 7})
-    claimed = remote.claim_job("w")
-    assert claimed is not None
-    run_and_store_job(remote, "w", claimed)
+    run_next_job(remote)
     return shared.get_job(job.id).results[0].sha256
 
 
@@ -356,43 +351,6 @@ def test_every_command_of_the_compose_file_is_one() -> None:
     assert len(lines) == 3
 
 
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["worker"], "Missing option '--database'"),
-        (["worker", "--database", "x"], "The database is not a URL; write one such as"),
-        (["worker", "--database", "sqlite:///x.db"], "A worker takes jobs from PostgreSQL; give the --database of"),
-        (["worker", "--database", "postgresql://127.0.0.1:1/x", "--workers", "0"], "--workers is 0; use 1 to 64."),
-        (["worker", "--database", "postgresql://127.0.0.1:1/x"], "cannot be used: connection"),
-        (["serve", "--workers", "0"], "Without workers of its own the service needs PostgreSQL"),
-        (["serve", "--workers", "-1"], "--workers is -1; use 0 to 64."),
-        (
-            ["serve", "--results", "s3://results/farm"],
-            "Results go by a store from workers on other machines, which need",
-        ),
-        (
-            [*WORKER, "--results", "results"],
-            "Results cannot go to 'results': ValueError: it is no URL with a folder; give",
-        ),
-        (
-            [*WORKER, "--results", "x9://results/farm"],
-            "Results cannot go to 'x9://results/farm': ValueError: Protocol not",
-        ),
-    ],
-)
-def test_what_the_commands_cannot_use_is_refused_in_a_sentence(
-    run: Callable[..., tuple[int, str, str]],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    arguments: list[str],
-    sentence: str,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HEADLAND_DATA", str(tmp_path / "data"))
-    status, out, err = run(*arguments)
-    assert (status, out, err.count("\n")) == (2, "", 1) and sentence in err and err.startswith("Error: ")
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="SIGTERM ends a process at once on Windows")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -414,3 +372,87 @@ def test_a_worker_ends_with_a_status_of_its_own_once_the_service_is_of_another_v
         set_version(shared, "9.9 with tables 0099")
         _, err = process.communicate(timeout=60)
     assert process.returncode == 4 and "and the service is 9.9 with tables 0099; install the same version here." in err
+
+
+@pytest.fixture
+def kept(tmp_path: Path) -> Store:
+    """A store that knows the kinds of these tests."""
+    return Store(ServiceSettings(data=tmp_path / "data", workers=1, job_functions=KINDS, lease_s=1.0))
+
+
+def done_here(store: Store, kind: str, **request: object) -> str:
+    """Do one job in this process; its ID."""
+    job = store.add_job(kind, "here", {"number": 7, **request}, {"field/x": store.blobs.put_bytes(b"X")})
+    run_next_job(store)
+    return job.id
+
+
+def test_a_job_finds_its_files_and_leaves_its_results(kept: Store) -> None:
+    before = Path.cwd()
+    done = kept.get_job(done_here(kept, "tiny", files=["field/x"]))
+    assert (done.status, done.words, Path.cwd()) == ("done", "At work", before)
+    assert kept.blobs.read_bytes(done.results[0].sha256) == made(7, b"X")[0][1]
+    assert list((kept.settings.data / "work").iterdir()) == []
+
+
+def test_a_job_that_fails_says_why_in_one_sentence(kept: Store) -> None:
+    refused, broken = kept.get_job(done_here(kept, "refused")), kept.get_job(done_here(kept, "broken"))
+    assert (refused.status, refused.error) == ("failed", "width is 7; use another.")
+    assert (broken.status, broken.error) == (
+        "failed", "This is a fault of Headland (RuntimeError: something else); please report it."
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_workers_are_replaced_and_end_with_their_supervisor(kept: Store) -> None:
+    settings = replace(kept.settings, tries=2)
+    store = Store(settings)
+    supervisor = WorkerSupervisor(settings, store)
+    supervisor.start()
+    try:
+        deadly, long = store.add_job("deadly", "deadly", {}), store.add_job("tiny", "long", {"number": 1, "step_s": 30})
+        wait_until(lambda: store.get_job(long.id).status == "running")
+        wait_until(lambda: store.get_job(long.id).words == "At work")
+        first = supervisor.list_worker_pids()
+        store.cancel_job(long.id)
+        last = store.add_job("tiny", "last", {"number": 2})
+        wait_until(lambda: store.get_job(last.id).status == "done" and store.get_job(deadly.id).status == "failed")
+        assert supervisor.list_worker_pids() != first and store.get_job(long.id).status == "cancelled"
+        assert "ended 2 times" in str(store.get_job(deadly.id).error)
+        left = store.add_job("tiny", "left", {"number": 3, "step_s": 30})
+        wait_until(lambda: store.get_job(left.id).status == "running")
+        pids = supervisor.list_worker_pids()
+    finally:
+        supervisor.stop()
+    assert (store.get_job(left.id).status, store.get_job(left.id).tries) == ("queued", 0)
+    assert pids and supervisor.list_worker_pids() == []
+    store.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="processes are found in /proc")
+@pytest.mark.parametrize("kind", [pytest.param("sqlite", marks=pytest.mark.matrix), "postgresql"])
+def test_jobs_are_done_once_though_server_and_workers_are_killed(kind: str, tmp_path: Path) -> None:
+    with database(kind) as url:
+        settings = ServiceSettings(data=tmp_path / "data", database=url, workers=1, lease_s=2.0)
+        found = campaign(settings, jobs=20, kills=3, seed=3, whole=False, patience_s=120.0)
+    assert (found.done, found.wrong, found.left_over) == (20, [], [])
+    assert found.servers_killed >= 1 and found.servers_killed + found.workers_killed == 3
+
+
+def test_a_worker_without_a_job_loads_what_the_first_one_needs(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    heard = list[str]()
+    jobs = iter([None, None, "a job"])
+
+    def claim(*_: Any) -> Any:
+        heard.append("claim")
+        return next(jobs)
+
+    monkeypatch.setattr("signal.signal", lambda *_: None)  # a worker ignores Ctrl-C, this process does not
+    monkeypatch.setattr(workers, "_claim_next_job", claim)
+    monkeypatch.setattr(workers, "end_with_service", lambda: None)
+    monkeypatch.setattr(workers, "run_and_store_job", lambda *_: heard.append("run"))
+    monkeypatch.setattr(job_runs, "load_job_libraries", lambda: heard.append("load"))
+    with pytest.raises(StopIteration):
+        workers.run_worker(ServiceSettings(data=tmp_path), "w")
+    assert heard == ["claim", "load", "claim", "claim", "run", "claim"]
