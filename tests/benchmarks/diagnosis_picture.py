@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from vehicle.identification.replay.rig import build_rig
 
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
@@ -27,6 +26,7 @@ from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchR
 from vehicle.identification.diagnosis.verdicts import ValueConverter, decide, list_run_starts
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.rig import build_rig
 from vehicle.model.tractor import load_tractor
 
 BAND_SIGMAS, GREY, BLUE, BAND = 2.0, "#6b7280", "#1d4ed8", "#dbe3f1"
