@@ -23,7 +23,7 @@ from strategies.path_planning.paths import shift_pose_ahead
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST, ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import Ground, build_ground
-from strategies.site.site import MISSED_FACTOR, FoldedBody, Site
+from strategies.site.site import MISSED_FACTOR, ORDER_S, FoldedBody, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.terrain import Terrain
@@ -39,7 +39,6 @@ LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4
 CORNER_FACTORS = {SQUARE_CORNERS: math.inf, ROUND_CORNERS: 0.0}  # as asked; else ground is weighed against time
 T = TypeVar("T")
-FURROW_S = 120.0  # charge for a move that leaves the furrow: more than any turn to a track farther off saves
 WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 
 
@@ -72,7 +71,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
         crop_stands=crop_stands,
-        furrow_s=FURROW_S if rule is not None and rule.in_furrows else 0.0,
+        furrow_s=ORDER_S if rule is not None and rule.in_furrows else 0.0,
         kept=build_ground(intersect(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         standing=_build_standing_ground(context) if crop_stands else None,
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,

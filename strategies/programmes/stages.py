@@ -12,7 +12,7 @@ import shapely
 from strategies.lines.deal_apart import list_rings
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.site.site import ROUND_S, Site
+from strategies.site.site import ORDER_S, Site
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegGate, LegTask, Mission, Plan
 
 Floats = npt.NDArray[np.float64]
@@ -71,7 +71,7 @@ def charge_order(site: Site, lines: Sequence[WorkLine], order: str, allowed: npt
 
 
 def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
-    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ROUND_S where they leave the order of passes.
+    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ORDER_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
     machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
@@ -92,7 +92,7 @@ def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone
     is_track = np.array([is_alone and line.group[0] == SWATH for line in lines], bool)
     begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & (places > 0)
     is_charged = (nests >= 0) & (goes_back | begins_late)
-    charged_s[:-1, :-1] = ROUND_S * np.kron(is_charged, np.ones((2, 2)))
+    charged_s[:-1, :-1] = ORDER_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
 
 

@@ -26,7 +26,7 @@ from strategies.programmes.stages import (
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
 from strategies.rules.dealing import cut_balanced_blocks
 from strategies.rules.driving_rules import DrivingRules
-from strategies.site.site import ROUND_S
+from strategies.site.site import ORDER_S
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.sim.path_conflicts import PosePath
@@ -180,7 +180,7 @@ def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     lines.append(draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0)))
     one, two, three, near, away, swath, gate = (*(2 * number for number in (0, 4, 8, 12, 16, 20)), -1)
     charged_s = charge_rounds(make_site(), lines, "first", is_alone=False)
-    assert charged_s.shape == (43, 43) and set(charged_s.ravel()) == {0.0, ROUND_S}
+    assert charged_s.shape == (43, 43) and set(charged_s.ravel()) == {0.0, ORDER_S}
     free = [(one, two), (one, three), (one, one + 2), (near, away), (away, one), (swath, two), (swath, away)]
     assert not any(charged_s[pair] for pair in free), "from the outside in, and from another nest to the first"
     charged = [(two, one), (three, two + 1), (three, one), (away, near), (one, away), (near, two)]

@@ -32,12 +32,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
 from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import (
-    charge_order,
-    find_first_tasks,
-    list_stages,
-    stagger_starts,
-)
+from strategies.programmes.stages import charge_order, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
