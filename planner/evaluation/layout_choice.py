@@ -212,7 +212,8 @@ def choose_quickest_index(
 def estimate_finish_s(context: PlanningContext) -> float:
     """Seconds in which one tractor finishes the field by the programme composed for it, before anything is driven.
 
-    Ground that no line covers is finished at the same rate; infinite where there is no line.
+    With what ways to another furrow are charged. Ground that no line covers is finished at the same rate; infinite
+    where there is no line.
     """
     moves = get_site_moves(context)
     if not moves.lines:

@@ -15,7 +15,8 @@ from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import intersect, subtract, unite
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.machine_outlines import build_body, folds_at_gate, measure_half_m
-from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from planner.request.implement_choice import keeps_ground
+from planner.request.plan_request import STANDING_CROP_OPERATIONS
 from strategies.lines.done_lines import begin_where_tractors_stand, find_orders, leave_done_lines
 from strategies.lines.lay_lines import lay_headland_lines, lay_lines
 from strategies.lines.work_line import WorkLine
@@ -57,9 +58,8 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         return ground, proof_ground
 
     ground, proof_ground = build_grounds(shapely.Polygon())
-    crop_stands = operation in STANDING_CROP_OPERATIONS
-    is_kept = crop_stands or operation in KEPT_GROUND_OPERATIONS
-    rule = context.request.find_draft_rule()
+    crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
+    is_kept = keeps_ground(operation, rule)
     return Site(
         layout=context.layout,
         headland_passes=context.headland_passes,
@@ -71,10 +71,11 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
         crop_stands=crop_stands,
+        keeps_ground=is_kept,
         furrow_s=ORDER_S if rule is not None and rule.in_furrows else 0.0,
         kept=build_ground(intersect(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
         standing=_build_standing_ground(context) if crop_stands else None,
-        wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
+        wheels_s_per_m=KEPT_WHEELS_S_PER_M if crop_stands or is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,

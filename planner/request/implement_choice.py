@@ -6,6 +6,7 @@ from planner.errors import RequestError, attach_parameter, mark_parameter
 from vehicle.energy.draft import SOW, TILL, DraftRule, find_draft_rule, get_draft_rule
 
 PULLED_OPERATIONS = (TILL, SOW)  # others take their power from the shaft
+KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
 
 
 def choose_rule(operation: str, width_m: float, draft: str | None, depth_cm: float | None) -> DraftRule | None:
@@ -31,6 +32,11 @@ def choose_rule(operation: str, width_m: float, draft: str | None, depth_cm: flo
         return rule
     with attach_parameter("depth_cm"):
         return rule.set_depth(depth_cm)
+
+
+def keeps_ground(operation: str, rule: DraftRule | None) -> bool:
+    """Whether ground that an implement with a draft has finished must not be driven over again."""
+    return operation in KEPT_GROUND_OPERATIONS or (rule is not None and rule.in_furrows)
 
 
 def check_transport_width(transport_m: float | None, width_m: float) -> None:

@@ -64,7 +64,6 @@ HEADLAND_ORDERS_BY_OPERATION = {
 }
 """When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
-KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
 MAX_MARGIN_M = 100.0
 MAX_DEPTH_CM = 100.0
 STRAIGHT, CONTOUR = SWATH_FORMS = "straight", "contour"

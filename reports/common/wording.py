@@ -65,6 +65,11 @@ def format_width(metres: float) -> str:
     return LENGTH.format(metres, 1) if is_us() else f"{metres:g} m"
 
 
+def format_speed(speed_kmh: float) -> str:
+    """A speed, without decimals that say nothing: ``5 km/h``."""
+    return SPEED.format(speed_kmh, 1).replace(".0 ", " ")
+
+
 def format_area(m2: float) -> str:
     """An area in hectares, or in square metres where it is small; in acres or square feet."""
     least_m2 = _LEAST_ACRES * ACRE_M2 if is_us() else _LEAST_HA_M2

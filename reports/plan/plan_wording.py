@@ -21,6 +21,7 @@ from reports.common.wording import (
     format_money,
     format_number,
     format_percent,
+    format_speed,
     format_time_span,
     format_tractor_count,
     format_width,
@@ -120,12 +121,13 @@ def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
 
 
 def describe_machines(ranking: PlanRanking) -> str | None:
-    """Tractor, implement (by its name in the farm file) and width; None if unknown."""
+    """Tractor, implement (by its name in the farm file), width and working speed; None if unknown."""
     scenario = ranking.scenario
     if "tractor" not in scenario or "width_m" not in scenario:
         return None
     implement = scenario.get("implement") or translate("implement")
-    return f"{scenario['tractor']}, {implement} {format_width(scenario['width_m'])}"
+    texts = [scenario["tractor"], f"{implement} {format_width(scenario['width_m'])}"]
+    return ", ".join(texts + ([format_speed(scenario["speed_kmh"])] if "speed_kmh" in scenario else []))
 
 
 def describe_simulated_effects(ranking: PlanRanking) -> str | None:

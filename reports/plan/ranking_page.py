@@ -194,6 +194,7 @@ def render_plan_page(
 
 
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
+    """What the template of the page takes."""
     plans, refused, effects = list_feasible(ranking), list_refused(ranking), describe_simulated_effects(ranking)
     columns = [(figure, False) for figure in choose_figures(ranking, plans, PAGE_KEYS)]
     columns += [(figure, True) for figure in choose_figures(ranking, plans, PAGE_EXTRA_KEYS)]

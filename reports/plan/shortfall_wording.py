@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from reports.common.language import translate, translate_sentence
 from reports.common.plan_records import PullFigures, Shortfall, ShortfallKind
 from reports.common.plan_results import PlanRanking, PlanResult
-from reports.common.wording import SPEED, format_deadline, format_number, format_width, group_alike, join_list
+from reports.common.wording import format_deadline, format_number, format_speed, format_width, group_alike, join_list
 
 
 def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:
@@ -47,9 +47,6 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
     """Asks whether the tractor can pull the implement where it seems too weak, or says that it cannot; else ""."""
     if pull is None or not pull.is_questioned:
         return ""
-
-    def format_speed(speed_kmh: float) -> str:
-        return SPEED.format(speed_kmh, 1).replace(".0 ", " ")
 
     width = format_width(round(pull.width_m, 1))
     if pull.implement == "drill":

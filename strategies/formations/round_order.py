@@ -134,8 +134,8 @@ def _pose_problem(
     lasts = np.array([one.list_last_nodes(way) for one in rounds for way in (0, 1)])
     comes, goes = (end and table.site.lane is not None for end in ends)
     has_none = np.zeros((1, len(begins)))
-    places = np.arange(len(begins)) // 2
-    leaves_furrow = abs(np.subtract.outer(places, places)) > 1
+    places, runs = np.arange(len(begins)) // 2, np.repeat([one.run for one in rounds], 2)
+    leaves_furrow = (abs(np.subtract.outer(places, places)) > 1) & (runs[:, None] == runs)
     return OrderProblem.from_moves(
         _sum_rows(costs[lasts[:, None, :], begins[None, :, :]]) + table.site.furrow_s * leaves_furrow,
         np.array([one.longest_m for one in rounds]) / table.site.rules.work_speed_mps,

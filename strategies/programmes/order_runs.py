@@ -1,7 +1,7 @@
 """Runs of lines of any length in the search for programmes: left where they cost more than they are worth, or turned.
 
-Moves of the search turn the order of a run round and each of its lines with it. To and fro over neighbouring tracks the
-one without the other may be better, and no move of a few lines leads there.
+Moves of the search turn the order of a run round and each of its lines with it. On neighbouring tracks driven to and
+fro it may pay to turn only the order, or only the lines.
 """
 
 from __future__ import annotations

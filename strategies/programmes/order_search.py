@@ -9,7 +9,8 @@ tractor without lines takes no time. Where no move leads UNREACHED_S is charged,
 such a line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S,
 every tour that takes more than a load RULE_S for each load more.
 
-Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two
+Lines are inserted by regret, then moved by what order_moves considers, and in runs left or turned (order_runs), until
+nothing helps. Perturbations follow: two
 runs of lines change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no
 more (iterated local search, Lourenco, Martin and Stutzle 2003).
 """

@@ -33,8 +33,8 @@ from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_estimates import CUTS_M, MOST_CUT_SHARE, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
-from strategies.site.site import MISSED_FACTOR, Site
-from vehicle.missions.plan import ENTER, LEAVE, Leg, Mission, Plan
+from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, Site
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, Leg, Mission, Plan
 from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
@@ -87,9 +87,10 @@ class SiteMoves:
 
     @cached_property
     def edge_ways_s(self) -> tuple[Floats, Floats]:
-        """Without an entrance, the charge (n,) for coming in over the nearest edge to each node, and for leaving so.
+        """Without an entrance, the charge (2 n,) for coming in over the nearest edge to each node, and for leaving so.
 
-        Only ground inside the headland is charged: lines that begin and end on the headland are alike.
+        Only ground inside the headland is charged: lines that begin and end on the headland are alike. Of a crop that
+        stands the strips that wheels crush on the way in are charged like ground that is left.
         """
         site, field = self.site, self.site.layout.field
         outline, spared_m = (
@@ -99,7 +100,16 @@ class SiteMoves:
         s_per_m = 1.0 / site.rules.turn_speed_mps + site.wheels_s_per_m
         ways = [shapely.points(np.array(poses[:-1]).reshape(-1, 3)[:, :2]) for poses in (self.begins, self.ends)]
         begins, ends = (s_per_m * np.maximum(0.0, shapely.distance(places, outline) - spared_m) for places in ways)
-        return begins, ends
+        crushed_s = LEFT_FACTOR * site.rules.body_width_m / site.rules.work_speed_mps
+        return begins + crushed_s * np.repeat(self._count_standing_passes(), 2), ends
+
+    def _count_standing_passes(self) -> npt.NDArray[np.int64]:
+        """How many passes of a crop that stands lie between the edge and each line (n,) before any work."""
+        passes = [line.task.number or 0 if line.group[0] == HEADLAND_PASS else 0 for line in self.lines]
+        if self.site.standing is None or not any(passes):
+            return np.zeros(len(self.lines), np.int64)
+        numbers, inside = np.array(passes), 1 + max(passes)
+        return np.where(numbers > 0, numbers, inside) - min(number for number in passes if number)
 
     @cached_property
     def covered_ground(self) -> shapely.Geometry:

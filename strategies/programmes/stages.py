@@ -64,12 +64,6 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
-def charge_order(site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_]) -> Floats:
-    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged which leave a pass of the headland unfinished, or
-    a furrow, where tractors may work the `allowed` (tractors, n)."""
-    return charge_rounds(site, lines, order, is_alone=len(allowed) == 1) + charge_furrows(site, lines, allowed)
-
-
 def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ORDER_S where they leave the order of passes.
 
@@ -97,9 +91,10 @@ def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone
 
 
 def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[np.bool_]) -> Floats:
-    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged from a track to one that is not beside it.
+    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged from a track to one that is not beside it, and to
+    and from ground that passes leave, where no furrow leads.
 
-    Beside it is the next of those that a tractor may work, of the `allowed` (tractors, n), and a piece of its own.
+    Beside it is the next of those that a tractor may work, of the `allowed` (tractors, n), and another piece of its own.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if site.furrow_s == 0.0:
@@ -110,7 +105,8 @@ def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[n
     for own in allowed & is_track:
         places = np.searchsorted(np.unique(numbers[own]), numbers)
         is_beside |= np.logical_and.outer(own, own) & (abs(np.subtract.outer(places, places)) <= 1)
-    is_charged = np.logical_or.outer(is_track, is_track) & ~is_beside
+    is_left = np.array([line.task.kind == HEADLAND_PASS and not line.is_side for line in lines], bool)
+    is_charged = np.logical_or.outer(is_track | is_left, is_track | is_left) & ~is_beside
     charged_s[:-1, :-1] = site.furrow_s * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
 

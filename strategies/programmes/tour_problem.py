@@ -12,6 +12,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.waiting_places import find_clashes
 from strategies.site.site import LEFT_FACTOR
+from vehicle.missions.plan import SWATH
 from vehicle.sim.path_conflicts import ClearanceCheck
 
 Floats = npt.NDArray[np.float64]
@@ -37,7 +38,7 @@ class TourProblem:
     table: MoveTable
     allowed: Flags
     stages: Sequence[int]
-    charged_s: Floats | float = 0.0
+    charged_s: Floats
     served_s: Floats | None = None
     check: ClearanceCheck | None = None
     barred: Sequence[int] = ()
@@ -72,17 +73,16 @@ class TourProblem:
             np.repeat(np.where(is_barred, np.inf, row)[None], len(may), axis=0)
             for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)
         ]
-        if site.crop_stands:  # a strip of it is lost in each pass that a tractor crosses to where it begins
-            lost_s_per_pass = LEFT_FACTOR * site.rules.body_width_m / site.rules.work_speed_mps
-            ends_s[0] += lost_s_per_pass * np.repeat(stage - stage.min(initial=0), 2)
         starts = list(moves.starts)
         ends_s[0][:, starts], ends_s[0][: len(starts)] = np.inf, np.inf
         ends_s[0][range(len(starts)), starts] = 0.0
+        is_track = np.array([line.task.kind == SWATH for line in lines], bool)
         is_start = np.isin(np.arange(len(lines)), np.array(starts) // 2)
         return OrderProblem(
             move_s=costs[:-1, :-1],
             work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
-            value_s=LEFT_FACTOR * own_s + extra_s + START_VALUE_S * is_start,
+            # No track is left for the order of furrows.
+            value_s=LEFT_FACTOR * own_s + extra_s + 2.0 * site.furrow_s * is_track + START_VALUE_S * is_start,
             begin_s=ends_s[0],
             end_s=ends_s[1],
             allowed=may,

@@ -50,6 +50,7 @@ class Site:
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
         gate_grounds: both on the way in or out, with the lane through the entrance; None without one.
         crop_stands: whether a crop stands that must not be driven over before it is worked.
+        keeps_ground: whether finished ground must not be driven over again.
         furrow_s: seconds charged for a move from a track to one that is not beside it, where each needs the furrow of
             the one before; else 0.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
@@ -73,6 +74,7 @@ class Site:
     proof_ground: Ground
     gate_grounds: tuple[Ground, Ground] | None
     crop_stands: bool
+    keeps_ground: bool
     furrow_s: float
     kept: Ground
     standing: Ground | None

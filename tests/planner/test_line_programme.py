@@ -69,7 +69,8 @@ def programme(context: PlanningContext) -> Programme:
     site = build_site(context)
     lines = lay_lines(site)
     stages = [int(line.task.kind == HEADLAND_PASS) for line in lines]
-    return make_programme(TourProblem(MoveTable(SiteMoves(site, lines)), np.ones((1, len(lines)), bool), stages))
+    table = MoveTable(SiteMoves(site, lines))
+    return make_programme(TourProblem(table, np.ones((1, len(lines)), bool), stages, np.zeros_like(table.cost_s)))
 
 
 def test_lines_cover_a_rectangle(context: PlanningContext) -> None:

@@ -6,9 +6,11 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.lines.work_line import build_tool_strip
+from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS, SWATH
 from vehicle.missions.run import SimulationRun
 
@@ -72,3 +74,16 @@ def test_a_plough_works_neighbouring_tracks_one_after_the_other(strategy: str, t
         tracks = [leg.task.number for leg in mission.legs if leg.task.kind == SWATH and leg.implement]
         steps = np.diff([number for number in tracks if number is not None])
         assert (abs(steps) <= (1 if strategy == "split-field" else tractors)).all()
+
+
+def test_what_is_crushed_on_the_way_into_a_crop_is_charged() -> None:
+    """A strip as wide as the tractor for every pass that is crossed, like ground that is left; nothing on stubble."""
+    request = PlanRequest(field="netherlands", width_m=6.0, operation="harvest", headland_passes=2)
+    moves = get_site_moves(prepare_context(WorkOrder(request)))
+    begins, ends = moves.edge_ways_s
+    per_pass_s = LEFT_FACTOR * moves.site.rules.body_width_m / moves.site.rules.work_speed_mps
+    numbers = np.array([line.task.number if line.is_side else 0 for line in moves.lines])
+    assert begins[::2][numbers == 1] == pytest.approx(0.0)
+    assert begins[::2][numbers == 2] == pytest.approx(per_pass_s)
+    is_track = np.array([line.task.kind == SWATH for line in moves.lines])
+    assert (begins[::2][is_track] >= 2.0 * per_pass_s).all() and (ends[::2][is_track] < per_pass_s).all()

@@ -65,7 +65,8 @@ def make_table(context: PlanningContext) -> MoveTable:
 
 
 def pose(table: MoveTable, stages: list[int], tractors: int = 1, served_s: Any = None) -> TourProblem:
-    return TourProblem(table, np.ones((tractors, len(table.lines)), bool), stages, served_s=served_s)
+    allowed = np.ones((tractors, len(table.lines)), bool)
+    return TourProblem(table, allowed, stages, np.zeros_like(table.cost_s), served_s)
 
 
 def list_stages(table: MoveTable) -> list[int]:

@@ -211,6 +211,8 @@ def test_a_plough_follows_the_furrow() -> None:
     )
     assert not charge_furrows(site, lines, in_turn)[first, third], "the next of its own"
     assert not charge_furrows(make_site(), lines, in_turn).any()
+    left = replace(lines[0], group=(LEFTOVER, 0))
+    assert charge_furrows(site, [left, *lines], np.ones((1, 10), bool))[0, 2:-1].all(), "no furrow leads there"
 
 
 def test_sides_that_are_driven_against_the_others() -> None:

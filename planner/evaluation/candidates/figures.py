@@ -18,7 +18,7 @@ from planner.evaluation.ground.coverage import Coverage, count_reversals, measur
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.evaluation.ground.wheel_traffic import FinishedGroundTraffic, measure_finished_ground_traffic
-from planner.request.plan_request import KEPT_GROUND_OPERATIONS
+from planner.request.implement_choice import keeps_ground
 from planner.risk.costs import (
     DrivenTimes,
     compute_driven_cost,
@@ -66,7 +66,7 @@ def measure_candidate(
             faults=candidate_run.faults,
         )
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
-    is_charged = context.request.operation in KEPT_GROUND_OPERATIONS
+    is_charged = keeps_ground(context.request.operation, context.request.find_draft_rule())
     traffic = measure_finished_ground_traffic(run, context, swept) if is_shown or is_charged else None
     spoilt_m2 = traffic.area_m2 if traffic and is_charged else 0.0
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2)

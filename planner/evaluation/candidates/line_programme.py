@@ -19,7 +19,6 @@ from planner.evaluation.candidates.fleet_drive import FleetDriver, build_clearan
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
-from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
@@ -32,7 +31,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
 from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import charge_order, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.stages import charge_furrows, charge_rounds, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
@@ -328,12 +327,13 @@ class DealtLines:
     def _pose_tours(self, allowed: Flags, barred: Sequence[int]) -> TourProblem:
         """The search for tours of lines that each tractor may work (tractors, n), without nodes that are barred."""
         may = self.wishes.limit(self.moves.lines, allowed)
-        return TourProblem(self.table, may, self.stages, self.order_s, self.served_s, self.check, barred)
+        charged_s = self.rounds_s + charge_furrows(self.moves.site, self.moves.lines, may)
+        return TourProblem(self.table, may, self.stages, charged_s, self.served_s, self.check, barred)
 
     @cached_property
-    def order_s(self) -> Floats:
-        """What moves are charged that leave a pass of the headland unfinished, or a furrow (2 n + 1, 2 n + 1)."""
-        return charge_order(self.moves.site, self.moves.lines, self.order, self.deal.allowed)
+    def rounds_s(self) -> Floats:
+        """What moves are charged that leave a pass of the headland unfinished (2 n + 1, 2 n + 1)."""
+        return charge_rounds(self.moves.site, self.moves.lines, self.order, is_alone=len(self.deal.allowed) == 1)
 
     def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
         """Tours by estimated moves, of lines that each tractor may work (tractors, n) without nodes that are barred."""
@@ -398,14 +398,13 @@ def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
 
 def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
     """A plan with its notes; tractors wait for one another between headland and swaths where its operation asks."""
-    plan, operation = composed.plan, context.request.operation
+    plan, table = composed.plan, composed.programme.table
     plan = replace(plan, notes={**notes, **plan.notes, "tractors": notes["tractors"]})
-    if operation in (STANDING_CROP_OPERATIONS if composed.order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
-        table = composed.programme.table
-        first = find_first_tasks(table.site, table.lines, composed.order)
-        is_kept = composed.order != HEADLAND_FIRST
-        return add_order_gates(plan, table.site, first, context.tractor.width_m, is_kept=is_kept)
-    return plan
+    is_kept = composed.order != HEADLAND_FIRST
+    if not (table.site.keeps_ground if is_kept else table.site.crop_stands):
+        return plan
+    first = find_first_tasks(table.site, table.lines, composed.order)
+    return add_order_gates(plan, table.site, first, context.tractor.width_m, is_kept=is_kept)
 
 
 class ProgrammeDriver:

@@ -127,7 +127,10 @@ def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> A
 
 
 def build_responses(problem: Problem, quantity: str) -> list[Array]:
-    """Residuals of a channel (w, n, cells) per unit of the quantity in each cell, and of others to be fitted beside."""
+    """Change of the residuals of a channel (w, n, cells) per unit of the quantity in each cell.
+
+    Others may follow that are estimated beside it: where headings tell a turning rate from an angle to the course.
+    """
     data = problem.data
     if CHANNEL_BY_QUANTITY[quantity] == "pose":
         turn = -math.radians(1.0) * build_yaw_response(data, problem.rig.tractor.antenna_forward_m)  # to the right
@@ -155,7 +158,10 @@ def number_bins(values: Array, used: Mask) -> Array:
 
 
 def estimate_bins(problem: Problem, channel: str, design: Array, residuals: Array) -> tuple[Array, Array]:
-    """Means of bins and errors by noise and windows, from columns (w, n, bins) and residuals (w, n)."""
+    """Means of bins and their standard errors, from columns (w, n, bins) and residuals (w, n).
+
+    An error is the larger one of what the noise gives and of what windows differ by.
+    """
     noise = problem.noise[channel]
     white = noise.whiten(residuals)
     roots = np.sqrt(noise.compute_weights(white))

@@ -108,7 +108,7 @@ def simulate_demo_logs(
     for name, bearing, pieces in build_programme():
         drive = build_command_segment(0, math.radians(90.0 - bearing), pieces, PROGRAMME_PACE_MPS, 1.0 / rate_hz)
         place = rng.uniform(-10.0, 10.0, 2)
-        # Effects of a place use the measured pose, so the drive is simulated twice: first to learn where it goes.
+        # Effects of a place use the measured pose, so the drive is simulated again and again, to learn where it goes.
         for number in range(4):
             states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
             path = states[:, [X_COLUMN, Y_COLUMN]]

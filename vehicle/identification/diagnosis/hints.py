@@ -271,6 +271,8 @@ def compare_thirds(values: Array, squares: Array) -> float:
     return math.sqrt(max(float(squares[is_high].mean()), 1e-6) / max(float(squares[is_low].mean()), 1e-6))
 
 
+# --- the noise floor: what a model without faults would still miss ---
+
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
 DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
 MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart

@@ -96,7 +96,10 @@ def compute_separation(trial: Problem, first: Fit, second: Fit, can_both_adapt: 
 
 
 def build_trial(problem: Problem, programme: DriveProgramme) -> Problem:
-    """A drive of the plain tractor, no run of the logs, where they begin, with their columns, rate and noise."""
+    """A drive of the plain tractor where the logs begin, with their columns, their rate and their noise.
+
+    What one run of the logs had is not in it.
+    """
     logs = problem.data.dataset
     heading, pace = find_usual_heading_and_speed(logs.segments)
     driven = simulate_programme(problem.rig, programme, heading, pace, {}, problem.data.row_step_s)
@@ -216,7 +219,7 @@ def simulate_programme(
 
 
 def find_usual_heading_and_speed(segments: Sequence[DriveSegment]) -> tuple[float, float]:
-    """Return the usual heading (rad) and the median speed (m/s) of segments."""
+    """Return the mean heading (rad) and the median speed (m/s) of segments."""
     east = np.concatenate([np.cos(segment.heading) for segment in segments])
     north = np.concatenate([np.sin(segment.heading) for segment in segments])
     pace = float(np.median(np.concatenate([segment.speed_in_gear for segment in segments]))) or PROGRAMME_PACE_MPS

@@ -83,7 +83,10 @@ class OnsetSpan:
 
 
 def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs with faults that begin, without their rows; one log carries the faults of empty ones."""
+    """Return the logs with the faults that begin in them in `faults`, and without the rows of these faults.
+
+    Logs of which nothing is left are dropped; the first log carries their faults.
+    """
     spans = find_onset_spans(logs)
     seconds = sum(float(np.ptp(log.time_s[log.used])) for log in logs if log.used.any())
     if sum(span.last_s - span.first_s for span in spans) > MOST_FAULTY_SHARE * seconds:

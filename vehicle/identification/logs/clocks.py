@@ -136,7 +136,10 @@ def measure_heading_lags(log: Log) -> LagTable | None:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Motion on an even grid: velocity of positions, speed, heading (rad, clockwise), turning, driven ahead or not."""
+    """Motion on an even grid of `GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
+
+    `moving` marks where the tractor drives forward in used rows.
+    """
 
     time_s: Array
     east_mps: Array
@@ -351,8 +354,10 @@ def _smooth_stamps(time: Array, step_s: float) -> Array:
 
 
 def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[float, float]:
-    """Return how far positions, moved so far (k - 1,) between rows, follow the stamps (1) and not the row (0), and its
-    standard error; inf where too few rows move, or positions are held."""
+    """Return how far positions follow the stamps (1) and not the row (0), and its standard error.
+
+    `moved_m` (k - 1,) is driven between rows. The error is infinite where too few rows move, or positions are held.
+    """
     usual = np.convolve(moved_m, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="same")
     steps = np.diff(evened)
     moving = np.isfinite(usual) & (usual > POSITION_NOISE_M)

@@ -199,8 +199,10 @@ def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
 
 
 def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
-    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it, unless
-    speed and heading show that bend as well."""
+    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it.
+
+    A bend that speed and heading show as well is driven, however tight and fast, as by a model car.
+    """
     fresh = motion.find_fresh_positions()
     if len(fresh) < max(FEWEST_ROWS, 4 * lag):
         return np.empty(0, dtype=np.int64)

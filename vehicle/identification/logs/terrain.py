@@ -296,7 +296,8 @@ def _estimate_grade_gain(
 
 
 def _fit_by_blocks(columns: Array, values: Array, block: Array) -> tuple[Array, float]:
-    """Fit values (k,) by columns (k, m); return coefficients, and the error of the first, a block one observation."""
+    """Fit values (k,) by columns (k, m); return the coefficients, and the standard error of the first of them where the
+    rows of a block are one observation."""
     coefficients = np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
     inverse = np.linalg.pinv(columns.T @ columns)
     scores = columns * (values - columns @ coefficients)[:, None]

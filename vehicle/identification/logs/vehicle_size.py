@@ -131,8 +131,11 @@ def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> 
 
 
 def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor:
-    """Return the tractor scaled to the size that the logs suggest: lengths by the wheelbase, mass by its cube, forces
-    by the mass, radii as driven; unchanged where they fit it."""
+    """Return the tractor scaled to the size that the logs suggest; unchanged where they fit it.
+
+    All lengths scale with the wheelbase, the mass with its cube and forces with the mass: logs of a path do not show
+    them. Radii are those driven at the same angles.
+    """
     if not explain_other_vehicle(logs, tractor, ground):
         return tractor
     size = measure_size(logs, tractor, ground)

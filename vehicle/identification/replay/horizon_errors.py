@@ -203,7 +203,10 @@ def compute_horizon_errors(pieces: Pieces, run: int | None = None) -> dict[float
 
 
 def compute_relative_error(pieces: Pieces, noise_floor: Pieces, runs: int, along: bool, horizon: float) -> float:
-    """Return the error of all runs: squares over those of noise, averaged over kinds, `along` the path or not."""
+    """Return the error of all runs: squares over those of noise alone, averaged over the three kinds, run by run.
+
+    Without `along` the error along the path is left out, as where speeds were only derived from positions.
+    """
     kinds = [0, 1, 2] if along else [0, 2]
     floor, sums = noise_floor[horizon][:, 2:].sum(axis=0), sum_by_run(pieces, runs, horizon)
     noise_unit = np.maximum(floor[:3] / max(floor[3], 1.0), 1e-12)
