@@ -94,7 +94,7 @@ def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[n
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged from a track to one that is not beside it, and to
     and from ground that passes leave, where no furrow leads.
 
-    Beside it is the next of those that a tractor may work, of the `allowed` (tractors, n), and another piece of its own.
+    Beside it is the next that a tractor may work, of the `allowed` (tractors, n), and another piece of the same track.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if site.furrow_s == 0.0:
