@@ -34,14 +34,8 @@ def test_nothing_hidden_nothing_named(seed: int) -> None:
     assert not found.tractor.effects and found.headline.startswith("Nothing found")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    [
-        "steering_offset",
-        *(pytest.param(name, marks=pytest.mark.matrix) for name in ("steering_rate", "antenna_forward")),
-    ],
-)
+@pytest.mark.matrix
+@pytest.mark.parametrize("name", ["steering_offset", "steering_rate", "antenna_forward"])
 def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
     found = diagnosed(hidden([name]), seed, brief_programme())
     assert found.named == (name,), f"seed {seed}: {found.named}"

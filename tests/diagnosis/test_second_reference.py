@@ -46,6 +46,8 @@ def test_another_steering_and_drive_line_are_no_causes(seed: int) -> None:
 def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ...], seed: int) -> None:
     found = diagnosed(tractor, seed, runs, name)
     assert found.named == (name,), f"seed {seed}: {found.named}"
+    assert set(found.tractor.effects) == {name} and found.tractor.effects[name].logs == found.names
+    assert found.after[5.0].cross_cm <= found.before[5.0].cross_cm * 1.02
     told = next(one for one in found.findings if one.id == name)
     key = next(iter(CLEAR_SIZES[name]))
     truth = CLEAR_SIZES[name][key]

@@ -21,7 +21,6 @@ pytestmark = pytest.mark.slow
         ("netherlands", 1, {}),
         ("netherlands", 8, {}),
         ("netherlands", 4, {"strategies": ("interleaved",)}),
-        ("denmark", 2, {}),
     ],
 )
 def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(field: str, tractors: int, values: Any) -> None:
