@@ -79,7 +79,8 @@ class OrderProblem:
     stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
     `clashes` (2, 2 n, 2 n) are the nodes of which no two tours may begin (0) or end (1) with both; None: any may.
     `need` (n,) is the share of a load that a line takes, and what a tour takes beyond one load is charged RULE_S for a
-    load; None: no line takes any. `sum_share` is what a second of the sum of all tours costs, beside the longest.
+    load; None: no line takes any. `sum_share` is what a second of the sum of all tours costs, beside the longest. With
+    `turns_runs` runs are turned in order alone or line by line as well, as where only neighbours may follow.
 
     Raises HeadlandError where shapes or values do not fit.
     """
@@ -95,6 +96,7 @@ class OrderProblem:
     clashes: Bools | None = None
     need: Floats | None = None
     sum_share: float = SUM_SHARE
+    turns_runs: bool = False
 
     def __post_init__(self) -> None:
         n, k = len(self.work_s), len(self.begin_s)
@@ -216,7 +218,7 @@ def search_programmes(
     tables = OrderTables(
         move_s, begin_s, end_s, work_s, value_s, allowed, after, before, clashes, need, problem.sum_share
     )
-    found = _search_tours(tables, create_tours(k, n), given, start is not None, kicks, seed)
+    found = _search_tours(tables, create_tours(k, n), given, start is not None, kicks, seed, problem.turns_runs)
     return [[int(node) for node in tour if node >= 0] for tour in found]
 
 
@@ -259,12 +261,13 @@ def _find_neighbours(move_s, count):  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
-def _improve_runs(tours, tables) -> float:  # type: ignore[no-untyped-def]
+def _improve_runs(tours, tables, turns_runs) -> float:  # type: ignore[no-untyped-def]
     """Moves and runs that are dropped or turned, until none helps; returns the cost of the tours then."""
     cost = improve_tours(tours, tables)
     while True:
         drop_runs(tours, tables)
-        turn_runs(tours, tables)
+        if turns_runs:
+            turn_runs(tours, tables)
         new_cost = improve_tours(tours, tables)
         if new_cost > cost - MIN_GAIN_S:
             return new_cost
@@ -373,7 +376,7 @@ def _load_start(tours, tables, given) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def _search_tours(tables, tours, given, is_started, kicks, seed):  # type: ignore[no-untyped-def]
+def _search_tours(tables, tours, given, is_started, kicks, seed, turns_runs):  # type: ignore[no-untyped-def]
     """Tours (k, n), each ended by -1, from those given or from none."""
     k, n = given.shape
     _load_start(tours, tables, given)
@@ -381,7 +384,7 @@ def _search_tours(tables, tours, given, is_started, kicks, seed):  # type: ignor
         insert_lines(tours, tables)
     for line in range(n):
         push_line(tours, line)
-    best_cost = _improve_runs(tours, tables)
+    best_cost = _improve_runs(tours, tables, turns_runs)
     nodes, lengths = tours.nodes.copy(), tours.lengths.copy()
     for row in range(k + 1):
         tours.touched[row] = False
@@ -392,7 +395,7 @@ def _search_tours(tables, tours, given, is_started, kicks, seed):  # type: ignor
         cost = improve_tours(tours, tables)
         _keep_or_restore(tours, tables, nodes, lengths, cost <= best_cost)
         best_cost = min(best_cost, cost)
-    _improve_runs(tours, tables)
+    _improve_runs(tours, tables, turns_runs)
     found = np.full((k, n), NO_ROW)
     for row in range(k):
         copy_row(tours.nodes[row, : tours.lengths[row]], found[row])

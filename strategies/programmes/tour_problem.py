@@ -88,6 +88,7 @@ class TourProblem:
             allowed=may,
             stage=stage,
             clashes=self.clashes,
+            turns_runs=site.furrow_s > 0.0,
         )
 
     def _place_starts(self) -> tuple[Flags, npt.NDArray[np.int64]]:

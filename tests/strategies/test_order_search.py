@@ -340,5 +340,6 @@ def test_the_order_of_tracks_is_turned_where_each_stays_as_it_is_driven() -> Non
     move_s = np.where(is_beside & stays_there, 10.0, 130.0)
     begin_s = 300.0 * (1 - ends_at_top)[None]  # from the bottom
     problem = OrderProblem.from_moves(move_s, np.full(8, 60.0), np.full(8, 1e4), begin_s)
+    problem = replace(problem, turns_runs=True)
     found = search_programmes(problem, 0, 1, [[12, 11, 8, 7, 4, 3, 0, 15]])
     assert compute_cost_s(problem, found) == pytest.approx(8 * 60.0 + 7 * 10.0)
