@@ -104,7 +104,7 @@ def test_a_plan_of_a_farm_is_shown_as_it_was_driven_and_its_shift_is_the_start(
 
 def test_the_headline_names_the_farms_machines(headland: Run, folder: Path, small: Path) -> None:
     told = headland("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--no-headland")
-    assert told.out.splitlines()[0] == "small, 0.36 ha, Carrier, harrow 4 m"
+    assert told.out.splitlines()[0] == "small, 0.36 ha, Carrier, harrow 4 m, 6 km/h"
 
 
 def test_a_field_is_looked_at_with_the_farms_machines(headland: Run, folder: Path, small: Path) -> None:
