@@ -250,8 +250,10 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         ],
         "refusals": [
             {"heading": heading, "count": len(some), "groups": group_refusals(some)}
-            for heading, is_simulated in (("Refused", True), ("Not simulated", False))
-            for some in [[plan for plan in refused if plan.is_simulated == is_simulated]]
+            for heading, some in (
+                ("Refused", [plan for plan in refused if plan.is_simulated]),
+                ("Not simulated", [plan for plan in refused if not plan.is_simulated]),
+            )
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }

@@ -123,7 +123,7 @@ def make_programme(problem: TourProblem, start: Sequence[Sequence[int]] | None =
 
 
 def sketch_programme(problem: TourProblem) -> Sketch:
-    """The best tours by moves that were estimated, in a search that begins with what tractors were to do before."""
+    """The best tours by moves that were estimated; where work goes on a search begins with what tractors were to do."""
     table, orders = problem.table, problem.table.moves.orders
     known = [[n for n in own if n == own[0] or problem.allowed[k, n // 2]] for k, own in enumerate(orders)]
     tours, cost_s = search_estimated_tours(

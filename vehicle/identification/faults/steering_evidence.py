@@ -41,7 +41,7 @@ COURSE_TURN_S = 2.0 * TURN_S  # chosen: the course of the antenna is noisier
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
 SWING_S = 5.0  # in which the slowest steering does what was commanded
 LARGEST_ACCELERATION_MPS2 = 1.0  # of a tractor
-BEND_S = 0.5 * TURN_S  # the time to both sides of a position
+BEND_S = 0.5  # the time to both sides of a position
 
 
 @dataclass(frozen=True, eq=False)

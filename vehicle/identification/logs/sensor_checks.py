@@ -42,7 +42,7 @@ from vehicle.model.effects import DRIVE_LINE_SLIP
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
 _LEAST_SENSOR_FACTOR = 1.25
-_FOLLOWING_CORRELATION = NEARLY_SHARE  # with the bends of the path, of a sensor that works
+_FOLLOWING_CORRELATION = 0.9  # with the bends of the path, of a sensor that works
 _SAME_SHARE = 0.03  # by which factors of parts may differ
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 
