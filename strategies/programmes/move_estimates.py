@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -10,13 +11,13 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.lines.work_line import WorkLine
-from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M
-from strategies.moves.move_costs import compute_move_costs
+from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M, list_closed_forms, pick_with_room, weigh_forms
 from strategies.moves.move_finder import MOVE_MARGIN_M, MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
+from vehicle.jit import compile_function
 from vehicle.missions.plan import HEADLAND_PASS
 
 Floats = npt.NDArray[np.float64]
@@ -28,6 +29,7 @@ CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left 
 MOST_CUT_SHARE = 0.4
 DETOUR_FACTOR = 2.0  # guess of a move that only a search may find, of the way at turning speed
 SEARCHED_S = 40.0  # and about this much beside it: medians of what searches found on four fields were 34 to 51
+MOST_FORMS = 12  # closed forms tried for a pair
 
 
 @dataclass(eq=False)
@@ -151,3 +153,48 @@ def _see_from(a_poses: Floats, b_poses: Floats) -> Floats:
     cosine, sine = np.cos(a_poses[:, 2]), np.sin(a_poses[:, 2])
     east, north, turn = (b_poses - a_poses).T
     return np.column_stack([east * cosine + north * sine, north * cosine - east * sine, turn])
+
+
+@compile_function
+def _find_cost(a, forms, speeds, settling, body, kept):  # type: ignore[no-untyped-def]
+    """Seconds with and without charges of the first of the forms (n, m, 3) from pose a on which the body has room."""
+    guide, points, reach, grid, frame, margin = body
+    numbers = pick_with_room(a, forms, 1, guide, points, reach, grid, frame, margin)
+    if len(numbers) == 0:
+        return np.inf, np.inf
+    weights = weigh_forms(a, forms, numbers, speeds, settling, kept)
+    return weights.sum(), weights[0, 0]
+
+
+@compile_function
+def compute_move_costs(a_poses, places, most_cuts, cuts, cut_s_per_m, driving, body, kept):  # type: ignore[no-untyped-def]
+    """Seconds with and without charges (k, 2) of the quickest closed form with room from poses to places (k, 3).
+
+    Infinite where nothing has room. A place is as seen from its pose. Where nothing has room, moves are sought with the
+    ends of lines cut back by pairs of `cuts` (m, 2) below `most_cuts` (k, 2), which begin with none, no farther than
+    needed; each metre cut costs and saves `cut_s_per_m` (2,). `driving` are radii, leads out and in, speeds, settling,
+    allowed kinds and the limit of reversing as list_closed_forms takes them, `body` is what pick_with_room takes,
+    `kept` what Site.get_kept gives.
+    """
+    radii, outs, ins, speeds, settling, kinds, max_reverse = driving
+    costs, pose, goal = np.full((len(a_poses), 2), np.inf), np.empty(3), np.empty(3)
+    for k in range(len(a_poses)):
+        cut = 0.0
+        for leave, join in cuts:
+            if leave + join > cut and costs[k, 0] < np.inf:
+                break
+            cut = leave + join
+            if cut > 0.0 and (leave >= most_cuts[k, 0] or join >= most_cuts[k, 1]):
+                continue
+            goal[0] = places[k, 0] + leave + join * math.cos(places[k, 2])
+            goal[1], goal[2] = places[k, 1] + join * math.sin(places[k, 2]), places[k, 2]
+            pose[0] = a_poses[k, 0] - leave * math.cos(a_poses[k, 2])
+            pose[1], pose[2] = a_poses[k, 1] - leave * math.sin(a_poses[k, 2]), a_poses[k, 2]
+            forms, _, _ = list_closed_forms(
+                goal, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS
+            )
+            cost, driven_s = _find_cost(pose, forms, speeds, settling, body, kept)
+            charged_s = cost + (cut_s_per_m[0] - cut_s_per_m[1]) * cut
+            if charged_s < costs[k, 0]:
+                costs[k, 0], costs[k, 1] = charged_s, driven_s - cut_s_per_m[1] * cut
+    return costs

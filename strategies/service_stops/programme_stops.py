@@ -1,18 +1,24 @@
-"""Programmes with service stops: every tractor is served before its load is used up, where that costs least time."""
+"""Programmes with service stops: every tractor is served before its load is used up, where that costs least time.
+
+At its place it stands along the nearest edge, either way, with room straight before and behind.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
+from strategies.moves.move_finder import MOVE_MARGIN_M
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.paths import Pose
+from strategies.path_planning.paths import Pose, shift_pose_ahead
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
 from strategies.programmes.tour_legs import (
@@ -24,15 +30,21 @@ from strategies.programmes.tour_legs import (
     stand_to_unfold,
 )
 from strategies.rules.legs import add_wait_points, make_mission
-from strategies.rules.supply import PLACE, Supply
+from strategies.rules.supply import PLACE, Point, Supply
 from strategies.service_stops.load_tours import order_for_loads
 from strategies.service_stops.stop_moves import StopMoves
-from strategies.service_stops.stop_places import find_stop_poses
 from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
 from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
 from strategies.service_stops.tour_parts import TourPart, measure_line_need
 from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
+from strategies.site.ground import measure_rooms
+from strategies.site.site import Site
 from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
+
+STEP_COUNT, STEP_RADII = 8, 0.5  # places tried on either side, and radii between them
+INSET_COUNT, INSET_HALVES = 3, 0.5  # rows tried, the first as near to the edge as the body may be; half widths between
+ROOM_RADII, ROOM_STEP_M = 1.0, 0.5  # radii straight before and behind, and between the poses looked at
+TANGENT_M = 0.5  # to either side of a place on an edge, for its direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,3 +195,53 @@ def stop_programme(
     """
     tours = [order_for_loads(programme.table, supply, moves, stages, tour) if tour else () for tour in programme.tours]
     return add_stops(programme, supply, moves, tours)
+
+
+def find_stop_poses(site: Site, place: Point) -> tuple[Pose, ...]:
+    """The poses of the guided point to stand in, one for each direction along the edge; none where there is no room."""
+    candidates = list(_list_candidates(site, place))
+    poses = (
+        next((pose for pose in candidates[hand] if _has_room(site, pose)), None) for hand in range(len(candidates))
+    )
+    return tuple(pose for pose in poses if pose is not None)
+
+
+def _list_candidates(site: Site, place: Point) -> Iterator[list[Pose]]:
+    """For either direction along the edge the poses near a place, the nearest first."""
+    half_m = max(half for _, _, half in site.rules.boxes)
+    rings = [
+        ring
+        for number in range(INSET_COUNT)
+        if (ring := _find_nearest_ring(site, place, (1.0 + INSET_HALVES * number) * half_m + MOVE_MARGIN_M)) is not None
+    ]
+    for hand in (1, -1):
+        poses = [pose for ring in rings for pose in _list_poses(site, ring, place, hand)]
+        yield sorted(poses, key=lambda pose: round(math.dist(pose[:2], place), 3))
+
+
+def _find_nearest_ring(site: Site, place: Point, inset_m: float) -> shapely.LinearRing | None:
+    """The ring nearest to a place, so far inside the edges and obstacles."""
+    parts = shapely.get_parts(site.layout.field.region_without_obstacles.buffer(-inset_m)).tolist()
+    rings = [ring for part in parts if not part.is_empty for ring in (part.exterior, *part.interiors)]
+    return min(rings, key=lambda ring: round(float(ring.distance(shapely.Point(place))), 3), default=None)
+
+
+def _list_poses(site: Site, ring: shapely.LinearRing, place: Point, hand: int) -> Iterator[Pose]:
+    place_m, step_m = float(ring.project(shapely.Point(place))), STEP_RADII * site.rules.radius_m
+    for number in range(-STEP_COUNT, STEP_COUNT + 1):
+        distance_m = (place_m + number * step_m) % ring.length
+        point = ring.interpolate(distance_m)
+        a, b = (ring.interpolate((distance_m + off_m) % ring.length) for off_m in (-TANGENT_M, TANGENT_M))
+        yield point.x, point.y, math.atan2(hand * (b.y - a.y), hand * (b.x - a.x))
+
+
+def _has_room(site: Site, pose: Pose) -> bool:
+    """Whether the body has room on the straight line through a pose, so far that a move may begin and end there."""
+    room_m = ROOM_RADII * site.rules.radius_m
+    along_m = np.linspace(-room_m, room_m, max(2, math.ceil(2.0 * room_m / ROOM_STEP_M) + 1)).tolist()
+    poses = np.array([shift_pose_ahead(pose, distance_m) for distance_m in along_m])
+    body, ground = site.body, site.ground
+    rooms = measure_rooms(
+        poses, body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, 2.0 * MOVE_MARGIN_M
+    )
+    return float(rooms.min()) >= MOVE_MARGIN_M

@@ -1,12 +1,18 @@
-"""The stops of one tractor on its tour of work lines: what its loads take, what a stop costs, and which are made."""
+"""The stops of one tractor on its tour of work lines: what its loads take, what a stop costs, and which are made.
+
+Those of least time are found exactly, by dynamic programming over the gaps between the lines. Gap k is before line k;
+gap 0 is the start and gap n the end of a tour of n lines. A load that begins in gap i and ends in gap j takes what the
+way on from gap i takes, the lines i to j - 1 with the moves between them, and the way off in gap j. Who comes sooner is
+never served later, so the least time to every gap is enough to know.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -15,7 +21,6 @@ from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.move_table import MoveTable
 from strategies.rules.supply import PLACE, Supply
-from strategies.service_stops.stop_choice import TourNeeds, choose_stops
 from strategies.service_stops.stop_moves import StopMoves, Trip
 from strategies.service_stops.stops import SERVICE_CLEAR_M
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, measure_line_need
@@ -23,6 +28,69 @@ from vehicle.missions.plan import ROUTE, Leg, LegTask
 
 Span = tuple[float, float]
 UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
+LOAD_TOLERANCE = 1e-9  # relative rounding of sums
+COST_TOLERANCE_S = 1e-6
+WaitEstimate = Callable[[int, float], float]
+"""Seconds that a tractor waits to be served in a gap, given the seconds taken by stops before it."""
+
+
+@dataclass(frozen=True)
+class TourNeeds:
+    """What the parts of a tour of n lines take of a load.
+
+    Attributes:
+        lines: (n) of every line.
+        moves: (n) of the move to every line that is driven without a stop; nothing for the first.
+        ways_off: (n + 1) of the way to be served in each gap; in the last one out of the field.
+        ways_on: (n + 1) of the way on from there to the line; in the first gap into the field.
+    """
+
+    lines: Sequence[float]
+    moves: Sequence[float]
+    ways_off: Sequence[float]
+    ways_on: Sequence[float]
+
+    def sum_load(self, first: int, last: int) -> float:
+        """What a load from one gap to another takes."""
+        parts = [*self.lines[first:last], *self.moves[first + 1 : last], self.ways_on[first], self.ways_off[last]]
+        return math.fsum(parts)
+
+    def list_loads(self, gaps: Sequence[int]) -> list[float]:
+        """What the loads take if there is a stop in each of some gaps."""
+        return [self.sum_load(first, last) for first, last in pairwise([0, *gaps, len(self.lines)])]
+
+
+def choose_stops(
+    needs: TourNeeds, costs_s: Sequence[float], capacity: float, estimate_wait_s: WaitEstimate
+) -> tuple[int, ...] | None:
+    """The gaps to stop in for the least sum of costs and waits; None if no stops are enough.
+
+    `costs_s` (n) are the extra seconds of a stop in each gap; the first load is whole. Of equal sums the one with later
+    stops is taken.
+    """
+    count, most = len(needs.lines), capacity * (1.0 + LOAD_TOLERANCE)
+    longest = most - min(0.0, min(needs.ways_on) + min(needs.ways_off))  # a bend may cut the line before a stop
+    begun_s = [0.0] + [math.inf] * count
+    came_from = [0] * (count + 1)
+    for end in range(1, count + 1):
+        least_s, between = math.inf, 0.0
+        for start in range(end - 1, -1, -1):
+            between += needs.lines[start] + (needs.moves[start + 1] if start + 1 < end else 0.0)
+            if between > longest:
+                break
+            load = between + needs.ways_on[start] + needs.ways_off[end]
+            if load <= most and begun_s[start] < least_s - COST_TOLERANCE_S:
+                least_s, came_from[end] = begun_s[start], start
+        if math.isfinite(least_s) and end < count:
+            least_s += costs_s[end] + estimate_wait_s(end, least_s)
+        begun_s[end] = least_s
+    if math.isinf(begun_s[count]):
+        return None
+    gaps, gap = list[int](), came_from[count]
+    while gap:
+        gaps.append(gap)
+        gap = came_from[gap]
+    return tuple(reversed(gaps))
 
 
 @dataclass(frozen=True)

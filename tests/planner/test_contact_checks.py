@@ -17,10 +17,10 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import (
     FenceIntrusionCheck,
     ObstacleIntrusionCheck,
+    TouchTable,
     find_contact_places,
 )
 from planner.evaluation.ground.coverage import _find_wide_pieces
-from planner.evaluation.ground.touching import TouchTable
 from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder

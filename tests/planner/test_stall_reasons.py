@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.traffic.giving_way import _describe_slow_work, resolve_conflicts
+from planner.evaluation.candidates.fleet_drive import _describe_slow_work, resolve_conflicts
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, STALL, SimulationRun
 from vehicle.model.tractor import Implement, load_tractor

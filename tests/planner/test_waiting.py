@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
-from planner.evaluation.candidates.fleet_drive import SoloRuns
-from planner.traffic.giving_way import resolve_conflicts
+from planner.evaluation.candidates.fleet_drive import SoloRuns, resolve_conflicts
 from planner.traffic.precedence import schedule_plan
 from vehicle.missions.plan import DRIVE, ENTER, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan

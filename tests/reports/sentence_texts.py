@@ -27,7 +27,7 @@ TELLING_MODULES = (
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
     "planner/evaluation/candidates/figures.py",
     "strategies/formations/compose.py",
-    "planner/traffic/giving_way.py", "strategies/registry.py",
+    "planner/evaluation/candidates/fleet_drive.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",
     "planner/evaluation/preparation.py", "fields/terrain/checks.py",

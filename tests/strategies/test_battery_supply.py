@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from strategies.rules.battery_supply import CHANGE, CHARGE, ESTIMATE_MARGIN, BatterySupply
 from strategies.rules.supply import Supply
-from strategies.service_stops.stop_choice import TourNeeds, choose_stops
+from strategies.service_stops.tour_stops import TourNeeds, choose_stops
 from vehicle.energy.fuel import ElectricDrive
 from vehicle.energy.run_energy import LegMeter
 from vehicle.missions.plan import REFILL, Leg

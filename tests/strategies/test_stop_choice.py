@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies.service_stops.stop_choice import TourNeeds, choose_stops
+from strategies.service_stops.tour_stops import TourNeeds, choose_stops
 from tests.examples import count_examples
 
 COUNTS = st.integers(1, 8)

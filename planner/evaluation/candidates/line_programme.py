@@ -26,10 +26,17 @@ from strategies.formations.formation_site import FormationSite
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.programmes.build_plan import build_plan, charge_waiting
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
-from strategies.programmes.programme import Programme, Sketch, clear_ways, make_programme, sketch_programme
+from strategies.programmes.programme import (
+    Programme,
+    Sketch,
+    build_plan,
+    charge_waiting,
+    clear_ways,
+    make_programme,
+    sketch_programme,
+)
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import charge_furrows, charge_rounds, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.tour_problem import TourProblem
