@@ -9,6 +9,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 import shapely
@@ -33,7 +34,7 @@ from strategies.lines.work_line import (
 from strategies.path_planning.paths import Pose
 from strategies.site.site import Site
 from vehicle.arrays import find_true_spans, measure_along
-from vehicle.missions.plan import ENTER, Leg, LegTask
+from vehicle.missions.plan import ENTER, MAX_JOINT_GAP_M, Leg, LegTask
 
 START_OVERLAP_M = 1.0  # of work that a start joins: an implement takes about a metre to work as deep as it should
 BAR_POINTS = 17  # places on the bar where it is asked what is done: one is less of it than a line is worth driving for
@@ -151,17 +152,18 @@ def begin_where_tractors_stand(
     """The lines with those that tractors begin with, which stand at poses of the guided point, folded or not, and the
     nodes of these.
 
-    A tractor that stands on a line where it joins what is done goes on along it; any other begins at its place, as one
-    does that is folded.
+    A tractor that stands on a line where it joins what is done goes on along the nearest; any other begins at its
+    place, as one does that is folded.
     """
     lines, starts = list(lines), list[int]()
     for pose, is_folded in stands:
-        rests = iter(()) if is_folded else _iter_rests(site, lines, pose, START_OVERLAP_M + error_m, starts)
-        number, rest = next(rests, (len(lines), None))
-        if rest is None:
-            lines.append(_stand_at(pose, site.rules.tool_m))
-        else:
+        rests = [] if is_folded else list(_iter_rests(site, lines, pose, START_OVERLAP_M + error_m, starts))
+        if rests:
+            _, number, rest = min(rests, key=itemgetter(0))
             lines[number] = rest
+        else:
+            number = len(lines)
+            lines.append(_stand_at(pose, site.rules.tool_m))
         starts.append(2 * number)
     return lines, tuple(starts)
 
@@ -203,23 +205,25 @@ def _is_on_line(site: Site, line: WorkLine, curve: shapely.LineString, way: int,
 
 def _iter_rests(
     site: Site, lines: Sequence[WorkLine], pose: Pose, join_m: float, taken: Sequence[int]
-) -> Iterator[tuple[int, WorkLine]]:
-    """What remains, from a pose on, of a line that a tractor standing there works: its number and the rest of it."""
+) -> Iterator[tuple[float, int, WorkLine]]:
+    """What remains, from a pose on, of lines that a tractor standing there may work: how far it stands beside (m), its
+    number, and the rest of it, which begins where the tractor stands."""
     place = shapely.Point(pose[:2])
     for number, line in enumerate(lines):
         for way in (0, 1) if line.both_ways else (0,):
-            path = line.paths[way]
+            path, whole_m = line.paths[way], line.measure_path_m(way)
             curve = shapely.LineString(path)
-            begun_m = float(curve.project(place))
-            rest_m = line.measure_path_m(way) - begun_m
+            begun_m, beside_m = float(curve.project(place)), float(curve.distance(place))
             x, y, heading = line.get_pose(way, begun_m)
             ahead_m = (x - pose[0]) * math.cos(heading) + (y - pose[1]) * math.sin(heading)
             is_on_line = _is_on_line(site, line, curve, way, pose)
             is_joined = ahead_m <= join_m and begun_m <= 2.0 * join_m
-            if 2 * number in taken or not (is_on_line and is_joined) or rest_m < MIN_PIECE_M:
+            joins_m = begun_m if beside_m <= MAX_JOINT_GAP_M else begun_m + beside_m / ASTRAY_RAD
+            if 2 * number in taken or not (is_on_line and is_joined) or whole_m - joins_m < MIN_PIECE_M:
                 continue
-            rest = cut_line(path, begun_m, line.measure_path_m(way))
-            yield number, replace(line, paths=(rest, rest), both_ways=False)
+            rest = cut_line(path, joins_m, whole_m)
+            rest = rest if joins_m == begun_m else np.vstack([pose[:2], rest])
+            yield beside_m, number, replace(line, paths=(rest, rest), both_ways=False)
 
 
 def _stand_at(pose: Pose, tool_m: float) -> WorkLine:

@@ -24,7 +24,7 @@ from planner.fleet.replanning.planning_anew import (
 )
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
 from strategies.rules.supply import Supply
-from tests.service.test_replanning import WIDTH_M, at, plan_field
+from tests.service.test_replanning import at, plan_field
 from vehicle.errors import MissionError
 from vehicle.missions.plan import REFILL, Leg, Mission
 from vehicle.missions.plan_file import format_plan
@@ -32,7 +32,7 @@ from vehicle.missions.run import SimulationRun
 
 pytestmark = pytest.mark.slow
 
-LOAD_M2, STAND_S = 620.0, 60.0
+WIDTH_M, LOAD_M2, STAND_S = 6.0, 900.0, 60.0
 TANK = Supply(LOAD_M2, 1.0, STAND_S)
 
 
@@ -40,7 +40,7 @@ TANK = Supply(LOAD_M2, 1.0, STAND_S)
 def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
     """A plan of three tractors each of which stops for a load."""
     folder: Path = tmp_path_factory.mktemp("field")
-    made = plan_field(folder, "split-field", TANK, entrance=(0.0, 0.0), refill=request.param)
+    made = plan_field(folder, "split-field", TANK, entrance=(0.0, 0.0), refill=request.param, width_m=WIDTH_M)
     assert made.plan.notes["refills"]
     return made
 

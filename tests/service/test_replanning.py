@@ -76,7 +76,7 @@ def plan_field(folder: Path, strategy: str, supply: Supply | None = None, **aske
     file = folder / "field.geojson"
     file.write_text(json.dumps({"type": "FeatureCollection", "features": [FIELD]}), encoding="utf-8")
     always = {"field": str(file), "local": True, "width_m": WIDTH_M, "tractors": (3,), "strategies": (strategy,)}
-    site = prepare_context(WorkOrder(PlanRequest(**always, **asked), supply=supply))
+    site = prepare_context(WorkOrder(PlanRequest(**always | asked), supply=supply))
     run = simulate_candidate(site, Candidate(strategy, 3)).run
     assert run is not None
     return prepare_fleet_plan(write_saved_plan(site, run.plan), file)
