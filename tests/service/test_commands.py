@@ -12,6 +12,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+import shapely
 import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, ServiceError
@@ -179,12 +180,25 @@ def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
         assert [line for line in process.stderr.read().splitlines() if not line.startswith("Compiling")] == []
 
 
+SMALL_DEMONSTRATION = """
+import sys
+from planner.cli import robots
+from planner.cli.main import main
+robots.DEMO_FIELD, robots.DEMO_WIDTH_M = "small.geojson", 6.0
+sys.argv = ["headland", "demo", "fleet", "--no-browser"]
+main()
+"""
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks at processes as Linux shows them")
 def test_the_demonstration_ends_with_all_its_processes_and_shows_its_token_to_nobody_else(tmp_path: Path) -> None:
-    words = [*COMMAND, "demo", "fleet", "--no-browser"]
+    parcel = shapely.to_geojson(shapely.box(4.0, 52.0, 4.0009, 52.00045))  # 62 m by 50 m
+    (tmp_path / "small.geojson").write_text(parcel, encoding="utf-8")
+    words = [sys.executable, "-c", SMALL_DEMONSTRATION]
     environment = os.environ | {"TMPDIR": str(tmp_path)}  # by which its processes are known
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as demo:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(words, env=environment, cwd=tmp_path, **pipes) as demo:
         assert demo.stdout is not None and demo.stderr is not None
         said = next(line for line in demo.stdout if "operator token" in line or demo.poll() is not None)
         token = next(word for word in said.split() if word.startswith("hl_")).rstrip(".")
