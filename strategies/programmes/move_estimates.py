@@ -13,13 +13,14 @@ import numpy.typing as npt
 from strategies.lines.work_line import WorkLine
 from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M, list_closed_forms, pick_with_room, weigh_forms
 from strategies.moves.move_finder import MOVE_MARGIN_M, MoveFinder
-from strategies.path_planning.paths import Pose
+from strategies.path_planning.paths import Pose, shift_pose_ahead
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.jit import compile_function
 from vehicle.missions.plan import HEADLAND_PASS
 
+Flags = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
 Pair = tuple[int, int]
 
@@ -52,7 +53,7 @@ class MoveEstimates:
     @cached_property
     def plain_s(self) -> Floats:
         """Seconds (n, n) of the straight ways at turning speed, with changes of heading on an arc; NO_MOVE_S where a
-        node leads to its own line, or a line is driven the way that it may not be."""
+        node leads to its own line, a line is driven the way that it may not be, or no passage is wide enough."""
         ends, begins, rules = np.array(self.ends), np.array(self.begins), self.site.rules
         gaps_m = np.hypot(*(ends[:, None, :2] - begins[None, :, :2]).transpose(2, 0, 1))
         turns = np.abs((begins[None, :, 2] - ends[:, None, 2] + np.pi) % (2.0 * np.pi) - np.pi)
@@ -62,7 +63,22 @@ class MoveEstimates:
         one_way = [2 * number + 1 for number, line in enumerate(self.lines) if not line.both_ways]
         costs[one_way], costs[:, one_way] = NO_MOVE_S, NO_MOVE_S
         costs[:, list(self.starts)] = NO_MOVE_S
+        costs[self.is_apart.all(axis=0)] = NO_MOVE_S
         return costs
+
+    @cached_property
+    def is_apart(self) -> Flags:
+        """Whether nodes (2, n, n) lie in parts of the ground between which no passage is as wide as the machine, with
+        the implement up (0) and folded (1)."""
+        middles = [line.get_pose(0, 0.5 * line.measure_path_m(0)) for line in self.lines]
+        bars = np.array([shift_pose_ahead(pose, -self.site.rules.tool_m)[:2] for pose in middles]).reshape(-1, 2)
+        is_apart = np.ones((2, len(self.ends), len(self.ends)), bool)
+        for is_folded in (False, True) if self.site.folded else (False,):
+            half_m = max(half for _, _, half in self.site.get_body(is_folded).boxes)
+            parts = np.append(np.repeat(self.site.ground.number_parts(half_m, bars), 2), 0)
+            is_known = parts > 0
+            is_apart[int(is_folded)] = np.not_equal.outer(parts, parts) & np.logical_and.outer(is_known, is_known)
+        return is_apart
 
     @cached_property
     def near(self) -> tuple[Floats, npt.NDArray[np.bool_]]:

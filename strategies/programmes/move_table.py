@@ -229,11 +229,13 @@ class MoveTable:
 
     def _may_search(self, u: int, v: int) -> bool:
         """Whether a search may still find a move."""
-        return (u, v) not in self._searched and self._has_hope("up", u, v) and self.moves.has_way(u, v)
+        is_new = (u, v) not in self._searched and not self.moves.estimates.is_apart[0, u, v]
+        return is_new and self._has_hope("up", u, v) and self.moves.has_way(u, v)
 
     def _may_fold(self, u: int, v: int) -> bool:
         """Whether a move with the implement folded may still be found."""
-        return self.site.folded is not None and (u, v) not in self._folded and self._has_hope("folded", u, v)
+        is_new = (u, v) not in self._folded and not self.moves.estimates.is_apart[1, u, v]
+        return is_new and self._has_hope("folded", u, v)
 
     def _has_hope(self, implement: str, u: int, v: int) -> bool:
         """Whether a search with the implement up or folded is likely to succeed: not where too many others from or to

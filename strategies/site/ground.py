@@ -181,6 +181,27 @@ def measure_length_inside(a, rows, grid, frame, depth) -> float:  # type: ignore
     return inside
 
 
+@compile_function
+def label_parts(grid, least):  # type: ignore[no-untyped-def]
+    """Numbers from 1 (ny, nx) of the parts of a grid where distances are `least` or more, 0 where they are not."""
+    rows, columns = grid.shape
+    parts, waiting, number = np.zeros(grid.shape, np.int64), np.empty(grid.size, np.int64), 0
+    for first in range(grid.size):
+        if parts[first // columns, first % columns] or grid[first // columns, first % columns] < least:
+            continue
+        number += 1
+        parts[first // columns, first % columns], waiting[0], count = number, first, 1
+        while count > 0:
+            count -= 1
+            row, column = waiting[count] // columns, waiting[count] % columns
+            for j in range(max(0, row - 1), min(rows, row + 2)):
+                for i in range(max(0, column - 1), min(columns, column + 2)):
+                    if not parts[j, i] and grid[j, i] >= least:
+                        parts[j, i], waiting[count] = number, j * columns + i
+                        count += 1
+    return parts
+
+
 @dataclass(frozen=True, eq=False)
 class Ground:
     """Ground that bodies may touch, with signed distances known up to a cap.
@@ -192,6 +213,15 @@ class Ground:
 
     grid: npt.NDArray[np.float32]
     frame: Floats
+
+    def number_parts(self, half_m: float, places: Floats) -> npt.NDArray[np.int64]:
+        """In which part of the ground places (n, 2) lie, where parts are joined by passages that a machine of half that
+        width gets through; 0 for a place that has less room to an edge.
+
+        Half a cell by which places are rounded is no reason to hold parts for apart.
+        """
+        columns, rows = np.rint((places - self.frame[:2]) / CELL_M).astype(int).T
+        return label_parts(self.grid, half_m - CELL_M)[rows, columns]  # type: ignore[no-any-return]
 
 
 def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:

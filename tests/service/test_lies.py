@@ -349,9 +349,8 @@ def test_the_limit_is_that_of_the_stated_noise() -> None:
 
 @pytest.mark.slow
 def test_honest_tractors_with_bad_receivers_are_not_doubted() -> None:
-    """Two hours of each of five; `python -m tests.benchmarks.clean_motion` drives a hundred hours of fifty."""
-    steps = 2 * 36_000
-    assert [drive(seed, steps, -1)[0] for seed in range(5)] == [0] * 5
+    """An hour of each of three; `python -m tests.benchmarks.clean_motion` drives a hundred hours of fifty."""
+    assert [drive(seed, 36_000, -1)[0] for seed in range(3)] == [0] * 3
     doubts, first = drive(1, 6000, 3000)  # the same truth, and a speed that says it stands
     assert doubts > 0 and 3000 <= first <= 3100
 
@@ -406,9 +405,10 @@ def test_where_it_stood_before_it_could_hear_the_order_is_not_held_against_it() 
 
 
 @pytest.mark.slow
-def test_the_table_of_the_threat_model_is_what_is_noticed() -> None:
+@pytest.mark.parametrize("rows", [lies.ROWS[::4], pytest.param(lies.ROWS, marks=pytest.mark.matrix)])
+def test_the_table_of_the_threat_model_is_what_is_noticed(rows: list[tuple[str, ...]]) -> None:
     guide = (Path(planner.guide.__file__).parent / "threat-model.md").read_text("utf-8")
-    assert lies.format_table(lies.ROWS) in guide
+    assert set(lies.format_table(rows).splitlines()) <= set(guide.splitlines())
 
 
 @pytest.mark.matrix

@@ -14,7 +14,10 @@ def build_vain_table() -> tuple[MoveTable, list[tuple[int, int]]]:
     """A table of nodes between which no move is found, with the pairs that are searched with the implement folded."""
     folded, costs = list[tuple[int, int]](), np.full((NODES + 1, NODES + 1), 20.0)
     estimates = SimpleNamespace(
-        near=(costs, np.ones(costs.shape, bool)), guess_detour_s=lambda *_: 100.0, guess_searched_s=lambda *_: 50.0
+        near=(costs, np.ones(costs.shape, bool)),
+        guess_detour_s=lambda *_: 100.0,
+        guess_searched_s=lambda *_: 50.0,
+        is_apart=np.zeros((2, *costs.shape), bool),
     )
 
     def list_folded_moves(u: int, v: int) -> tuple[()]:
