@@ -17,6 +17,7 @@ from planner.errors import HeadlandError, RequestError
 from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
 from planner.evaluation.ground.coverage import compute_guided_path, measure_outside_m
 from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.machines import FarmImplement
 from planner.farm.settings import FarmTimes
@@ -92,6 +93,19 @@ def test_both_rooms_are_worked_by_a_machine_that_folds(folding: PlanningResult, 
     assert "to fold and unfold" in whole.remark and "fold" not in half.remark
     assert "cut off: no passage as wide as the machines (9 m)" in half.remark
     assert not any(leg.folded for leg in list_legs(rigid))
+
+
+@pytest.mark.parametrize(("options", "apart"), [({}, [True, False]), ({"transport_width_m": WIDTH_M}, [True, True])])
+def test_a_way_to_the_other_room_is_sought_with_the_implement_folded_alone(
+    options: dict[str, float], apart: list[bool]
+) -> None:
+    request = PlanRequest(width_m=WIDTH_M, tractors=(1,), **options)
+    moves = get_site_moves(prepare_context(WorkOrder(request, field=build_two_rooms())))
+    rooms = np.array([begin[0] > ROOM_M[0] for begin in moves.begins[:-1]])
+    is_other = np.not_equal.outer(rooms, rooms)
+    for is_apart, expected in zip(moves.estimates.is_apart[:, :-1, :-1], apart, strict=True):
+        assert (is_apart[is_other] == expected).all()
+    assert not moves.estimates.is_apart[0][:-1, :-1][~is_other].any()
 
 
 @pytest.mark.slow

@@ -133,8 +133,8 @@ def test_a_tractor_on_its_line_goes_on_from_its_place_and_nobody_else_may() -> N
 def test_a_tractor_beside_lines_drives_from_its_place_onto_the_nearest() -> None:
     """0.7 m beside it: by 0.2 rad it is on its line 3.5 m on. Another, listed before it, is 0.9 m away."""
     site = make_site(shapely.box(0.0, -4.0, 40.0, 2.0))
-    near, y = draw_line(0), -1.6
-    far = WorkLine(LegTask(SWATH, 9), (SWATH, 9), tuple(path + (0.0, y) for path in near.paths), TOOL_M)
+    near, shift_m = draw_line(0), np.array([0.0, -1.6])
+    far = WorkLine(LegTask(SWATH, 9), (SWATH, 9), tuple(path + shift_m for path in near.paths), TOOL_M)
     lines, (start,) = begin_where_tractors_stand(site, [far, near], [((40.0 + TOOL_M, -0.7, 0.0), False)], 45.0)
     assert start == 2 and lines[0] is far
     expected = [[40.0 + TOOL_M, -0.7], [43.5 + TOOL_M, 0.0], [LENGTH_M + TOOL_M, 0.0]]

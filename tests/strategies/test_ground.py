@@ -57,6 +57,25 @@ def test_distances_of_any_region_are_those_of_shapely(
             assert found == pytest.approx(exact, abs=0.36)  # half the diagonal of a cell, at a corner
 
 
+@pytest.mark.parametrize(("half_m", "parts"), [(2.0, [1, 1, 1, 0]), (4.5, [1, 2, 0, 0])])
+def test_two_rooms_are_parts_for_what_the_passage_between_them_is_too_narrow_for(
+    half_m: float, parts: list[int]
+) -> None:
+    """The passage is 6 m wide; a metre from an edge there is room for neither machine."""
+    rooms = shapely.union_all([FIELD, shapely.box(59.0, 17.0, 76.0, 23.0), shapely.box(75.0, 0.0, 135.0, 40.0)])
+    places = np.array([[30.0, 20.0], [105.0, 20.0], [67.5, 20.0], [1.0, 20.0]])
+    assert build_ground(rooms, CAP_M).number_parts(half_m, places).tolist() == parts
+
+
+def test_a_passage_a_little_wider_than_the_machine_joins() -> None:
+    """Places are rounded to the grid, whose cells lie anyhow across the passage."""
+    for shift in (0.0, 0.13, 0.31, 0.49):
+        narrow = shapely.box(59.0, 15.4 + shift, 76.0, 24.6 + shift)
+        rooms = shapely.union_all([FIELD, narrow, shapely.box(75.0, 0.0, 135.0, 40.0)])
+        ground = build_ground(rooms, CAP_M)
+        assert ground.number_parts(4.5, np.array([[30.0, 20.0], [105.0, 20.0]])).tolist() == [1, 1]
+
+
 def test_room_of_a_body_beside_an_edge() -> None:
     ground = build_ground(FIELD, CAP_M)
     poses = np.array([[30.0, 5.0, 0.0], [30.0, 5.0, 0.5 * math.pi], [30.0, 1.0, 0.0]])
