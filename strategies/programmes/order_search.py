@@ -208,18 +208,23 @@ def search_programmes(
         _check_start(problem, start)
         for tractor, tour in enumerate(start):
             given[tractor, : len(tour)] = tour
+    searched = start is not None, kicks, seed, problem.turns_runs
+    found, _ = search_tours(_build_tables(problem), create_tours(k, n), given, *searched)
+    return [[int(node) for node in tour if node >= 0] for tour in found]
+
+
+def _build_tables(problem: OrderProblem) -> OrderTables:
+    """A problem with the nearest neighbours of every node, for compiled functions."""
     move_s, begin_s, end_s = (np.ascontiguousarray(table) for table in problem.tabulate_moves())
-    count = min(NEIGHBOURS, 2 * n - 2)
+    count = min(NEIGHBOURS, len(move_s) - 2)
     after, before = (np.ascontiguousarray(nodes[:, :count]) for nodes in _find_neighbours(move_s, count))
     work_s, value_s = (np.ascontiguousarray(values, np.float64) for values in (problem.work_s, problem.value_s))
     allowed = np.ascontiguousarray(problem.allowed, np.bool_)
     clashes = np.zeros((2, 0, 0), bool) if problem.clashes is None else np.ascontiguousarray(problem.clashes)
     need = np.zeros(0) if problem.need is None else np.ascontiguousarray(problem.need, np.float64)
-    tables = OrderTables(
+    return OrderTables(
         move_s, begin_s, end_s, work_s, value_s, allowed, after, before, clashes, need, problem.sum_share
     )
-    found = _search_tours(tables, create_tours(k, n), given, start is not None, kicks, seed, problem.turns_runs)
-    return [[int(node) for node in tour if node >= 0] for tour in found]
 
 
 def _check_start(problem: OrderProblem, start: list[list[int]]) -> None:
@@ -376,8 +381,8 @@ def _load_start(tours, tables, given) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def _search_tours(tables, tours, given, is_started, kicks, seed, turns_runs):  # type: ignore[no-untyped-def]
-    """Tours (k, n), each ended by -1, from those given or from none."""
+def search_tours(tables, tours, given, is_started, kicks, seed, turns_runs):  # type: ignore[no-untyped-def]
+    """Tours (k, n), each ended by -1, from those given or from none, and the cost that the search reckons with."""
     k, n = given.shape
     _load_start(tours, tables, given)
     if not is_started:
@@ -395,8 +400,8 @@ def _search_tours(tables, tours, given, is_started, kicks, seed, turns_runs):  #
         cost = improve_tours(tours, tables)
         _keep_or_restore(tours, tables, nodes, lengths, cost <= best_cost)
         best_cost = min(best_cost, cost)
-    _improve_runs(tours, tables, turns_runs)
+    cost = _improve_runs(tours, tables, turns_runs)
     found = np.full((k, n), NO_ROW)
     for row in range(k):
         copy_row(tours.nodes[row, : tours.lengths[row]], found[row])
-    return found
+    return found, cost

@@ -11,20 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fields.errors import HeadlandError
-from strategies.programmes.order_building import insert_lines
-from strategies.programmes.order_moves import improve_tours
-from strategies.programmes.order_search import OrderProblem, compute_cost_s, count_clashes, search_programmes
+from strategies.programmes.order_search import (
+    OrderProblem,
+    _build_tables,
+    compute_cost_s,
+    count_clashes,
+    search_programmes,
+    search_tours,
+)
 from strategies.programmes.order_tours import (
     RULE_S,
     SUM_SHARE,
-    UNREACHED_S,
-    OrderTables,
     create_tours,
-    push_line,
-    sum_rows,
-    update_row,
 )
-from vehicle.jit import compile_function
 
 SEEDS = range(200)
 KICKS, FEW_KICKS = 100, 10  # for few lines, and for many
@@ -109,39 +108,14 @@ def test_few_lines_are_nearly_always_in_the_best_order(no_move_share: float, are
     assert best_count >= 0.97 * len(SEEDS)
 
 
-@compile_function
-def improve_once(tables, tours):  # type: ignore[no-untyped-def]
-    """The cost that the search reckons with after its first descent."""
-    for row in range(len(tours.lengths)):
-        update_row(tours, tables, row)
-    sum_rows(tours, tables)
-    insert_lines(tours, tables)
-    for line in range(len(tours.row_of)):
-        push_line(tours, line)
-    return improve_tours(tours, tables)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("k", [1, 2, 5])
 def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
     for seed in range(10):
         problem = make_problem(seed, 40, k, no_move_share=0.2, stages=2, clash_share=0.3)
         problem = replace(problem, need=np.full(40, 0.03), sum_share=0.4)
-        near = np.argsort(problem.move_s + UNREACHED_S * np.eye(80), axis=1, kind="stable")[:, :6]
-        tables = OrderTables(
-            *problem.tabulate_moves(),
-            problem.work_s,
-            problem.value_s,
-            problem.allowed,
-            near,
-            near[:, ::-1].copy(),
-            problem.clashes,
-            problem.need,
-            problem.sum_share,
-        )
-        arrays = create_tours(k, 40)
-        cost_s = improve_once(tables, arrays)
-        tours = [[int(node) for node in arrays.nodes[row, : arrays.lengths[row]]] for row in range(k)]
+        none, kicks = np.full((k, 40), -1, np.int64), seed
+        found, cost_s = search_tours(_build_tables(problem), create_tours(k, 40), none, False, kicks, seed, False)
+        tours = [tour[tour >= 0].tolist() for tour in found]
         assert sum(map(len, tours)) > 20
         assert cost_s == pytest.approx(compute_cost_s(problem, tours), rel=1e-12)
 
