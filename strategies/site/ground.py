@@ -216,12 +216,15 @@ class Ground:
 
     def number_parts(self, half_m: float, places: Floats) -> npt.NDArray[np.int64]:
         """In which part of the ground places (n, 2) lie, where parts are joined by passages that a machine of half that
-        width gets through; 0 for a place that has less room to an edge.
+        width gets through; 0 for a place that has less room to an edge, or lies outside.
 
         Half a cell by which places are rounded is no reason to hold parts for apart.
         """
-        columns, rows = np.rint((places - self.frame[:2]) / CELL_M).astype(int).T
-        return label_parts(self.grid, half_m - CELL_M)[rows, columns]  # type: ignore[no-any-return]
+        cells = np.rint((places[:, ::-1] - self.frame[1::-1]) / CELL_M).astype(int)
+        is_known = ((cells >= 0) & (cells < self.grid.shape)).all(axis=1)
+        numbers = np.zeros(len(places), np.int64)
+        numbers[is_known] = label_parts(self.grid, half_m - CELL_M)[tuple(cells[is_known].T)]
+        return numbers
 
 
 def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:

@@ -127,7 +127,7 @@ def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("speed_kmh", [5.0, 12.0])
+@pytest.mark.parametrize("speed_kmh", [pytest.param(5.0, marks=pytest.mark.matrix), 12.0])
 def test_lines_are_those_of_the_plan_that_is_driven(speed_kmh: float) -> None:
     order = build_work_order({"field": "denmark", "width": 6.0, "tractors": "1", "speed_kmh": speed_kmh})
     shown = KeptGrounds().estimate(order)

@@ -57,13 +57,13 @@ def test_distances_of_any_region_are_those_of_shapely(
             assert found == pytest.approx(exact, abs=0.36)  # half the diagonal of a cell, at a corner
 
 
-@pytest.mark.parametrize(("half_m", "parts"), [(2.0, [1, 1, 1, 0]), (4.5, [1, 2, 0, 0])])
+@pytest.mark.parametrize(("half_m", "parts"), [(2.0, [1, 1, 1, 0, 0, 0]), (4.5, [1, 2, 0, 0, 0, 0])])
 def test_two_rooms_are_parts_for_what_the_passage_between_them_is_too_narrow_for(
     half_m: float, parts: list[int]
 ) -> None:
-    """The passage is 6 m wide; a metre from an edge there is room for neither machine."""
+    """The passage is 6 m wide; a metre from an edge there is room for neither machine, and none far outside."""
     rooms = shapely.union_all([FIELD, shapely.box(59.0, 17.0, 76.0, 23.0), shapely.box(75.0, 0.0, 135.0, 40.0)])
-    places = np.array([[30.0, 20.0], [105.0, 20.0], [67.5, 20.0], [1.0, 20.0]])
+    places = np.array([[30.0, 20.0], [105.0, 20.0], [67.5, 20.0], [1.0, 20.0], [-500.0, 20.0], [30.0, 4000.0]])
     assert build_ground(rooms, CAP_M).number_parts(half_m, places).tolist() == parts
 
 
