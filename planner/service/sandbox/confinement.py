@@ -23,6 +23,8 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
+from planner.service.settings import LIMITS
+
 LANDLOCK_CREATE_RULESET, LANDLOCK_ADD_RULE, LANDLOCK_RESTRICT_SELF = 444, 445, 446
 """Calls of the system, the same on every processor."""
 LANDLOCK_VERSION_FLAG = 1 << 0  # asks which Landlock this is
@@ -166,6 +168,12 @@ def _build_seccomp_filter(machine: str) -> list[tuple[int, int, int, int]]:
     for command in ALLOWED_FCNTL_COMMANDS:
         steps += [(BPF_JUMP_EQUAL, 0, 1, command), (BPF_RETURN, 0, 0, SECCOMP_ALLOW)]
     return [*steps, (BPF_RETURN, 0, 0, SECCOMP_ERRNO | errno.EACCES)]
+
+
+def lower_priority() -> None:
+    """Let links and stops come before what this process does, where the system has priorities."""
+    if hasattr(os, "nice"):
+        os.nice(LIMITS.niceness)
 
 
 def list_missing_protections() -> list[str]:
