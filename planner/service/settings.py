@@ -109,7 +109,10 @@ class ServiceSettings:
     @property
     def local(self) -> bool:
         """Whether only this machine can reach the service."""
-        return is_loopback(self.host)
+        try:
+            return self.host == "localhost" or ipaddress.ip_address(self.host.strip("[]")).is_loopback
+        except ValueError:
+            return False
 
     @property
     def is_own_machine(self) -> bool:
@@ -213,13 +216,3 @@ class Limits:
 
 
 LIMITS = Limits()
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address is of this machine itself."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
