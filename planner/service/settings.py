@@ -165,7 +165,6 @@ class Limits:
     backlog: int = 1024  # connections that wait to be accepted
     accepts_per_turn: int = 32  # of them, by uvicorn in a turn of the event loop
     shutdown_s: int = 5  # for requests that are under way
-    niceness: int = 5  # of the office and of readers: links and stops come first
     sweep_period_s: float = 3600.0  # between two searches for bytes that nothing names
     job_count_period_s: float = 5.0  # between two counts of jobs for metrics
     largest_event_id: int = 2**53  # JavaScript has no larger whole numbers

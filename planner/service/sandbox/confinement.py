@@ -23,8 +23,6 @@ import time
 from collections.abc import Iterable
 from pathlib import Path
 
-from planner.service.settings import LIMITS
-
 LANDLOCK_CREATE_RULESET, LANDLOCK_ADD_RULE, LANDLOCK_RESTRICT_SELF = 444, 445, 446
 """Calls of the system, the same on every processor."""
 LANDLOCK_VERSION_FLAG = 1 << 0  # asks which Landlock this is
@@ -68,6 +66,7 @@ SECCOMP_KILL, SECCOMP_ALLOW, SECCOMP_ERRNO = 0x80000000, 0x7FFF0000, 0x00050000
 X32_CALLS_FROM = 0x40000000  # x86_64 has all calls a second time from here on
 PR_SET_PDEATHSIG, PR_SET_NO_NEW_PRIVS = 1, 38  # of prctl
 MOST_OPEN_FILES = 64
+NICENESS = 5  # of the office and of readers: links and stops come first
 OWN_PACKAGES = ("fields", "planner", "reports", "strategies", "vehicle")
 SYSTEM_LIBRARY_FOLDERS = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo")
 """Folders of shared libraries."""
@@ -173,7 +172,7 @@ def _build_seccomp_filter(machine: str) -> list[tuple[int, int, int, int]]:
 def lower_priority() -> None:
     """Let links and stops come before what this process does, where the system has priorities."""
     if hasattr(os, "nice"):
-        os.nice(LIMITS.niceness)
+        os.nice(NICENESS)
 
 
 def list_missing_protections() -> list[str]:

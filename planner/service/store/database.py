@@ -166,16 +166,15 @@ class Database:
     def change_rows(self, change: sa.Update | sa.Delete) -> int:
         """Make a change in a session of its own; returns the number of rows. Raises as `open_write_session` does."""
         with self.open_write_session() as session:
-            return execute_change(session, change)
+            return self.execute_change(session, change)
+
+    def execute_change(self, session: Session, change: sa.Update | sa.Delete) -> int:
+        """Make a change as a part of a session; returns the number of rows."""
+        return int(session.execute(change).rowcount)  # type: ignore[attr-defined]
 
     def close(self) -> None:
         """Close all connections."""
         self.engine.dispose()
-
-
-def execute_change(session: Session, change: sa.Update | sa.Delete) -> int:
-    """Make a change as a part of a session; returns the number of rows."""
-    return int(session.execute(change).rowcount)  # type: ignore[attr-defined]
 
 
 @cache

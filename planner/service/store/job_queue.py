@@ -14,7 +14,6 @@ from sqlalchemy.orm import Session
 
 from planner.service.errors import BusyError, ConflictError, NotFoundError
 from planner.service.settings import LIMITS
-from planner.service.store.database import execute_change
 from planner.service.store.store_part import (
     StorePart,
     check_name,
@@ -188,7 +187,7 @@ class JobStore(StorePart):
         """Store all results of a job, or none and return False where the worker has lost the job."""
         self.keep_results(number, files)
         with self.database.open_write_session() as session:
-            if not execute_change(session, _update_claimed_job(number, worker, _build_end_values(DONE))):
+            if not self.database.execute_change(session, _update_claimed_job(number, worker, _build_end_values(DONE))):
                 return False
             session.execute(sa.delete(ResultRow).where(ResultRow.job == number))
             for name, content, media in files:

@@ -14,7 +14,7 @@ from fields.documents.sources import FIELD_FORMATS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import ServedJobStore
-from planner.service.store.database import describe_version, execute_change, migrate_database
+from planner.service.store.database import describe_version, migrate_database
 from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
 from planner.service.store.tables import EventRow, FileRow, FleetRow, Owner, RecordingRow, TokenRow, WriteCheckRow
 from planner.service.store.token_table import TokenStore
@@ -226,7 +226,7 @@ class Store(TokenStore, FileStore, ServedJobStore):
         """Delete a fleet, its recordings and its robots' tokens; its events stay. Raises NotFoundError."""
         with self.database.open_write_session() as session:
             session.execute(sa.delete(TokenRow).where(TokenRow.fleet == id))
-            if not execute_change(session, sa.delete(FleetRow).where(FleetRow.id == id)):
+            if not self.database.execute_change(session, sa.delete(FleetRow).where(FleetRow.id == id)):
                 raise _build_no_fleet_error(id)
 
     def add_recording(self, fleet: str, tractor: int, rows: Sequence[Sequence[Any]]) -> None:

@@ -16,7 +16,6 @@ import sqlalchemy as sa
 from planner.fleet.session.inbound_frames import MOST_TRACTORS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import LIMITS
-from planner.service.store.database import execute_change
 from planner.service.store.store_part import (
     Revocation,
     StorePart,
@@ -126,7 +125,9 @@ class TokenStore(StorePart):
     def write_revocation(self, revocation: Revocation) -> None:
         """Delete a revoked token. Raises SQLAlchemyError, ServiceError where nothing can be written."""
         with self.database.open_write_session() as session:
-            deleted = execute_change(session, sa.delete(TokenRow).where(TokenRow.sha256 == revocation.sha256))
+            deleted = self.database.execute_change(
+                session, sa.delete(TokenRow).where(TokenRow.sha256 == revocation.sha256)
+            )
             if deleted and revocation.who is not None:
                 event = EventRow(time=format_utc_now_ms(), who=revocation.who[:120], what="token revoked")
                 event.data = {"name": revocation.name}
