@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -175,6 +176,7 @@ def _run_server(settings: ServiceSettings) -> None:
     import uvicorn
 
     from planner.pipeline.kernels import MORE, PLAN
+    from planner.service.access.permissions import is_operator
     from planner.service.api.apps import create_control_app, run_back_office
     from planner.service.gateway.back_office import BackOffice
     from planner.service.gateway.connection_limits import ConnectionRegistry, compute_connection_limits
@@ -191,7 +193,7 @@ def _run_server(settings: ServiceSettings) -> None:
         app.state.logins.make_token = app.state.store.create_browser_token
     config = uvicorn.Config(
         app, log_config=None, access_log=False, proxy_headers=False, server_header=False,
-        http=build_limited_protocol_class(connections, app.state.book.is_operator_token), ws=LimitedWebSocket,
+        http=build_limited_protocol_class(connections, partial(is_operator, app.state.book)), ws=LimitedWebSocket,
         ws_max_size=LIMITS.most_frame_bytes, ws_per_message_deflate=False, timeout_graceful_shutdown=LIMITS.shutdown_s,
         backlog=LIMITS.accepts_per_turn,
     )  # fmt: skip

@@ -109,7 +109,10 @@ class ServiceSettings:
     @property
     def local(self) -> bool:
         """Whether only this machine can reach the service."""
-        return is_loopback(self.host)
+        try:
+            return self.host == "localhost" or ipaddress.ip_address(self.host.strip("[]")).is_loopback
+        except ValueError:
+            return False
 
     @property
     def is_own_machine(self) -> bool:
@@ -162,7 +165,6 @@ class Limits:
     backlog: int = 1024  # connections that wait to be accepted
     accepts_per_turn: int = 32  # of them, by uvicorn in a turn of the event loop
     shutdown_s: int = 5  # for requests that are under way
-    niceness: int = 5  # of the office and of readers: links and stops come first
     sweep_period_s: float = 3600.0  # between two searches for bytes that nothing names
     job_count_period_s: float = 5.0  # between two counts of jobs for metrics
     largest_event_id: int = 2**53  # JavaScript has no larger whole numbers
@@ -213,13 +215,3 @@ class Limits:
 
 
 LIMITS = Limits()
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address is of this machine itself."""
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False

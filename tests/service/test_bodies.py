@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 from collections.abc import AsyncIterator, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -28,32 +29,28 @@ SETTINGS = ServiceSettings(data=Path("unused"), upload_mb=1)
 def test_a_client_has_two_uploads_and_all_have_four() -> None:
     budget = BodyBudget(SETTINGS)
     with budget.open_share("a") as one, budget.open_share("a") as two, budget.open_share("a") as three:
-        assert one.grow_to(MEGABYTE_BYTES) and two.grow_to(MEGABYTE_BYTES) and not three.grow_to(MEGABYTE_BYTES)
-        assert three.grow_to(UNCOUNTED_BYTES), "orders are never held up"
+        assert one(MEGABYTE_BYTES) and two(MEGABYTE_BYTES) and not three(MEGABYTE_BYTES)
+        assert three(UNCOUNTED_BYTES), "orders are never held up"
         with budget.open_share("b") as four, budget.open_share("c") as five, budget.open_share("d") as six:
-            assert four.grow_to(2 * MEGABYTE_BYTES) and not five.grow_to(MEGABYTE_BYTES)
-            assert six.grow_to(UNCOUNTED_BYTES)
+            assert four(2 * MEGABYTE_BYTES) and not five(MEGABYTE_BYTES)
+            assert six(UNCOUNTED_BYTES)
         with budget.open_share("c") as five:
-            assert five.grow_to(MEGABYTE_BYTES), "the room was given back"
+            assert five(MEGABYTE_BYTES), "the room was given back"
     assert budget.held_bytes == 0
     assert BodyBudget(replace(SETTINGS, upload_mb=64)).most_bytes == 256 * MEGABYTE_BYTES
 
 
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.lists(st.integers(0, 3 * MEGABYTE_BYTES), max_size=4))))
 def test_a_budget_is_never_exceeded_and_all_of_it_comes_back(bodies: list[tuple[str, list[int]]]) -> None:
-    budget, shares, held = BodyBudget(SETTINGS), [], dict[str, int]()
+    budget, shares, held = BodyBudget(SETTINGS), ExitStack(), dict[str, int]()
     for client, sizes in bodies:
-        opened = budget.open_share(client)
-        share = opened.__enter__()
-        shares.append(opened)
+        grow, taken = shares.enter_context(budget.open_share(client)), 0
         for size in sizes:
-            before = share.held_bytes
-            grown = share.grow_to(size)
-            assert share.held_bytes == (max(before, size - UNCOUNTED_BYTES) if grown else before)
-        held[client] = held.get(client, 0) + share.held_bytes
-        assert held[client] <= budget.most_bytes / 2 and budget.held_bytes == sum(held.values()) <= budget.most_bytes
-    for opened in shares:
-        opened.__exit__(None, None, None)
+            taken = max(taken, size - UNCOUNTED_BYTES) if grow(size) else taken
+            assert budget.held_bytes == sum(held.values()) + taken
+        held[client] = held.get(client, 0) + taken
+        assert held[client] <= budget.most_bytes / 2 and budget.held_bytes <= budget.most_bytes
+    shares.close()
     assert budget.held_bytes == 0
 
 
@@ -99,7 +96,7 @@ def test_a_fleet_is_made_from_a_file_and_stored_under_its_id(both: ServiceSettin
 def test_a_body_without_room_is_refused_and_an_order_is_not(app: FastAPI, client: TestClient) -> None:
     operator = bearer(app, "operator")
     with app.state.bodies.open_share("x") as one, app.state.bodies.open_share("y") as two:
-        assert one.grow_to(2 * MEGABYTE_BYTES) and two.grow_to(2 * MEGABYTE_BYTES)
+        assert one(2 * MEGABYTE_BYTES) and two(2 * MEGABYTE_BYTES)
         refused = client.post("/api/v1/fleets", content=b" " * 500_000, headers=operator)
         assert refused.status_code == 429 and "large bodies" in refused.json()["error"]
         assert int(refused.headers["retry-after"]) > 0

@@ -18,6 +18,7 @@ from starlette.testclient import TestClient
 from planner.service.api.administration import METRICS_MEDIA_TYPE
 from planner.service.errors import DatabaseError, NotFoundError, StorageError, TokenError
 from planner.service.settings import DATABASE_FILE, ServiceSettings
+from planner.service.store import backup
 from planner.service.store import database as databases
 from planner.service.store.backup import back_up, restore_backup
 from planner.service.store.database_watch import STALE_S, DatabaseWatch, TokenCache
@@ -135,6 +136,33 @@ def test_the_command_revokes_while_the_file_is_locked_and_other_files_beside_rev
     for name in ("README", ".DS_Store", f"{revocation.sha256}~"):
         (small.settings.data / REVOCATIONS_FOLDER / name).write_text("no revocation", encoding="utf-8")
     assert small.revocations.list_waiting() == {revocation.sha256: revocation}
+
+
+@pytest.mark.parametrize("reads", ["tokens", "backup"])
+def test_a_revocation_that_is_written_while_tokens_are_read_holds(
+    small: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reads: str
+) -> None:
+    text, other = small.create_token_text("office", "read"), lock(small)
+    small.revoke_token("office")  # which waits in a file, and is written as soon as the rows are read
+    other.close()
+    place, name = (small.database, "list_rows") if reads == "tokens" else (backup, "copy_rows")
+    read: Any = getattr(place, name)
+
+    def read_and_write(*what: Any) -> Any:
+        rows = read(*what)
+        small.write_revocations()
+        return rows
+
+    monkeypatch.setattr(place, name, read_and_write)
+    if reads == "tokens":
+        cache = TokenCache(small)
+        assert cache.refresh() and cache.find_token(text) is None
+        return
+    back_up(small, tmp_path / "copy.zip")
+    again = Store(ServiceSettings(data=tmp_path / "again"))
+    restore_backup(again, tmp_path / "copy.zip")
+    assert again.list_tokens() == [] and small.revocations.list_waiting() == {}
+    again.close()
 
 
 def test_a_revocation_that_cannot_be_stored_anywhere_holds_and_says_until_when(

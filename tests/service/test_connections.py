@@ -29,6 +29,7 @@ from planner.service.gateway.connection_protocol import (
     RequestScheduler,
     build_limited_protocol_class,
 )
+from planner.service.gateway.request_gate import name_client
 from tests.service.conftest import wait_until
 
 REQUEST = b"GET / HTTP/1.1\r\nhost: x\r\n\r\n"
@@ -217,6 +218,7 @@ def test_greetings_give_way_to_newer_ones() -> None:
 def test_addresses_of_one_network_of_ipv6_count_as_one() -> None:
     first, same, other = map(compute_network_key, ("2001:db8::1", "2001:db8::ffff:2", "2001:db8:0:1::1"))
     assert first == same != other
+    assert name_client({"client": ("2001:db8::1", 1)}) == name_client({"client": ("2001:db8::ffff:2", 2)}) == first
     assert compute_network_key("fe80::1%eth0") == compute_network_key("fe80::2")
     assert compute_network_key("192.0.2.7") == "192.0.2.7" and compute_network_key("odd:") == "odd:"
 

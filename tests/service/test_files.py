@@ -196,6 +196,8 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     }  # fmt: skip
     other = upload(client, "elevations", token, "hill.asc", grid.replace(b"100.00", b"101.00"))
     assert other.status_code == 409 and "There is an elevation 'hill' with other content" in other.json()["error"]
+    copied = client.post("/api/v1/elevations/hill/copy", json={"name": "hill"}, headers=token)
+    assert copied.status_code == 409 and "There is an elevation 'hill' already; choose" in copied.json()["error"]
     broken = upload(client, "elevations", token, "broken.asc", b"ncols many")
     assert (broken.status_code, broken.json()["parameter"]) == (422, "file")
     assert upload(client, "fields", token, "yard.geojson", SMALL, local="1").status_code == 201

@@ -153,9 +153,8 @@ def test_no_job_is_claimed_twice(store: Store) -> None:
 
 
 def test_fleets_recordings_and_events(store: Store) -> None:
-    store.save_fleet("f1", "north", "{}", {"times": 1})
-    store.save_progress("f1", {"leg": 3})
     store.save_fleet("f1", "north", '{"legs": []}', {"times": 2})
+    store.save_progress("f1", {"leg": 3})
     fleet = store.get_fleet("f1")
     assert (fleet.plan, fleet.settings, fleet.progress) == ('{"legs": []}', {"times": 2}, {"leg": 3})
     store.add_recording("f1", 1, [[0.0, 1.5], [0.1, None]])

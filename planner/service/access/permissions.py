@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
@@ -55,6 +55,17 @@ class RequiredRight:
     right: str
     fleet_parameter: str | None = None
     allows_own_fleet: bool = False
+
+    async def admit_caller(self, request: Request, _bearer: Annotated[object, Depends(BEARER_SCHEME)]) -> Caller:
+        """A dependency of routes: the caller; raises TokenError or ScopeError without this right."""
+        caller = await identify_caller(request, read_bearer(request))
+        self.check(caller, request.path_params)
+        return caller
+
+    def check(self, caller: Caller, path_params: Mapping[str, Any]) -> None:
+        """Raise TokenError or ScopeError where the caller of a route with these parts of its path lacks the right."""
+        fleet = None if self.fleet_parameter is None else str(path_params.get(self.fleet_parameter))
+        caller.check_right(self.right, caller.fleet if self.allows_own_fleet else fleet)
 
 
 @dataclass(frozen=True)
@@ -127,39 +138,14 @@ class Caller:
         )
 
 
-def require_right(
-    right: str, *, fleet_parameter: str | None = None, allows_own_fleet: bool = False
-) -> Callable[..., Any]:
-    """A dependency of routes: the caller; raises TokenError or ScopeError without this right. See RequiredRight."""
-    required = RequiredRight(right, fleet_parameter, allows_own_fleet)
-
-    async def identify_and_check(request: Request, _bearer: Annotated[object, Depends(BEARER_SCHEME)]) -> Caller:
-        caller = await identify_caller(request, read_bearer(request))
-        check_required_right(caller, required, request.path_params)
-        return caller
-
-    identify_and_check.need = required  # type: ignore[attr-defined]
-    return identify_and_check
-
-
 def find_required_right(route: BaseRoute) -> RequiredRight | None:
     """The right that a route needs, None for a route that everybody may use."""
     dependant = getattr(route, "dependant", None)
     for dependency in dependant.dependencies if dependant is not None else ():
-        required = getattr(dependency.call, "need", None)
+        required = getattr(dependency.call, "__self__", None)
         if isinstance(required, RequiredRight):
             return required
     return None
-
-
-def check_required_right(caller: Caller, required: RequiredRight, path_params: Mapping[str, Any]) -> None:
-    """Raise TokenError or ScopeError where the caller lacks the right that a route needs."""
-    if required.allows_own_fleet:
-        caller.check_right(required.right, caller.fleet)
-    else:
-        caller.check_right(
-            required.right, None if required.fleet_parameter is None else str(path_params.get(required.fleet_parameter))
-        )
 
 
 async def identify_caller(connection: HTTPConnection, token_text: str | None) -> Caller:
@@ -192,6 +178,12 @@ def build_caller(token: TokenRow) -> Caller:
     return Caller(token.name, scopes, token.sha256, token.fleet, token.tractor, identity=token.identity)
 
 
+def is_operator(tokens: TokenCache, token_text: str) -> bool | None:
+    """Whether the holder of a token may operate fleets, from memory only; None for an unknown token."""
+    row = tokens.find_token(token_text)
+    return None if row is None else build_caller(row).has_right(OPERATE)
+
+
 def read_bearer(connection: HTTPConnection) -> str | None:
     """The token of the header, None without one; raises TokenError for a header of another kind."""
     header = connection.headers.get("authorization")
@@ -203,9 +195,9 @@ def read_bearer(connection: HTTPConnection) -> str | None:
     return token.strip()
 
 
-ReadAccess = Annotated[Caller, Depends(require_right(READ))]
-OwnReadAccess = Annotated[Caller, Depends(require_right(READ, allows_own_fleet=True))]
-PlanAccess = Annotated[Caller, Depends(require_right(PLAN))]
-OperateAccess = Annotated[Caller, Depends(require_right(OPERATE))]
-AdminAccess = Annotated[Caller, Depends(require_right(ADMINISTER))]
+ReadAccess = Annotated[Caller, Depends(RequiredRight(READ).admit_caller)]
+OwnReadAccess = Annotated[Caller, Depends(RequiredRight(READ, allows_own_fleet=True).admit_caller)]
+PlanAccess = Annotated[Caller, Depends(RequiredRight(PLAN).admit_caller)]
+OperateAccess = Annotated[Caller, Depends(RequiredRight(OPERATE).admit_caller)]
+AdminAccess = Annotated[Caller, Depends(RequiredRight(ADMINISTER).admit_caller)]
 """Callers of routes, with the rights that these need."""

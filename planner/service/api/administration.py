@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from functools import partial
-from typing import Annotated, get_args
+from typing import Annotated
 
 from fastapi import Query, Request, Response
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, ProcessCollector, generate_latest
@@ -24,6 +24,7 @@ from starlette.responses import RedirectResponse
 from planner.errors import HeadlandError
 from planner.service.access.browsers import BrowserLogins
 from planner.service.access.permissions import (
+    READ,
     RIGHTS_BY_SCOPE,
     AdminAccess,
     OwnReadAccess,
@@ -41,19 +42,19 @@ from planner.service.gateway.responses import (
     CallerInfo,
     EventList,
     HealthInfo,
-    JobStatus,
     NewToken,
     ReadinessInfo,
     StoreAccess,
     TokenInfo,
     TokenList,
-    TokenScope,
     build_error_response,
     build_refusal_response,
 )
 from planner.service.settings import LIMITS, find_version
 from planner.service.store.database_watch import DatabaseWatch, TokenCache
+from planner.service.store.job_queue import JOB_STATUSES
 from planner.service.store.service_store import Store
+from planner.service.store.token_table import TokenScope
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
@@ -120,7 +121,7 @@ class ServiceMetrics:
             return
         self._jobs_counted_s = time.monotonic()
         counts = store.count_jobs()
-        for state in get_args(JobStatus):
+        for state in JOB_STATUSES:
             self.jobs.labels(state).set(counts.get(state, 0))
 
 
@@ -222,7 +223,7 @@ async def show_metrics(request: Request) -> Response:
     """Metrics for Prometheus; they need the right to read."""
     state = request.app.state
     try:
-        (await identify_caller(request, read_bearer(request))).check_right("read")
+        (await identify_caller(request, read_bearer(request))).check_right(READ)
     except ServiceError as error:
         return build_refusal_response(error)
     metrics: ServiceMetrics = state.metrics
@@ -292,13 +293,9 @@ def list_tokens(store: StoreAccess, _caller: AdminAccess) -> TokenList:
 
 
 @tokens_router.post("", status_code=201, operation_id="make_token")
-def create_token(request: Request, caller: AdminAccess, body: TokenRequest) -> NewToken:
+def create_token(store: StoreAccess, caller: AdminAccess, body: TokenRequest) -> NewToken:
     """Make a token; its text is shown only once."""
-    store: Store = request.app.state.store
     text, row = store.create_token(body.name, body.scopes, fleet=body.fleet, tractor=body.tractor, expires=body.expires)
-    book: TokenCache | None = getattr(request.app.state, "book", None)
-    if book is not None:  # a separate control process reads the tokens itself
-        book.refresh()
     info = TokenInfo.model_validate(row)
     store.add_event(None, caller.name, "token made", info.model_dump(exclude_none=True, exclude={"created"}))
     return NewToken(**info.model_dump(), token=text)

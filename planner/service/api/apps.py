@@ -57,6 +57,7 @@ from planner.service.jobs.plan_estimates import PlanEstimator
 from planner.service.jobs.workers import WorkerSupervisor
 from planner.service.kept_process import end_with_service
 from planner.service.pages.static_files import mount_pages
+from planner.service.sandbox.confinement import lower_priority
 from planner.service.settings import LIMITS, ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
 from planner.service.store.database_watch import DatabaseWatch, TokenCache
@@ -300,8 +301,7 @@ def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connect
     """Run the office until the service ends; the main function of its process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.umask(0o077)
-    if hasattr(os, "nice"):
-        os.nice(LIMITS.niceness)  # stops and links come before files and jobs
+    lower_priority()
     set_up_logs()
     end_with_service()
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)

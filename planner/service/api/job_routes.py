@@ -23,6 +23,7 @@ from planner.service.access.browsers import REPORT_SECURITY_POLICY
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.api.uploads import CopyRequest, RenameRequest, SearchParameter, build_download
 from planner.service.errors import ServiceError
+from planner.service.gateway.request_gate import name_client
 from planner.service.gateway.responses import (
     ApiModel,
     ApiRequest,
@@ -36,7 +37,7 @@ from planner.service.gateway.responses import (
     wait_for_disconnect,
     wait_while_connected,
 )
-from planner.service.jobs.file_reading import FileReader, build_client_queue_key, submit_job
+from planner.service.jobs.file_reading import FileReader, submit_job
 from planner.service.jobs.input_files import (
     EXAMPLE_FARM,
     PLAN_JOB_MODEL,
@@ -90,10 +91,10 @@ def export_plan_result(
     curves: CurvesParameter = None,
 ) -> Response:
     """Boundary, headland and lines of plan.json, or of another plan of the job, by tractor in driving order."""
-    row, form = store.get_result(id, name, "plan"), find_format(to)
-    mission = parse_saved_plan(store.blobs.read_bytes(row.sha256).decode("utf-8", "replace"))
+    content, form = store.read_result(id, name, "plan"), find_format(to)
+    mission = parse_saved_plan(content.decode("utf-8", "replace"))
     export = write_guidance(build_guidance(mission, tractor), form, curves)
-    stem = PurePosixPath(row.name).stem
+    stem = PurePosixPath(name).stem
     if export.is_single_file:
         return build_download(next(iter(export.files.values())), form.media_type, f"{stem}{form.extension}")
     return build_download(zip_files(export.files), ZIP_MEDIA_TYPE, f"{stem}-{form.name}.zip")
@@ -130,7 +131,7 @@ def build_jobs_router(path: str) -> APIRouter:
     @router.post("", status_code=202, operation_id=f"ask_{kind}")
     async def submit(request: Request, caller: PlanAccess, body: model) -> JobInfo:
         """Submit a job; a request that cannot be fulfilled is refused at once, as on the command line."""
-        store, client = request.app.state.store, build_client_queue_key(request, caller)
+        store, client = request.app.state.store, name_client(request.scope)
         row = await submit_job(store, request.app.state.reader, client, kind, body, caller)
         return await run_in_threadpool(describe_job, row)
 
@@ -270,8 +271,7 @@ async def estimate_plan(
     """
     estimator: PlanEstimator = request.app.state.estimator
     values, inputs = await run_in_threadpool(collect_inputs, request.app.state.store, body)
-    client = build_client_queue_key(request, caller)
-    work = estimator.estimate(client, values, inputs, at_once=at_once)
+    work = estimator.estimate(name_client(request.scope), values, inputs, at_once=at_once)
     return EstimateInfo(**await wait_while_connected(wait_for_disconnect(request.receive), work))
 
 
@@ -380,8 +380,7 @@ async def _read_form(
     store: Store = request.app.state.store
     reader: FileReader = request.app.state.reader
     farm_path, inputs = await run_in_threadpool(_collect_farm, store, kind, text, changes)
-    client = build_client_queue_key(request, caller)
-    form = await reader.read(client, f"form {kind}", inputs, [text, changes, farm_path])
+    form = await reader.read(name_client(request.scope), f"form {kind}", inputs, [text, changes, farm_path])
     missing = await run_in_threadpool(list, _list_missing_files(store, form["values"]))
     contradictions = form.pop("contradictions")
     return FormInfo(**form | {"faults": [*form["faults"], *(missing or contradictions)]})

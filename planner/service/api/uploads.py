@@ -20,9 +20,9 @@ from fields.errors import HeadlandError
 from fields.sample_fields import list_sample_names, read_sample_text
 from planner.service.access.permissions import Caller, PlanAccess, ReadAccess
 from planner.service.errors import ConflictError, NotFoundError, TooLargeError
-from planner.service.gateway.request_gate import refuse_unknown_form_parts
+from planner.service.gateway.request_gate import name_client, refuse_unknown_form_parts
 from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, FileList, StoreAccess, document_file
-from planner.service.jobs.file_reading import FileReader, build_client_queue_key
+from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
 from planner.service.store.service_store import (
@@ -31,6 +31,7 @@ from planner.service.store.service_store import (
     SUFFIXES_BY_KIND,
     Store,
     build_other_content_error,
+    build_taken_name_error,
     check_suffix,
 )
 from planner.service.store.store_part import check_name, choose_copy_name, is_found
@@ -115,7 +116,7 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
     @router.patch("/{name}", operation_id=f"rename_{kind}")
     def rename_file(store: StoreAccess, caller: PlanAccess, name: str, body: RenameRequest) -> FileInfo:
         """Rename a file. Plans, days and diagnoses keep what they were asked for with."""
-        _find_changeable_file(store, caller, kind, name, moves=True)
+        _check_may_move(store, caller, kind, name)
         row = store.rename_file(kind, name, _refuse_sample_name(kind, body.name))
         store.add_event(None, caller.name, f"{kind} renamed", {"name": name, "to": row.name})
         return FileInfo.model_validate(row)
@@ -126,7 +127,7 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
         taken = {*list_samples(kind), *(row.name for row in store.list_files(kind))}
         copy_name = choose_copy_name(name, taken) if body.name is None else _refuse_sample_name(kind, body.name)
         if copy_name in taken:
-            raise ConflictError(f"There is a {kind} {copy_name!r} already; choose another name.", parameter="name")
+            raise build_taken_name_error(kind, copy_name)
         if name in list_samples(kind):
             row = store.add_file(kind, copy_name, _read_sample(kind, name), owner=caller.owner)
         else:
@@ -139,7 +140,7 @@ def _add_change_routes(router: APIRouter, kind: str) -> None:
     @router.delete("/{name}", status_code=204, operation_id=f"delete_{kind}")
     def delete_file(store: StoreAccess, caller: PlanAccess, name: str) -> None:
         """Delete a file; jobs that use it keep their copy."""
-        _find_changeable_file(store, caller, kind, name, moves=True)
+        _check_may_move(store, caller, kind, name)
         store.delete_file(kind, name)
         store.add_event(None, caller.name, f"{kind} deleted", {"name": name})
 
@@ -155,11 +156,11 @@ def _build_plain_routes(kind: str) -> tuple[Any, Any]:
         replace: ReplaceParameter = False,
     ) -> FileInfo:
         """Upload a file. It is read before it is stored, and refused in a sentence if it is not of its kind."""
-        return await _store_upload(request, caller, await _read_upload(kind, file, name, {}, replace))
+        return await _store_upload(request, caller, kind, file, name, {}, replaces=replace)
 
-    async def summarize(request: Request, caller: ReadAccess, name: str) -> dict[str, Any]:
+    async def summarize(request: Request, _who: ReadAccess, name: str) -> dict[str, Any]:
         """A summary of the file."""
-        return await _summarize_file(request, caller, kind, name)
+        return await _summarize_file(request, kind, name)
 
     return upload_file, summarize
 
@@ -177,12 +178,12 @@ async def upload_field(
     """Upload a file of fields. It is read before it is stored; later readings use the same options."""
     values: dict[str, Any] = {"crs": (crs or "").strip(), "swap_axes": swap_axes, "local": local}
     options = {key: value for key, value in values.items() if value}
-    return await _store_upload(request, who, await _read_upload("field", file, name, options, replace))
+    return await _store_upload(request, who, "field", file, name, options, replaces=replace)
 
 
 async def summarize_field(
     request: Request,
-    who: ReadAccess,
+    _who: ReadAccess,
     name: str,
     key: Annotated[str | None, Query(max_length=100, description="Which of several fields.")] = None,
     local: Annotated[bool | None, Query(description=LOCAL_METRES_HELP + UPLOAD_DEFAULT_HELP)] = None,
@@ -192,7 +193,7 @@ async def summarize_field(
     """The fields of the file, and the chosen one: area, rings in metres and in degrees, obstacles."""
     options = {"local": local, "crs": crs, "swap_axes": swap_axes}
     given_options = {one: value for one, value in options.items() if value is not None}
-    return await _summarize_file(request, who, "field", name, key=key, **given_options)
+    return await _summarize_file(request, "field", name, key=key, **given_options)
 
 
 @dataclass(frozen=True)
@@ -207,61 +208,61 @@ class Upload:
     replaces: bool
 
 
-async def _read_upload(
-    kind: str, file: UploadFile, name: str | None, options: dict[str, Any], replaces: bool
-) -> Upload:
-    """An upload with a checked name and ending; of a path only the last part counts. Raises ServiceError."""
+async def _store_upload(
+    request: Request,
+    caller: Caller,
+    kind: str,
+    file: UploadFile,
+    name: str | None,
+    options: dict[str, Any],
+    *,
+    replaces: bool,
+) -> FileInfo:
+    """Read an uploaded file and store it; of a path only the last part is its name. Raises HeadlandError."""
+    store: Store = request.app.state.store
+    reader: FileReader = request.app.state.reader
     file_path = PurePosixPath((file.filename or "").replace("\\", "/"))
     stored_name = _refuse_sample_name(kind, name or file_path.name.removesuffix(file_path.suffix))
     suffix = check_suffix(kind, file_path.suffix.lower() or SUFFIXES_BY_KIND[kind][0])
-    return Upload(kind, stored_name, suffix, await file.read(), options, replaces)
-
-
-async def _store_upload(request: Request, caller: Caller, upload: Upload) -> FileInfo:
-    """Read an uploaded file and store it; raises HeadlandError."""
-    store: Store = request.app.state.store
-    reader: FileReader = request.app.state.reader
-    kind = upload.kind
+    upload = Upload(kind, stored_name, suffix, await file.read(), options, replaces)
     most_bytes = MEGABYTE_BYTES if kind in HAND_WRITTEN_KINDS else store.settings.upload_bytes
     if len(upload.content) > most_bytes:
         raise TooLargeError(
             f"The file is larger than {most_bytes // MEGABYTE_BYTES} MB; split it or leave something out.",
             parameter="file",
         )
-    await run_in_threadpool(_check_taken_name, store, caller, upload)
-    collector, file_path = InputCollector(store), f"{kind}/{upload.name}{upload.suffix}"
-    await run_in_threadpool(collector.add_content, kind, file_path, upload.content, "file")
-    client = build_client_queue_key(request, caller)
+    await run_in_threadpool(_find_named_file, store, caller, upload)  # before the reading, which may take long
+    collector, read_path = InputCollector(store), f"{kind}/{stored_name}{suffix}"
+    await run_in_threadpool(collector.add_content, kind, read_path, upload.content, "file")
     try:
-        await reader.read(client, f"upload {kind}", collector.inputs, [file_path], upload.options)
+        await reader.read(name_client(request.scope), f"upload {kind}", collector.inputs, [read_path], options)
     except HeadlandError as refusal:
         refusal.parameter = refusal.parameter if refusal.parameter in FIELD_OPTIONS else "file"
         raise
     return await run_in_threadpool(_store_checked_file, store, caller, upload)
 
 
-def _check_taken_name(store: Store, caller: Caller, upload: Upload) -> None:
-    """Raise ScopeError where the upload would change a file of somebody else, ConflictError for a name that is taken.
+def _find_named_file(store: Store, caller: Caller, upload: Upload) -> FileRow | None:
+    """The file that has the name of an upload; None where there is none.
 
-    This comes before the reading, which may take long.
+    Raises ScopeError where the upload would change a file of somebody else, ConflictError for a name that is taken.
     """
     try:
         row = store.get_file(upload.kind, upload.name)
     except NotFoundError:
-        return
+        return None
     is_same = row.sha256 == hashlib.sha256(upload.content).hexdigest()
-    if is_same and row.options == upload.options and row.suffix == upload.suffix:
-        return
     if not is_same and not upload.replaces:
         raise build_other_content_error(row.kind, row.name)
-    _find_changeable_file(store, caller, row.kind, row.name)
+    if not is_same or row.options != upload.options or row.suffix != upload.suffix:
+        caller.check_may_change(row, f"The {row.kind} {row.name!r}")
+    return row
 
 
 def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInfo:
     """Store a file that was read; its name is checked again, as somebody may have taken it meanwhile."""
-    _check_taken_name(store, caller, upload)
     kind, name, suffix, options = upload.kind, upload.name, upload.suffix, upload.options
-    replaced = upload.replaces and any(row.name == name for row in store.list_files(kind))
+    replaced = _find_named_file(store, caller, upload) is not None and upload.replaces
     if replaced:
         row = store.replace_file(kind, name, upload.content, suffix, options)
     else:
@@ -270,7 +271,7 @@ def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInf
     return FileInfo.model_validate(row)
 
 
-async def _summarize_file(request: Request, caller: Caller, kind: str, name: str, **options: Any) -> dict[str, Any]:
+async def _summarize_file(request: Request, kind: str, name: str, **options: Any) -> dict[str, Any]:
     """The summary of a sample or a stored file, which is read as given with its upload where nothing else is said."""
     store: Store = request.app.state.store
     reader: FileReader = request.app.state.reader
@@ -278,28 +279,25 @@ async def _summarize_file(request: Request, caller: Caller, kind: str, name: str
     if name not in list_samples(kind):
         row = await run_in_threadpool(store.get_file, kind, name)
         file_path, options = await run_in_threadpool(collector.add_file, kind, name, "name"), row.options | options
-    client = build_client_queue_key(request, caller)
     summary: dict[str, Any] = await reader.read(
-        client, f"summary {kind}", collector.inputs, [file_path], options, is_shared=True
+        name_client(request.scope), f"summary {kind}", collector.inputs, [file_path], options, is_shared=True
     )
     return summary
 
 
-def _find_changeable_file(store: Store, caller: Caller, kind: str, name: str, *, moves: bool = False) -> FileRow:
-    """A file that the caller may change, or take away from its name (`moves`).
+def _check_may_move(store: Store, caller: Caller, kind: str, name: str) -> None:
+    """Raise NotFoundError, ScopeError or ConflictError where the caller may not take a file away from its name.
 
-    Raises NotFoundError, ScopeError for a file of somebody else, ConflictError for one of Headland or, if it `moves`,
-    for a tractor that farms or fleets name.
+    ConflictError is for a file of Headland, and for a tractor that farms or fleets name.
     """
     if name in list_samples(kind):
         raise ConflictError(f"{name!r} comes with Headland and cannot be changed; copy it.", parameter="name")
     row = store.get_file(kind, name)
     caller.check_may_change(row, f"The {kind} {row.name!r}")
-    users = list_tractor_users(store, name) if moves and kind == "tractor" else []
+    users = list_tractor_users(store, name) if kind == "tractor" else []
     if users:
         more = f" and {len(users) - 1} more" if len(users) > 1 else ""
         raise ConflictError(f"The tractor {name!r} is used by {users[0]}{more}; change that first.", parameter="name")
-    return row
 
 
 def _refuse_sample_name(kind: str, name: str) -> str:

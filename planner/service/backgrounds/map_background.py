@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from fastapi import Path as PathParameter
-from fastapi import Query, Request, Response
+from fastapi import Query, Response
 from starlette.concurrency import run_in_threadpool
 
 from fields.geometry.coordinates import MAX_COORDINATE
@@ -41,7 +41,7 @@ from planner.service.backgrounds.tile_server import (
     place_metres,
 )
 from planner.service.errors import ServiceError
-from planner.service.gateway.responses import ApiModel, ApiRouter, document_file
+from planner.service.gateway.responses import ApiModel, ApiRouter, document_file, require_state
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 
 MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
@@ -196,21 +196,6 @@ class GeoTiffFile:
         return ServiceError(f"{self.path.name} {fault}; {fix}.", parameter="background")
 
 
-def open_tile_file(path: Path) -> MbtilesFile | GeoTiffFile:
-    """The background in a file, by its ending; raises ServiceError."""
-    suffix = path.suffix.lower()
-    if suffix not in (MBTILES_SUFFIX, *GEOTIFF_SUFFIXES):
-        raise ServiceError(
-            f"The background {str(path)[:80]!r} is neither an address nor an .mbtiles or .tif file; give one of these.",
-            parameter="background",
-        )
-    if not path.is_file():
-        raise ServiceError(
-            f"There is no background {str(path)[:80]!r}; check its name and its folder.", parameter="background"
-        )
-    return MbtilesFile(path) if suffix == MBTILES_SUFFIX else GeoTiffFile(path)
-
-
 def _parse_bounds(text: str) -> DegreeBounds | None:
     """Bounds as MBTiles has them: four numbers with commas."""
     try:
@@ -265,20 +250,30 @@ def _open_source(settings: ServiceSettings) -> TileServer | MbtilesFile | GeoTif
         raise ServiceError(
             f"The room for tiles is {settings.background_cache_mb} MB; use 0 or more.", parameter="background_cache_mb"
         )
-    if not is_address(text):
-        return open_tile_file(Path(text))
-    most_bytes = settings.background_cache_mb * MEGABYTE_BYTES
-    cache = TileCache(settings.data / CACHE_FOLDER, text, most_bytes, settings.reserve_mb * MEGABYTE_BYTES)
-    return TileServer(TileAddress(text), cache)
+    if is_address(text):
+        most_bytes = settings.background_cache_mb * MEGABYTE_BYTES
+        cache = TileCache(settings.data / CACHE_FOLDER, text, most_bytes, settings.reserve_mb * MEGABYTE_BYTES)
+        return TileServer(TileAddress(text), cache)
+    path = Path(text)
+    if path.suffix.lower() not in (MBTILES_SUFFIX, *GEOTIFF_SUFFIXES):
+        raise ServiceError(
+            f"The background {str(path)[:80]!r} is neither an address nor an .mbtiles or .tif file; give one of these.",
+            parameter="background",
+        )
+    if not path.is_file():
+        raise ServiceError(
+            f"There is no background {str(path)[:80]!r}; check its name and its folder.", parameter="background"
+        )
+    return MbtilesFile(path) if path.suffix.lower() == MBTILES_SUFFIX else GeoTiffFile(path)
 
 
 background_router = ApiRouter(prefix="/background", tags=["background"])
+BackgroundAccess = Annotated[MapBackground, require_state("background")]
 
 
 @background_router.get("", operation_id="read_background")
-def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
+def read_background(background: BackgroundAccess, _who: ReadAccess) -> BackgroundInfo:
     """The background of maps; `kind` is none where the service has none."""
-    background: MapBackground = request.app.state.background
     return background.facts
 
 
@@ -290,14 +285,13 @@ def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
     operation_id="read_background_tile",
 )
 async def read_background_tile(
-    request: Request,
+    background: BackgroundAccess,
     _who: ReadAccess,
     zoom: Annotated[int, PathParameter(ge=0, le=HIGHEST_ZOOM)],
     column: Annotated[int, PathParameter(ge=0, lt=2**HIGHEST_ZOOM)],
     row: Annotated[int, PathParameter(ge=0, lt=2**HIGHEST_ZOOM, description="Counted from the north.")],
 ) -> Response:
     """A tile of the background in the grid of web maps (XYZ)."""
-    background: MapBackground = request.app.state.background
     picture = await background.read_tile(Tile(zoom, column, row))
     if picture is None:
         return Response(status_code=204, headers=TILE_HEADERS)

@@ -19,7 +19,6 @@ import ipaddress
 import math
 import os
 import re
-import secrets
 import threading
 import time
 from collections.abc import Callable
@@ -37,7 +36,7 @@ from starlette.concurrency import run_in_threadpool
 from fields.geometry.geodesy import UTM_NORTH_DEG, find_utm_crs, project
 from planner.service.errors import ServiceError, StorageError
 from planner.service.settings import LIMITS, MEGABYTE_BYTES
-from planner.service.store.disk_storage import check_disk_space
+from planner.service.store.disk_storage import check_disk_space, write_whole
 
 if TYPE_CHECKING:
     import httpx2
@@ -297,12 +296,9 @@ class TileCache:
         path = self._get_path(tile)
         with self._lock, contextlib.suppress(OSError, StorageError):
             check_disk_space(self._folder, len(content), self._reserve_bytes)
-            path.parent.mkdir(parents=True, exist_ok=True)
             before = path.stat().st_size if path.exists() else 0
-            draft = path.with_name(f".{secrets.token_hex(8)}")
-            draft.write_bytes(content)
-            os.utime(draft, (self._clock(), self._clock()))
-            draft.replace(path)
+            write_whole(path, content)
+            os.utime(path, (self._clock(), self._clock()))
             if self._total_bytes is None:  # counted once
                 self._total_bytes = sum(status.st_size for _, status in self._list_kept())
             else:
@@ -369,13 +365,14 @@ class TileServer:
         task = self._running.get(tile)
         if task is None:
             task = self._running[tile] = asyncio.create_task(self._fetch_and_keep(tile))
-            task.add_done_callback(lambda done: self._forget_fetch(tile, done))
-        return await asyncio.shield(task)
 
-    def _forget_fetch(self, tile: Tile, done: asyncio.Task[bytes | None]) -> None:
-        self._running.pop(tile, None)
-        if not done.cancelled():
-            done.exception()  # who asked may have gone
+            def forget_fetch(done: asyncio.Task[bytes | None]) -> None:
+                self._running.pop(tile, None)
+                if not done.cancelled():
+                    done.exception()  # who asked may have gone
+
+            task.add_done_callback(forget_fetch)
+        return await asyncio.shield(task)
 
     async def _fetch_and_keep(self, tile: Tile) -> bytes | None:
         try:
@@ -399,41 +396,39 @@ class TileServer:
         self._failed[tile] = time.monotonic(), error
 
     async def _fetch_tile(self, tile: Tile) -> bytes | None:
+        """Take nothing but a plain answer of the host itself: redirections are not followed."""
         import httpx2
 
+        content = bytearray()
         try:
-            async with asyncio.timeout(TILE_TIMEOUT_S):
-                async with self._get_client().stream("GET", self.address.build_url(tile)) as response:
-                    if response.status_code in NOTHING_STATUSES:
-                        return None
-                    self._check_response(response)
-                    content = await self._read_body(response)
+            async with (
+                asyncio.timeout(TILE_TIMEOUT_S),
+                self._get_client().stream("GET", self.address.build_url(tile)) as response,
+            ):
+                if response.status_code in NOTHING_STATUSES:
+                    return None
+                if response.status_code != HTTPStatus.OK:
+                    raise TileError(
+                        f"The tile server {self.address.host} answers with status {response.status_code}; check the "
+                        "address."
+                    )
+                if response.headers.get("content-encoding", "identity") != "identity":
+                    raise TileError(f"The tile server {self.address.host} sends compressed pictures; use another one.")
+                async for part in response.aiter_raw():
+                    content += part
+                    if len(content) > MOST_TILE_BYTES:
+                        raise TileError(
+                            f"A tile of {self.address.host} is larger than {MOST_TILE_BYTES // MEGABYTE_BYTES} MB; use "
+                            "another server."
+                        )
         except (httpx2.HTTPError, OSError) as error:
             raise TileError(
                 f"The tile server {self.address.host} cannot be reached ({type(error).__name__}); maps have no "
                 "background until it can."
             ) from None
-        await run_in_threadpool(identify_tile, content)
-        return content
-
-    def _check_response(self, response: httpx2.Response) -> None:
-        """Refuse anything but a plain answer of the host itself; redirections are not followed."""
-        if response.status_code != 200:
-            raise TileError(
-                f"The tile server {self.address.host} answers with status {response.status_code}; check the address."
-            )
-        if response.headers.get("content-encoding", "identity") != "identity":
-            raise TileError(f"The tile server {self.address.host} sends compressed pictures; use another one.")
-
-    async def _read_body(self, response: httpx2.Response) -> bytes:
-        content = bytearray()
-        async for part in response.aiter_raw():
-            content += part
-            if len(content) > MOST_TILE_BYTES:
-                raise TileError(
-                    f"A tile of {self.address.host} is larger than {MOST_TILE_BYTES // 2**20} MB; use another server."
-                )
-        return bytes(content)
+        picture = bytes(content)
+        await run_in_threadpool(identify_tile, picture)
+        return picture
 
     def _get_client(self) -> httpx2.AsyncClient:
         import httpx2

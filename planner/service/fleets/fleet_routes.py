@@ -13,14 +13,13 @@ import time
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import asdict
-from functools import lru_cache
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Annotated, Any, Literal, get_args
 
 from fastapi import Depends, Request, Response
 from pydantic import Field, ValidationError
 from pydantic.json_schema import models_json_schema
-from starlette.concurrency import run_in_threadpool
 
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.session import inbound_frames, outbound_messages
@@ -28,11 +27,25 @@ from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tra
 from planner.fleet.session.state_recorder import format_log_csv, zip_logs
 from planner.request.option_texts import parse_clock
 from planner.request.validation import describe_fault, format_location
-from planner.service.access.permissions import Caller, OperateAccess, OwnReadAccess, ReadAccess, require_right
+from planner.service.access.permissions import (
+    READ,
+    Caller,
+    OperateAccess,
+    OwnReadAccess,
+    ReadAccess,
+    RequiredRight,
+)
 from planner.service.errors import BusyError, NotFoundError, ServiceError
-from planner.service.fleets.fleet_sessions import Files, FleetLabel, FleetSessions, NewFleet, prepare_with_files
+from planner.service.fleets.fleet_sessions import (
+    Files,
+    FleetLabel,
+    FleetSessions,
+    NewFleet,
+    SessionsAccess,
+    prepare_with_files,
+)
 from planner.service.gateway.request_gate import BODIES_FOLDER, LARGE_BODY_KEY
-from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, document_file
+from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, StoreAccess, document_file
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.disk_storage import translate_disk_full
 from planner.service.store.service_store import Store, open_store
@@ -53,7 +66,7 @@ ROLES_TEXT = (
     "and changes nothing, except an obstacle of a tractor: that tractor stands until an operator has looked or it "
     "sends a readable one."
 )
-FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
+FleetReader = Annotated[Caller, Depends(RequiredRight(READ, fleet_parameter="id").admit_caller)]
 JSON_TYPE = "application/json"
 RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
 WRITTEN_BYTES = 2**18  # of a body, written at a time
@@ -83,7 +96,13 @@ def build_requested_fleet(id: str, room_bytes: int, settings: ServiceSettings, b
 
     `room_bytes` is how large its plan may be beside those of other fleets.
     """
-    fleet_request = read_fleet_request(body.read_bytes())
+    try:
+        fleet_request = FleetRequest.model_validate_json(body.read_bytes())
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        name = next((part for part in fault["loc"] if isinstance(part, str)), None)
+        sentence = describe_fault(fault, format_location(fault["loc"]) or "The body")
+        raise ServiceError(sentence, parameter=name) from None
     check_name(fleet_request.name)
     with open_store(settings) as store:
         text, finish_distribution = _read_plan(store, fleet_request)
@@ -118,24 +137,12 @@ def store_new_fleet(
     return NewFleet(id, name, plan, settings, created, plan_bytes)
 
 
-def read_fleet_request(body: bytes) -> FleetRequest:
-    """Read a request. Raises ServiceError."""
-    try:
-        return FleetRequest.model_validate_json(body)
-    except ValidationError as error:
-        fault = error.errors(include_url=False)[0]
-    place = format_location(fault["loc"]) or "The body"
-    name = next((part for part in fault["loc"] if isinstance(part, str)), None)
-    raise ServiceError(describe_fault(fault, place), parameter=name)
-
-
 def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
     """The text of the plan, with its finish times if it is from a job with samples."""
     if fleet_request.plan.lstrip().startswith("{"):
         return fleet_request.plan, None
-    result = store.get_result(fleet_request.plan, fleet_request.result, "plan")
-    text = store.blobs.read_bytes(result.sha256).decode("utf-8", "replace")
-    ranking = json.loads(store.blobs.read_bytes(store.get_result(fleet_request.plan, RANKING_FILE, "plan").sha256))
+    text = store.read_result(fleet_request.plan, fleet_request.result, "plan").decode("utf-8", "replace")
+    ranking = json.loads(store.read_result(fleet_request.plan, RANKING_FILE, "plan"))
     return text, read_finish_distribution(ranking, fleet_request.result)
 
 
@@ -160,7 +167,7 @@ def _read_replacement_files(
 REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
 
 
-@lru_cache(maxsize=1)
+@cache
 def build_asyncapi_document() -> dict[str, Any]:
     """The AsyncAPI document as plain values."""
     outbound = outbound_messages.list_outbound_messages()
@@ -238,15 +245,6 @@ class FleetList(ItemList[FleetAnswer]):
     """Fleets of the caller."""
 
 
-async def get_sessions(request: Request) -> FleetSessions:
-    """The live fleets, for routes."""
-    sessions: FleetSessions = request.app.state.hub
-    return sessions
-
-
-SessionsAccess = Annotated[FleetSessions, Depends(get_sessions)]
-
-
 def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
     """A fleet from memory: answers do not wait for the database."""
     answer = FleetAnswer(id=label.id, name=label.name, created=label.created, error=sessions.faults.get(label.id))
@@ -267,7 +265,7 @@ def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
 async def list_fleets(sessions: SessionsAccess, who: OwnReadAccess) -> FleetList:
     """All fleets; a robot sees only its own."""
     labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
-    return FleetList(items=[_build_answer(sessions, label) for label in labels if who.has_right("read", label.id)])
+    return FleetList(items=[_build_answer(sessions, label) for label in labels if who.has_right(READ, label.id)])
 
 
 @asynccontextmanager
@@ -380,14 +378,17 @@ async def get_asyncapi(_who: ReadAccess) -> dict[str, Any]:
 
 
 @recording_router.get("/fleets/{id}/recording", response_class=Response, responses=RECORDING_ANSWERS)
-async def get_recording(request: Request, _who: ReadAccess, id: str) -> Response:
+def get_recording(store: StoreAccess, _who: ReadAccess, id: str) -> Response:
     """The recorded states as logs for diagnosis; raises NotFoundError if there are none."""
-    sessions: FleetSessions | None = getattr(request.app.state, "hub", None)
-    if sessions is not None:
-        await save_recording_before_read(sessions, request.url.path)
-    content = await run_in_threadpool(_pack_recording, request.app.state.store, id)
+    store.get_fleet(id)
+    logs = [
+        (f"tractor-{number + 1}.csv", format_log_csv(store.read_recording(id, number)))
+        for number in store.list_recorded_tractors(id)
+    ]
+    if not logs:
+        raise NotFoundError("No tractor of this fleet has reported yet; start it first.", parameter="id")
     headers = {"content-disposition": f'attachment; filename="fleet-{id}.zip"'}
-    return Response(content, media_type="application/zip", headers=headers)
+    return Response(zip_logs(logs), media_type="application/zip", headers=headers)
 
 
 async def save_recording_before_read(sessions: FleetSessions, path: str) -> None:
@@ -396,14 +397,3 @@ async def save_recording_before_read(sessions: FleetSessions, path: str) -> None
     session = sessions.by_id.get(matched[1]) if matched else None
     if session is not None:
         await sessions.save(session)
-
-
-def _pack_recording(store: Store, id: str) -> bytes:
-    store.get_fleet(id)
-    logs = [
-        (f"tractor-{number + 1}.csv", format_log_csv(store.read_recording(id, number)))
-        for number in store.list_recorded_tractors(id)
-    ]
-    if not logs:
-        raise NotFoundError("No tractor of this fleet has reported yet; start it first.", parameter="id")
-    return zip_logs(logs)

@@ -15,7 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from planner.errors import HeadlandError, WorkerError, render_refusal
 from planner.fleet.manager.finish_forecast import FinishDistribution
@@ -32,6 +32,7 @@ from planner.fleet.session.state_recorder import ROW_COLUMNS, select_rising_rows
 from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
 from planner.service.errors import BusyError, NotFoundError
 from planner.service.fleets.video_addresses import VideoAddresses
+from planner.service.gateway.responses import require_state
 from planner.service.settings import LIMITS
 from planner.service.store.database_watch import TokenCache
 from planner.service.store.service_store import Store
@@ -198,7 +199,7 @@ class FleetSessions:
         )
 
     def _build_session(
-        self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any], created: str = ""
+        self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any], created: str
     ) -> FleetSession:
         # Fleets of earlier versions have no horizon.
         given_rules = {name: settings[name] for name in ("times", "horizon_s") if name in settings}
@@ -350,6 +351,10 @@ class FleetSessions:
                 raise
             session.acknowledge_states(taken)
             session.mark_saved(time.monotonic())
+
+
+SessionsAccess = Annotated[FleetSessions, require_state("hub")]
+"""The live fleets, for routes."""
 
 
 def _write_progress(

@@ -22,7 +22,7 @@ from planner.errors import HeadlandError, render_refusal
 from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient, encode_frame
 from planner.fleet.session.fleet_session import FleetSession
-from planner.service.access.permissions import identify_socket
+from planner.service.access.permissions import DRIVE, OPERATE, READ, identify_socket
 from planner.service.errors import BusyError, ServiceError
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.fleets.robot_client import REPLACED_CODE
@@ -42,7 +42,7 @@ NORMAL_CODES = (WS_1000_NORMAL_CLOSURE, WS_1001_GOING_AWAY)
 MOST_REFUSED = 10  # frames of a viewer before its link ends
 FRAME_RATES = {TRACTOR: (200.0, 600.0), CONTROL: (60.0, 240.0)}  # per second, and at once
 WATCHER_FRAME_RATES = (5.0, 20.0)
-RIGHTS = {TRACTOR: "drive", CONTROL: "operate"}  # of roles; others only read
+RIGHTS = {TRACTOR: DRIVE, CONTROL: OPERATE}  # of roles; others only read
 FAULT_TEXT = "The service failed to do this because of a fault, see its log; it may not have been done."
 TALKATIVE_TEXT = "This viewing link has sent {count} frames, which it may not; link again and only listen."
 
@@ -112,7 +112,7 @@ async def _await_connect(websocket: WebSocket, fleet: str) -> FleetClient:
         )
     connect = inbound_frames.CONNECT.validate_json(text if text is not None else b"")
     who = await identify_socket(websocket, connect.token)
-    who.check_right(RIGHTS.get(connect.role, "read"), fleet, connect.tractor)
+    who.check_right(RIGHTS.get(connect.role, READ), fleet, connect.tractor)
     number = None if connect.tractor is None else connect.tractor - 1
     name = f"{who.name} ({connect.name})" if connect.name else who.name  # in the log; fleets add a number
     if connect.role == TRACTOR:

@@ -9,7 +9,7 @@ import secrets
 from typing import Annotated, Any
 
 import numpy as np
-from fastapi import Path, Request
+from fastapi import Path
 from pydantic import Field
 from starlette.concurrency import run_in_threadpool
 
@@ -20,8 +20,8 @@ from planner.fleet.session.fleet_session import FleetSession
 from planner.fleet.session.state_recorder import average_commands, format_log_csv
 from planner.service.access.permissions import Caller, OperateAccess, ReadAccess
 from planner.service.errors import BusyError, ConflictError, NotFoundError
-from planner.service.fleets.fleet_sessions import FleetSessions, parse_tractor
-from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList
+from planner.service.fleets.fleet_sessions import FleetSessions, SessionsAccess, parse_tractor
+from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, require_state
 from planner.service.jobs.file_reading import FileReader, submit_job
 from planner.service.jobs.input_files import DiagnosisJobRequest
 from planner.service.settings import LIMITS
@@ -64,9 +64,7 @@ class TwinDiagnosis:
     async def begin_diagnosis(self, session: FleetSession, number: int, who: Caller) -> None:
         """Diagnose the recording of a tractor, as a job. Raises HeadlandError, NotFoundError without a recording."""
         body = await run_in_threadpool(self._build_request, session, number)
-        row = await submit_job(
-            self.store, self.reader, f"token {who.token_sha256 or who.name}", DIAGNOSIS_KIND, body, who
-        )
+        row = await submit_job(self.store, self.reader, who.token_sha256 or who.name, DIAGNOSIS_KIND, body, who)
         session.diagnoses[number] = row.id
         session.findings.pop(number, None)
         session.manager.alarms.end_alarm(FINDING, number)
@@ -105,14 +103,12 @@ class TwinDiagnosis:
             return None
         if row.status != DONE:
             return _build_empty_finding(row.error or f"it was {row.status}.")
-        result = json.loads(self._read_result(id, RESULT_FILE))
+        result = json.loads(self.store.read_result(id, RESULT_FILE, DIAGNOSIS_KIND))
         has_file = any(each.name == TRACTOR_FILE for each in row.results)
-        diagnosed = parse_tractor(self._read_result(id, TRACTOR_FILE)) if has_file else tractor
+        content = self.store.read_result(id, TRACTOR_FILE, DIAGNOSIS_KIND) if has_file else None
+        diagnosed = tractor if content is None else parse_tractor(content)
         extends_model = is_different_tractor(diagnosed, tractor)
         return {"named": result["named"], "words": result["verdict"], "extends_model": extends_model}
-
-    def _read_result(self, id: str, name: str) -> bytes:
-        return self.store.blobs.read_bytes(self.store.get_result(id, name, DIAGNOSIS_KIND).sha256)
 
     def get_last_diagnosis_job(self, session: FleetSession, number: int) -> dict[str, Any] | None:
         """The last diagnosis job of a tractor, None without one. Raises NotFoundError if it was deleted."""
@@ -139,7 +135,7 @@ class TwinDiagnosis:
                 "not fitted to; there is nothing to add.",
                 parameter="tractor",
             )
-        content = self._read_result(job["id"], TRACTOR_FILE)
+        content = self.store.read_result(job["id"], TRACTOR_FILE, DIAGNOSIS_KIND)
         diagnosed = parse_tractor(content)
         if not is_different_tractor(diagnosed, session.twins.tractors[number]):
             raise ConflictError(
@@ -208,16 +204,13 @@ class ExtendedModelAnswer(ApiModel):
     tractor: str
 
 
-def _get_session(request: Request, id: str, number: int) -> FleetSession:
-    sessions: FleetSessions = request.app.state.hub
+DiagnosisAccess = Annotated[TwinDiagnosis, require_state("diagnosing")]
+
+
+def _get_session(sessions: FleetSessions, id: str, number: int) -> FleetSession:
     session = sessions.get_session(id)
     session.manager.check_tractor_number(number - 1)
     return session
-
-
-def _get_diagnosis(request: Request) -> TwinDiagnosis:
-    diagnosis: TwinDiagnosis = request.app.state.diagnosing
-    return diagnosis
 
 
 def _build_twin_answer(session: FleetSession, number: int, *, with_corrections: bool) -> TwinAnswer:
@@ -247,9 +240,8 @@ def _build_twin_answer(session: FleetSession, number: int, *, with_corrections: 
 
 
 @twin_router.get("/twins")
-async def list_twins(request: Request, _who: ReadAccess) -> TwinList:
+async def list_twins(sessions: SessionsAccess, _who: ReadAccess) -> TwinList:
     """All twins, without their corrections."""
-    sessions: FleetSessions = request.app.state.hub
     items = [
         _build_twin_answer(session, number, with_corrections=False)
         for session in sessions.by_id.values()
@@ -259,35 +251,43 @@ async def list_twins(request: Request, _who: ReadAccess) -> TwinList:
 
 
 @twin_router.get("/twins/{fleet}/{tractor}")
-async def get_twin(request: Request, _who: ReadAccess, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
+async def get_twin(
+    sessions: SessionsAccess, diagnosis: DiagnosisAccess, _who: ReadAccess, fleet: str, tractor: TwinTractorNumber
+) -> TwinAnswer:
     """One twin with its last corrections."""
-    session = _get_session(request, fleet, tractor)
+    session = _get_session(sessions, fleet, tractor)
     answer = _build_twin_answer(session, tractor, with_corrections=True)
-    answer.diagnosis = await run_in_threadpool(_get_diagnosis(request).get_last_diagnosis_job, session, tractor - 1)
+    answer.diagnosis = await run_in_threadpool(diagnosis.get_last_diagnosis_job, session, tractor - 1)
     return answer
 
 
 @twin_router.post("/twins/{fleet}/{tractor}/diagnose", status_code=202)
-async def diagnose(request: Request, who: OperateAccess, fleet: str, tractor: TwinTractorNumber) -> TwinAnswer:
+async def diagnose(
+    sessions: SessionsAccess, diagnosis: DiagnosisAccess, who: OperateAccess, fleet: str, tractor: TwinTractorNumber
+) -> TwinAnswer:
     """Diagnose the recording of a tractor, as a job."""
-    session = _get_session(request, fleet, tractor)
-    sessions: FleetSessions = request.app.state.hub
+    session = _get_session(sessions, fleet, tractor)
     await sessions.save(session)
-    await _get_diagnosis(request).begin_diagnosis(session, tractor - 1, who)
+    await diagnosis.begin_diagnosis(session, tractor - 1, who)
     session.send_pending_outputs()
     answer = _build_twin_answer(session, tractor, with_corrections=False)
-    answer.diagnosis = await run_in_threadpool(_get_diagnosis(request).get_last_diagnosis_job, session, tractor - 1)
+    answer.diagnosis = await run_in_threadpool(diagnosis.get_last_diagnosis_job, session, tractor - 1)
     return answer
 
 
 @twin_router.post("/twins/{fleet}/{tractor}/mend", status_code=201)
 async def extend_model(
-    request: Request, who: OperateAccess, fleet: str, tractor: TwinTractorNumber, body: ExtendModelRequest
+    sessions: SessionsAccess,
+    diagnosis: DiagnosisAccess,
+    who: OperateAccess,
+    fleet: str,
+    tractor: TwinTractorNumber,
+    body: ExtendModelRequest,
 ) -> ExtendedModelAnswer:
     """Save the result of the diagnosis as a new tractor file, which the twin uses from now on."""
-    session = _get_session(request, fleet, tractor)
+    session = _get_session(sessions, fleet, tractor)
     name = body.name or f"{session.name[:40]} tractor {tractor} extended {secrets.token_hex(2)}"
-    extended = await run_in_threadpool(_get_diagnosis(request).save_extended_tractor, session, tractor - 1, name)
+    extended = await run_in_threadpool(diagnosis.save_extended_tractor, session, tractor - 1, name)
     session.twins.change_tractor(tractor - 1, extended)
     session.twin_files[tractor - 1] = name
     if tractor - 1 in session.findings:

@@ -23,6 +23,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
+from planner.service.gateway.request_gate import name_client
 from planner.service.gateway.responses import build_error_response, wait_for_disconnect, wait_while_connected
 from planner.service.kept_process import KeptProcess
 from planner.service.settings import LIMITS, ServiceSettings
@@ -73,9 +74,7 @@ class OfficeForwarder:
         if scope["type"] != "http":
             await send({"type": "websocket.close", "code": 1008, "reason": "There is no link at this address."})
             return
-        caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
-        # Requests are counted by token, or by address without one.
-        client = caller.token_sha256 if caller is not None and caller.token_sha256 else _get_address(scope)
+        client = name_client(scope)
         is_own_limit = self._running_requests[client] >= LIMITS.most_requests_per_client
         if is_own_limit or self._running_requests.total() >= LIMITS.most_requests:
             requests = f"{LIMITS.most_requests} requests of all"
@@ -139,7 +138,7 @@ class OfficeForwarder:
         headers += [
             (SECRET_HEADER, self.office.secret.encode()),
             (CALLER_HEADER, json.dumps(None if caller is None else asdict(caller)).encode()),
-            (CLIENT_HEADER, _get_address(scope).encode()),
+            (CLIENT_HEADER, str((scope.get("client") or ("",))[0]).encode()),
         ]
         target = scope["raw_path"] + (b"?" + scope["query_string"] if scope["query_string"] else b"")
         target = target.replace(b"#", b"%23")  # clients send no fragments, so this belongs to the path
@@ -170,10 +169,6 @@ class SharedSecretMiddleware:
         scope[CALLER_SCOPE_KEY] = caller and Caller(**caller | {"scopes": tuple(caller["scopes"])})
         scope["client"] = (headers.get(CLIENT_HEADER, b"").decode("latin-1"), 0)
         await self.app(scope, receive, send)
-
-
-def _get_address(scope: Scope) -> str:
-    return str((scope.get("client") or ("",))[0])
 
 
 class _RequestBody:

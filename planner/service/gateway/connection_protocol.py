@@ -106,7 +106,7 @@ class RequestScheduler:
 
 
 def build_limited_protocol_class(connections: ConnectionRegistry, rank: RankToken) -> type[H11Protocol]:
-    """The class of protocols whose connections stand in a book and pass one turnstile."""
+    """The class of protocols whose connections share one registry and whose requests share one scheduler."""
     shared = {"connection_registry": connections, "request_scheduler": RequestScheduler()}
     return type("RegisteredProtocol", (LimitedProtocol,), shared | {"rank_token": staticmethod(rank)})
 

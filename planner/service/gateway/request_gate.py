@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from urllib.parse import unquote, urlsplit
@@ -28,7 +28,6 @@ from planner.service.access.permissions import (
     CALLER_SCOPE_KEY,
     Caller,
     RequiredRight,
-    check_required_right,
     find_required_right,
     identify_caller,
     read_bearer,
@@ -39,7 +38,11 @@ from planner.service.gateway.responses import build_error_response, build_refusa
 from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 
 BODIES_FOLDER = "bodies"
-UNCOUNTED_BYTES = 64 * 1024  # of each body; orders to fleets are no longer, and never wait for uploads of others
+KILOBYTE_BYTES = 1024
+UNCOUNTED_BYTES = 64 * KILOBYTE_BYTES  # of each body; orders to fleets are no longer, and never wait for uploads
+
+GrowShare = Callable[[int], bool]
+"""Takes as much of a budget as a body of this size, in bytes, needs; False, and nothing is taken, without room."""
 
 
 class BodyBudget:
@@ -55,47 +58,29 @@ class BodyBudget:
         return self._by_client.total()
 
     @contextmanager
-    def open_share(self, client: str) -> Iterator[BodyShare]:
+    def open_share(self, client: str) -> Iterator[GrowShare]:
         """The share of one body, given back at the end."""
-        share = BodyShare(self, client)
+        share_bytes = 0
+
+        def grow_share(size_bytes: int) -> bool:
+            nonlocal share_bytes
+            added_bytes = size_bytes - UNCOUNTED_BYTES - share_bytes
+            if added_bytes <= 0:
+                return True
+            of_client = self._by_client[client] + added_bytes
+            if of_client > LIMITS.share_of_client * self.most_bytes or self.held_bytes + added_bytes > self.most_bytes:
+                return False
+            self._by_client[client] = of_client
+            share_bytes += added_bytes
+            return True
+
         try:
-            yield share
+            yield grow_share
         finally:
-            self._add(client, -share.held_bytes)
-
-    def _add(self, client: str, added_bytes: int) -> None:
-        self._by_client[client] += added_bytes
-        self._by_client += Counter()  # clients without a body are forgotten
-
-    def has_room(self, client: str, added_bytes: int) -> bool:
-        """Whether a body of a client may grow by so many bytes."""
-        of_client = self._by_client[client] + added_bytes
-        is_within = (
-            of_client <= LIMITS.share_of_client * self.most_bytes and self.held_bytes + added_bytes <= self.most_bytes
-        )
-        return added_bytes <= 0 or is_within
+            self._by_client[client] -= share_bytes
+            self._by_client += Counter()  # clients without a body are forgotten
 
 
-class BodyShare:
-    """What one body has of the budget."""
-
-    def __init__(self, budget: BodyBudget, client: str) -> None:
-        self._budget, self._client = budget, client
-        self.held_bytes = 0
-
-    def grow_to(self, size_bytes: int) -> bool:
-        """Take as much as a body of this size needs; False, and nothing is taken, where there is no room."""
-        added_bytes = max(size_bytes - UNCOUNTED_BYTES, self.held_bytes) - self.held_bytes
-        if not self._budget.has_room(self._client, added_bytes):
-            return False
-        if added_bytes:
-            self._budget._add(self._client, added_bytes)
-            self.held_bytes += added_bytes
-        return True
-
-
-KILOBYTE_BYTES = 1024
-MOST_ORDER_BYTES = UNCOUNTED_BYTES
 FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
 LARGE_BODY_KEY = "x-headland-large"
 """Key in the `openapi_extra` of a route whose body may be as large as an upload."""
@@ -155,7 +140,7 @@ def list_route_rules(
     routers: Iterable[APIRouter], prefix: str, settings: ServiceSettings, *, are_orders: bool = False
 ) -> list[RouteRule]:
     """The rules of all routes of routers below a prefix; orders to fleets (`are_orders`) have short bodies."""
-    most_bytes = MOST_ORDER_BYTES if are_orders else MEGABYTE_BYTES
+    most_bytes = UNCOUNTED_BYTES if are_orders else MEGABYTE_BYTES
     rules = []
     for route in (route for router in routers for route in router.routes if isinstance(route, APIRoute)):
         parts = route.dependant.body_params
@@ -201,11 +186,11 @@ class RequestGate:
                 refusal.headers["connection"] = "close"
             await refusal(scope, receive, send)
             return
-        with self.bodies.open_share(_name_client(scope)) as share:
-            if not share.grow_to(_get_length(scope)):
+        with self.bodies.open_share(name_client(scope)) as grow_share:
+            if not grow_share(_get_length(scope)):
                 await build_error_response(BusyError.http_status, BODIES_FULL, BODIES_RETRY)(scope, receive, send)
                 return
-            await self.app(scope, _limit_body(receive, most_bytes, share), send)
+            await self.app(scope, _limit_body(receive, most_bytes, grow_share), send)
 
     async def _find_refusal(
         self, scope: Scope, matched: tuple[RouteRule, dict[str, str]] | None, most_bytes: int
@@ -219,7 +204,7 @@ class RequestGate:
         try:
             caller = scope[CALLER_SCOPE_KEY] = await identify_caller(connection, read_bearer(connection))
             if matched is not None and matched[0].required_right is not None:
-                check_required_right(caller, matched[0].required_right, matched[1])
+                matched[0].required_right.check(caller, matched[1])
         except ServiceError as error:
             return self._build_rate_refusal(wait_s) if wait_s > 0.0 else build_refusal_response(error)
         if _get_length(scope) > most_bytes:
@@ -269,8 +254,8 @@ def _get_length(scope: Scope) -> int:
     return int(length[:18]) if length.isdigit() else 0
 
 
-def _name_client(scope: Scope) -> str:
-    """Whose share of the budget a body takes: that of its token, or of its network without one."""
+def name_client(scope: Scope) -> str:
+    """Whose share of bodies, queues and limits a request takes: that of its token, or of its network without one."""
     caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
     return _find_network(scope) if caller is None or caller.token_sha256 is None else caller.token_sha256
 
@@ -280,7 +265,7 @@ def _find_network(scope: Scope) -> str:
     return compute_network_key(str((scope.get("client") or ("",))[0]))
 
 
-def _limit_body(receive: Receive, most_bytes: int, share: BodyShare) -> Receive:
+def _limit_body(receive: Receive, most_bytes: int, grow_share: GrowShare) -> Receive:
     """The same, but a body that is longer than allowed, or has no room beside others, is refused."""
     received_bytes = 0
 
@@ -290,7 +275,7 @@ def _limit_body(receive: Receive, most_bytes: int, share: BodyShare) -> Receive:
         received_bytes += len(message.get("body", b""))
         if received_bytes > most_bytes:
             raise HTTPException(413, _build_too_large_message(most_bytes), {"connection": "close"})
-        if not share.grow_to(received_bytes):
+        if not grow_share(received_bytes):
             raise HTTPException(BusyError.http_status, BODIES_FULL, BODIES_RETRY)
         return message
 

@@ -76,7 +76,7 @@ def set_up_logs() -> None:
 class RequestIdMiddleware:
     """Gives each request an id, which its log lines and its answer have, and says how long it took.
 
-    An id that comes with the request is kept with `trusted` only, as between the parts of the service.
+    An id that comes with the request is kept with `trusts_header` only, as between the parts of the service.
     """
 
     def __init__(self, app: ASGIApp, *, trusts_header: bool = False, observe: ObserveRequest | None = None) -> None:

@@ -23,11 +23,11 @@ from planner.request.parameter_names import quote_label
 from planner.request.validation import describe_fault, format_location
 from planner.service.errors import ServiceError, StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
+from planner.service.store.job_queue import JobStatus
 from planner.service.store.service_store import Store
+from planner.service.store.token_table import TokenScope
 
 Item = TypeVar("Item")
-TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
-JobStatus = Literal["queued", "running", "done", "failed", "cancelled"]
 _STATUS_MEANINGS = {
     401: "No token, or an unknown or expired one", 403: "The token lacks the right", 404: "Nothing of that name",
     409: "A name is taken, or the state does not allow it", 413: "Too many bytes", 422: "A value that cannot be used",
@@ -217,13 +217,16 @@ def document_file(description: str, media_types: Iterable[str]) -> dict[int | st
     return {200: {"content": {each: {} for each in sorted(media_types)}, "description": description}}
 
 
-async def get_store(request: Request) -> Store:
-    """The store of the service, for routes."""
-    store: Store = request.app.state.store
-    return store
+def require_state(name: str) -> Any:
+    """A dependency of routes: what the app keeps in its state under a name."""
+
+    async def get_from_state(request: Request) -> Any:
+        return getattr(request.app.state, name)
+
+    return Depends(get_from_state)
 
 
-StoreAccess = Annotated[Store, Depends(get_store)]
+StoreAccess = Annotated[Store, require_state("store")]
 
 
 def build_error_response(

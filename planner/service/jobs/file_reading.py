@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import HTTPConnection
 
 from planner.service.access.permissions import Caller
 from planner.service.errors import BusyError
@@ -156,7 +155,6 @@ class FileReader:
         """End the processes; waiting work is dropped."""
         self._queue.close()
         self._processes.close()
-        self._queue, self._processes = FairQueue(), choose_reader()
 
     async def read(
         self,
@@ -217,13 +215,6 @@ class FileReader:
             seconds = LIMITS.longest_read_s if reading.startswith("check ") else compute_read_timeout_s(size_bytes)
             order = ReadOrder(reading, folder, arguments, options, seconds, self._memory_bytes)
             return extract_reading_value(self._processes.read_order(order), seconds, self._memory_bytes)
-
-
-def build_client_queue_key(request: HTTPConnection, caller: Caller) -> str:
-    """Name of the client for the queue: its token, or its address without one."""
-    if caller.token_sha256 is not None:
-        return f"token {caller.token_sha256}"
-    return f"address {request.client.host if request.client else ''}"
 
 
 def compute_read_timeout_s(size_bytes: int) -> float:

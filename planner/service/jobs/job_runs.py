@@ -22,7 +22,6 @@ from planner.service.sandbox.readings import build_work_order
 from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import MEDIA_BY_SUFFIX
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
-from reports.day.results import DayResult
 from reports.day.tables import format_day_csv, format_day_json
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json
@@ -32,7 +31,6 @@ from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.shortfall_wording import list_shortfall_sentences
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect
-from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.model.tractor_writer import format_tractor_toml
 
 
@@ -80,20 +78,18 @@ def run_day_job(job: JobContext) -> list[ResultFile]:
             progress=lambda done, all: job.report_progress(done, all, "Simulating fields"),
         )
     job.report_progress(0, 0, "Writing the results")
-    files = list(_write_day_results(result))
+    files = [
+        build_result_file("result.json", format_day_json(result)),
+        build_result_file("result.csv", format_day_csv(result)),
+        build_result_file("page.html", render_day_page(result)),
+        build_result_file("gantt.png", render_png(draw_gantt(result))),
+    ]
+    if (figure := draw_road_map(result)) is not None:
+        files.append(build_result_file("map.png", render_png(figure)))
     job.report_progress(
         1, 1, "Done" if result.jobs else f"No field can be done; the closest is {result.closest_field}."
     )
     return files
-
-
-def _write_day_results(result: DayResult) -> Iterator[ResultFile]:
-    yield build_result_file("result.json", format_day_json(result))
-    yield build_result_file("result.csv", format_day_csv(result))
-    yield build_result_file("page.html", render_day_page(result))
-    yield build_result_file("gantt.png", render_png(draw_gantt(result)))
-    if (figure := draw_road_map(result)) is not None:
-        yield build_result_file("map.png", render_png(figure))
 
 
 def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
@@ -113,18 +109,16 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
     else:
         convert: dict[str, Any] = {"fixes": request.fix, "mapping": request.mapping}
         diagnosis = diagnose(request.logs, **machine, **convert, use_driven_size=request.as_driven)
-    return list(_write_diagnosis_results(diagnosis, hidden))
-
-
-def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) -> Iterator[ResultFile]:
-    yield build_result_file("result.json", format_diagnosis_json(diagnosis, hidden))
-    yield build_result_file(
-        "page.html", render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)
-    )
+    page = render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)
+    files = [
+        build_result_file("result.json", format_diagnosis_json(diagnosis, hidden)),
+        build_result_file("page.html", page),
+    ]
     if diagnosis.is_savable:
-        yield build_result_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
+        files.append(build_result_file("tractor.toml", format_tractor_toml(diagnosis.tractor)))
     if diagnosis.next_drive_plan is not None:
-        yield build_result_file("next-drive.json", diagnosis.next_drive_plan)
+        files.append(build_result_file("next-drive.json", diagnosis.next_drive_plan))
+    return files
 
 
 def run_plan_job(job: JobContext) -> list[ResultFile]:

@@ -18,18 +18,21 @@ import socket
 import sys
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from planner.service.sandbox.confinement import confine_process, list_library_folders, list_missing_protections
+from planner.service.sandbox.confinement import (
+    confine_process,
+    list_library_folders,
+    list_missing_protections,
+    lower_priority,
+)
 
-MEMORY_ANSWER = b'{"memory": true}'
 MOST_FAULT_CHARS = 4000
 MOST_ORDER_BYTES = 16 * 1024  # bytes of an order without what is to be read
-READER_NICENESS = 5  # links and stops come before readings, as before the office (planner.service.settings)
 KILL_GRACE_S = 0.5
 
 
@@ -65,38 +68,37 @@ def _load_libraries() -> None:
     summarize_tractor("eg105")
     gc.collect()
     gc.freeze()  # so that garbage collection in a reading does not copy shared memory
-    if hasattr(os, "nice"):
-        os.nice(READER_NICENESS)
+    lower_priority()
 
 
 def _read_confined(channel: int, request: dict[str, Any], libraries: list[Path], *, is_forked: bool = True) -> None:
     """Confine this process, read and write the answer; never returns."""
-    code = 1
-    try:
+
+    def read() -> Any:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         open_descriptor = channel if is_forked else None
         confine_process(Path(request["folder"]), libraries, request["memory"], request["seconds"], open_descriptor)
-        write_all(channel, _answer_request(request))
-        code = 0
-    except MemoryError:
-        write_all(channel, MEMORY_ANSWER)
-    except BaseException as error:
-        write_all(
-            channel, json.dumps({"fault": "".join(traceback.format_exception(error))[-MOST_FAULT_CHARS:]}).encode()
-        )
+        return list_readings()[request["read"]](*request["arguments"], **request["options"])
+
+    try:
+        write_all(channel, encode_answer(read))
     finally:
-        os._exit(code)
+        os._exit(0)
 
 
-def _answer_request(request: dict[str, Any]) -> bytes:
-    """Read; the answer as JSON."""
+def encode_answer(compute: Callable[[], Any], more: Callable[[], Mapping[str, Any]] = dict) -> bytes:
+    """What a function computes, refuses or fails with as an answer in JSON; with `more` keys, found when it is over."""
     from fields.errors import HeadlandError
 
     try:
-        value = list_readings()[request["read"]](*request["arguments"], **request["options"])
+        return json.dumps({"value": compute(), **more()}).encode()
     except HeadlandError as refusal:
-        return json.dumps({"refused": str(refusal.args[0]), "parameter": refusal.parameter}).encode()
-    return json.dumps({"value": value}).encode()
+        answer: dict[str, Any] = {"refused": str(refusal.args[0]), "parameter": refusal.parameter}
+    except MemoryError:
+        answer = {"memory": True}
+    except BaseException as error:
+        answer = {"fault": "".join(traceback.format_exception(error))[-MOST_FAULT_CHARS:]}
+    return json.dumps({**answer, **more()}).encode()
 
 
 def write_all(channel: int, content: bytes) -> None:

@@ -66,6 +66,7 @@ SECCOMP_KILL, SECCOMP_ALLOW, SECCOMP_ERRNO = 0x80000000, 0x7FFF0000, 0x00050000
 X32_CALLS_FROM = 0x40000000  # x86_64 has all calls a second time from here on
 PR_SET_PDEATHSIG, PR_SET_NO_NEW_PRIVS = 1, 38  # of prctl
 MOST_OPEN_FILES = 64
+NICENESS = 5  # of the office and of readers: links and stops come first
 OWN_PACKAGES = ("fields", "planner", "reports", "strategies", "vehicle")
 SYSTEM_LIBRARY_FOLDERS = ("/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo")
 """Folders of shared libraries."""
@@ -166,6 +167,12 @@ def _build_seccomp_filter(machine: str) -> list[tuple[int, int, int, int]]:
     for command in ALLOWED_FCNTL_COMMANDS:
         steps += [(BPF_JUMP_EQUAL, 0, 1, command), (BPF_RETURN, 0, 0, SECCOMP_ALLOW)]
     return [*steps, (BPF_RETURN, 0, 0, SECCOMP_ERRNO | errno.EACCES)]
+
+
+def lower_priority() -> None:
+    """Let links and stops come before what this process does, where the system has priorities."""
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
 
 
 def list_missing_protections() -> list[str]:

@@ -12,7 +12,6 @@ import os
 import select
 import signal
 import time
-import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -20,8 +19,8 @@ from typing import Any
 
 from planner.errors import HeadlandError
 from planner.risk.costs import build_hire_terms
-from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS, READER_NICENESS, write_all
-from planner.service.sandbox.confinement import confine_process, list_library_folders
+from planner.service.sandbox.confined_reading import encode_answer, write_all
+from planner.service.sandbox.confinement import confine_process, list_library_folders, lower_priority
 from planner.service.sandbox.readings import build_work_order
 from planner.sweeps.estimates import Points
 from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
@@ -90,8 +89,7 @@ def _describe_plan(estimate: OrderEstimate, place: int) -> dict[str, Any]:
 def serve(descriptor: int, folder: str, memory_bytes: int, computing_s: float) -> None:
     """Answer orders until the service is gone or `computing_s` are spent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if hasattr(os, "nice"):
-        os.nice(READER_NICENESS)
+    lower_priority()
     grounds, libraries = _warm_up(), list_library_folders()
     confine_process(Path(folder), libraries, memory_bytes, computing_s, descriptor)
     write_all(descriptor, READY)
@@ -125,13 +123,9 @@ def _warm_up() -> KeptGrounds:
 def _answer_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> bytes:
     """The answer to an order as JSON, with the seconds that it took to compute."""
     begun_s = time.process_time()
-    try:
+
+    def estimate() -> dict[str, Any]:
         os.chdir(order["folder"])
-        answer: dict[str, Any] = {"value": estimate_order(grounds, order)}
-    except HeadlandError as refusal:
-        answer = {"refused": str(refusal.args[0]), "parameter": refusal.parameter}
-    except MemoryError:
-        answer = {"memory": True}
-    except Exception as error:
-        answer = {"fault": "".join(traceback.format_exception(error))[-MOST_FAULT_CHARS:]}
-    return json.dumps(answer | {"computing_s": time.process_time() - begun_s}).encode()
+        return estimate_order(grounds, order)
+
+    return encode_answer(estimate, lambda: {"computing_s": time.process_time() - begun_s})

@@ -229,7 +229,8 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
         )
         raise HeadlandError(sentence, parameter=parameter)
     if "fault" in report:
-        raise build_refusal(str(report["fault"]))
+        LOGGER.error("A reading ended in a fault: %s", ascii(str(report["fault"])[-MOST_FAULT_CHARS:]))
+        raise ServiceError(READ_FAULT)
     signal_name = _name_signal(outcome.exit_code)
     if outcome.is_late or signal_name == "SIGXCPU":
         raise ServiceError(f"Reading this file took longer than {limit_s:.0f} s; split it.")
@@ -240,12 +241,6 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
     if len(outcome.answer) >= MOST_ANSWER_BYTES:
         raise ServiceError("The content of this file is too large to be shown; split it.")
     raise ServiceError("Reading this file was interrupted; it may be damaged, so save it again.")
-
-
-def build_refusal(fault: str) -> ServiceError:
-    """The refusal for a reading that ended in a fault; its traceback is logged in one line."""
-    LOGGER.error("A reading ended in a fault: %s", ascii(fault[-MOST_FAULT_CHARS:]))
-    return ServiceError(READ_FAULT)
 
 
 def _name_signal(exit_code: int | None) -> str:

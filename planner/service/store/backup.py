@@ -15,8 +15,8 @@ import time
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, closing, suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,11 +68,6 @@ class BackupManifest:
     headland: str = field(default_factory=find_version)
     made: str = field(default_factory=format_utc_now_ms)
     files: dict[str, ManifestEntry] = field(default_factory=dict)
-
-    @property
-    def total_bytes(self) -> int:
-        """Bytes of all files together."""
-        return sum(entry.size for entry in self.files.values())
 
 
 def parse_manifest(text: bytes) -> BackupManifest:
@@ -189,13 +184,15 @@ def _copy_database(store: Store, copy: Path) -> list[str]:
     """Copy every row, as of one moment, into a new SQLite database; returns the SHA-256 they name, each once."""
     target = Database(f"sqlite:///{copy}")
     migrate_database(target.engine)
+    waiting = set(store.revocations.list_waiting())  # listed before too: one that is written meanwhile waits no more
     snapshot = store.database.engine.connect()
     if snapshot.dialect.name == "postgresql":
         snapshot = snapshot.execution_options(isolation_level="REPEATABLE READ")
     with snapshot as source, target.open_write_session() as session:
         for table in COPIED_TABLES:
             copy_rows(table, source, session)
-        session.execute(sa.delete(TokenRow).where(TokenRow.sha256.in_(store.revocations.list_waiting())))
+        waiting |= set(store.revocations.list_waiting())
+        session.execute(sa.delete(TokenRow).where(TokenRow.sha256.in_(waiting)))
         names = sorted(set(list_named_bytes(source)))
     with target.engine.connect() as connection:
         connection.exec_driver_sql("COMMIT")
@@ -246,7 +243,7 @@ def restore_backup(store: Store, file: Path) -> int:
     try:
         with zipfile.ZipFile(file) as archive, tempfile.TemporaryDirectory(dir=data, prefix=".restore-") as folder:
             backup = _OpenBackup(file, archive, _read_checked_manifest(archive, file))
-            store.blobs.check_disk_space(backup.manifest.total_bytes)
+            store.blobs.check_disk_space(sum(entry.size for entry in backup.manifest.files.values()))
             copy = Path(folder) / DATABASE_FILE
             with open(copy, "wb") as stream:
                 backup.read_part(DATABASE_FILE, stream.write)
@@ -362,14 +359,16 @@ def _restore_checked(store: Store, backup: _OpenBackup, copy: Path) -> int:
             raise _build_refusal(file, f"not whole: its database names {missing[0][:90]}, which is missing")
         if unused := sorted(set(backup.list_bytes()) - named):
             raise _build_refusal(file, f"no backup of Headland: nothing in its database names {unused[0]}")
-        with _delete_new_bytes_on_error(store) as new_digests:
+        with ExitStack() as undo:
             for name in backup.list_bytes():
-                if not store.blobs.get_path(manifest.files[name].sha256).exists():
-                    new_digests.append(manifest.files[name].sha256)
+                path = store.blobs.get_path(manifest.files[name].sha256)
+                if not path.exists():
+                    undo.callback(path.unlink, missing_ok=True)
                 parts: list[bytes] = []
                 backup.read_part(name, parts.append)
                 store.blobs.put_bytes(b"".join(parts))
-            _copy_rows(store, source)
+            _copy_all_rows(store, source)
+            undo.pop_all()
     except ServiceError:
         raise
     except (ValueError, TypeError, AttributeError, LookupError):
@@ -384,20 +383,8 @@ def _restore_checked(store: Store, backup: _OpenBackup, copy: Path) -> int:
     return len(manifest.files) - 1
 
 
-@contextmanager
-def _delete_new_bytes_on_error(store: Store) -> Iterator[list[str]]:
-    """A list for bytes that are new to a store; they are deleted where the body raises."""
-    new_digests: list[str] = []
-    try:
-        yield new_digests
-    except BaseException:
-        for sha256 in new_digests:
-            store.blobs.get_path(sha256).unlink(missing_ok=True)
-        raise
-
-
-def _copy_rows(store: Store, source: Database) -> None:
-    """Copy all rows of a database."""
+def _copy_all_rows(store: Store, source: Database) -> None:
+    """Copy all rows of a database at once."""
     with (
         translate_disk_full(store.settings.data),
         source.engine.connect() as old,

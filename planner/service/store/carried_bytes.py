@@ -235,23 +235,20 @@ class RemoteStore(CarryingJobStore):
                     "postgresql://user@host/name.",
                     parameter="database",
                 )
-            self._check_tables()
             with name_database_in_errors(self.database.engine):  # it may be restarted just then
+                with self.database.engine.connect() as connection:
+                    tables = read_version(connection)
+                if tables is None:
+                    raise DatabaseError(
+                        "The database has no tables of Headland yet; begin headland serve with it first.",
+                        parameter="database",
+                    )
+                if tables != get_current_version():
+                    raise _build_version_error(f"one with tables {tables}")
                 self.check_version()
         except BaseException:
             self.close()
             raise
-
-    def _check_tables(self) -> None:
-        """Raise DatabaseError where no service has used the database, VersionError for tables of another version."""
-        with name_database_in_errors(self.database.engine), self.database.engine.connect() as connection:
-            tables = read_version(connection)
-        if tables is None:
-            raise DatabaseError(
-                "The database has no tables of Headland yet; begin headland serve with it first.", parameter="database"
-            )
-        if tables != get_current_version():
-            raise _build_version_error(f"one with tables {tables}")
 
     def check_version(self) -> None:
         """Raise VersionError where the service is of another version; one that never ran is of any."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
@@ -23,6 +23,7 @@ from planner.service.settings import ServiceSettings, find_version
 from planner.service.store.disk_storage import translate_disk_full
 from planner.service.store.tables import TableBase
 
+Row = TypeVar("Row")
 GONE = "its file {path} is gone; bring it back"
 LOG_LEFT = "its file is gone, but its log {log} is there; bring the file back, or delete the log to begin anew"
 REPLACED = "its file {path} was replaced by another database; bring the first one back, or start the service again"
@@ -156,6 +157,20 @@ class Database:
         ):
             yield session
             session.commit()
+
+    def list_rows(self, query: sa.Select[Row]) -> list[Row]:
+        """What a query for one thing selects, read in a session of its own. Raises as `open_read_session` does."""
+        with self.open_read_session() as session:
+            return list(session.scalars(query))
+
+    def change_rows(self, change: sa.Update | sa.Delete) -> int:
+        """Make a change in a session of its own; returns the number of rows. Raises as `open_write_session` does."""
+        with self.open_write_session() as session:
+            return self.execute_change(session, change)
+
+    def execute_change(self, session: Session, change: sa.Update | sa.Delete) -> int:
+        """Make a change as a part of a session; returns the number of rows."""
+        return int(session.execute(change).rowcount)  # type: ignore[attr-defined]
 
     def close(self) -> None:
         """Close all connections."""

@@ -110,8 +110,6 @@ class DatabaseWatch(DatabaseThread):
 
 
 SHORTEST_PERIOD_S = PERIOD_S / 5
-REFRESH_TIMEOUT_S = TIMEOUT_S
-OPERATOR_SCOPES = frozenset({"operator", "admin"})
 UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
 UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
 EXPIRED_TOKEN = "This token expired at {expires}; make a new one with headland token new."
@@ -150,11 +148,6 @@ class TokenCache(DatabaseThread):
         row = self._rows.get(hash_token(token_text))
         return None if row is None or has_expired(row) else row
 
-    def is_operator_token(self, token_text: str) -> bool | None:
-        """Whether the holder of a token may operate fleets, from memory only; None for an unknown token."""
-        row = self.find_token(token_text)
-        return None if row is None else not OPERATOR_SCOPES.isdisjoint(row.scopes.split())
-
     async def identify_token(self, token_text: str) -> TokenRow:
         """The token of a text; an unknown one is looked up once more, which may take two seconds.
 
@@ -170,7 +163,7 @@ class TokenCache(DatabaseThread):
                     with self._lock:
                         self._waiting.append(future)
                     self._refresh_requested.set()
-                    async with asyncio.timeout(REFRESH_TIMEOUT_S):
+                    async with asyncio.timeout(TIMEOUT_S):
                         await asyncio.wrap_future(future)
         row = self._rows.get(hash_token(token_text))
         if row is None:
@@ -197,7 +190,7 @@ class TokenCache(DatabaseThread):
             await asyncio.to_thread(self._store.revocations.add, revocation)
             is_kept = True
         writing = asyncio.create_task(asyncio.to_thread(self._store.write_revocation, revocation))
-        done, _ = await asyncio.wait([writing], timeout=REFRESH_TIMEOUT_S if is_kept else None)
+        done, _ = await asyncio.wait([writing], timeout=TIMEOUT_S if is_kept else None)
         if writing in done and (error := writing.exception()) is not None and not is_kept:
             raise DatabaseError(REVOKED_UNTIL_RESTART.format(name=name)) from error
 

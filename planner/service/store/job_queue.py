@@ -6,7 +6,7 @@ import hashlib
 import secrets
 import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, get_args
 
 import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
@@ -24,7 +24,8 @@ from planner.service.store.store_part import (
 )
 from planner.service.store.tables import JobRow, Owner, ResultRow, TurnRow
 
-QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
+JobStatus = Literal["queued", "running", "done", "failed", "cancelled"]
+QUEUED, RUNNING, DONE, FAILED, CANCELLED = JOB_STATUSES = get_args(JobStatus)
 UNFINISHED_STATUSES = (QUEUED, RUNNING)
 LONGEST_PROGRESS_CHARS = 200
 
@@ -70,9 +71,7 @@ class JobStore(StorePart):
     def rename_job(self, id: str, kind: str, name: str) -> JobRow:
         """Give a job another name; raises NotFoundError, ServiceError."""
         row = self.get_job(id, kind)
-        change = sa.update(JobRow).where(JobRow.number == row.number).values(name=check_name(name))
-        with self.database.open_write_session() as session:
-            session.execute(change)
+        self.database.change_rows(sa.update(JobRow).where(JobRow.number == row.number).values(name=check_name(name)))
         return self.get_job(id, kind)
 
     def copy_job(self, id: str, kind: str, name: str | None = None, owner: Owner | None = None) -> JobRow:
@@ -129,22 +128,23 @@ class JobStore(StorePart):
             raise NotFoundError(f"The job {id!r} has no result {name!r}; it names those it has.", parameter="name")
         return result
 
+    def read_result(self, id: str, name: str, kind: str) -> bytes:
+        """The bytes of one result of a job; raises NotFoundError."""
+        return self.blobs.read_bytes(self.get_result(id, name, kind).sha256)
+
     def cancel_job(self, id: str, kind: str | None = None) -> JobRow:
         """Cancel a job that is not done; its worker stops soon. Raises NotFoundError, ConflictError."""
         job = self.get_job(id, kind)
         ended = sa.update(JobRow).where(JobRow.number == job.number, JobRow.status.in_(UNFINISHED_STATUSES))
-        with self.database.open_write_session() as session:
-            done = session.execute(ended.values(_build_end_values(CANCELLED)))
+        has_ended = self.database.change_rows(ended.values(_build_end_values(CANCELLED)))
         row = self.get_job(id, kind)
-        if not done.rowcount:  # type: ignore[attr-defined]
+        if not has_ended:
             raise ConflictError(f"The job {id!r} is {row.status}; only one that is queued or running can be cancelled.")
         return row
 
     def delete_job(self, id: str, kind: str | None = None) -> None:
         """Delete a job and its results; the worker of a running one stops soon. Raises NotFoundError."""
-        row = self.get_job(id, kind)
-        with self.database.open_write_session() as session:
-            session.execute(sa.delete(JobRow).where(JobRow.number == row.number))
+        self.database.change_rows(sa.delete(JobRow).where(JobRow.number == self.get_job(id, kind).number))
 
     def claim_job(self, worker: str) -> JobRow | None:
         """Claim the next job for a worker; None where none waits.
@@ -181,14 +181,13 @@ class JobStore(StorePart):
         values: dict[str, Any] = {"lease": self._now_s + self.settings.lease_s}
         if progress is not None:
             values |= {"done": progress[0], "all": progress[1], "words": progress[2][:LONGEST_PROGRESS_CHARS]}
-        with self.database.open_write_session() as session:
-            return _update_claimed_job(session, number, worker, values)
+        return bool(self.database.change_rows(_update_claimed_job(number, worker, values)))
 
     def finish_job(self, number: int, worker: str, files: Sequence[ResultFile]) -> bool:
         """Store all results of a job, or none and return False where the worker has lost the job."""
         self.keep_results(number, files)
         with self.database.open_write_session() as session:
-            if not _update_claimed_job(session, number, worker, _build_end_values(DONE)):
+            if not self.database.execute_change(session, _update_claimed_job(number, worker, _build_end_values(DONE))):
                 return False
             session.execute(sa.delete(ResultRow).where(ResultRow.job == number))
             for name, content, media in files:
@@ -207,8 +206,8 @@ class JobStore(StorePart):
 
     def fail_job(self, number: int, worker: str, sentence: str) -> bool:
         """Fail a job with a sentence; False where the worker has lost the job."""
-        with self.database.open_write_session() as session:
-            return _update_claimed_job(session, number, worker, _build_end_values(FAILED) | {"error": sentence})
+        values = _build_end_values(FAILED) | {"error": sentence}
+        return bool(self.database.change_rows(_update_claimed_job(number, worker, values)))
 
     def release_jobs(self, worker: str, *, counts_try: bool) -> None:
         """Put the jobs of a worker that is gone back into the queue; without `counts_try` the try is not counted."""
@@ -218,7 +217,7 @@ class JobStore(StorePart):
             if counts_try:
                 self._fail_jobs_out_of_tries(session, *of_worker)
             else:
-                values["tries"] = JobRow.tries - 1  # type: ignore[assignment]
+                values["tries"] = JobRow.tries - 1
             session.execute(sa.update(JobRow).where(*of_worker).values(**values))
 
     def renew_leases(self) -> None:
@@ -226,9 +225,8 @@ class JobStore(StorePart):
 
         For use after a time without writes: living workers report now, and jobs of dead ones are released later.
         """
-        with self.database.open_write_session() as session:
-            lease_end_s = self._now_s + self.settings.lease_s
-            session.execute(sa.update(JobRow).where(JobRow.status == RUNNING).values(lease=lease_end_s))
+        lease_end_s = self._now_s + self.settings.lease_s
+        self.database.change_rows(sa.update(JobRow).where(JobRow.status == RUNNING).values(lease=lease_end_s))
 
     def tend_queue(self) -> None:
         """Do what is due from time to time while jobs run."""
@@ -285,7 +283,7 @@ def _build_end_values(status: str) -> dict[str, Any]:
     return {"status": status, "finished": format_utc_now_ms(), "worker": None, "lease": None}
 
 
-def _update_claimed_job(session: Session, number: int, worker: str, values: Mapping[str, Any]) -> bool:
-    """Change columns of a job; False where the worker does not hold it."""
+def _update_claimed_job(number: int, worker: str, values: Mapping[str, Any]) -> sa.Update:
+    """The change of columns of a job; of no row where the worker does not hold it."""
     held = sa.update(JobRow).where(JobRow.number == number, JobRow.worker == worker, JobRow.status == RUNNING)
-    return bool(session.execute(held.values(**values)).rowcount)  # type: ignore[attr-defined]
+    return held.values(**values)

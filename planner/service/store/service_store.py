@@ -75,6 +75,13 @@ def build_other_content_error(kind: str, name: str) -> ConflictError:
     )
 
 
+def build_taken_name_error(kind: str, name: str) -> ConflictError:
+    """The refusal of a new name that another file has."""
+    return ConflictError(
+        f"There is {choose_article(kind)} {kind} {name!r} already; choose another name.", parameter="name"
+    )
+
+
 class FileStore(StorePart):
     """Uploaded files."""
 
@@ -104,8 +111,9 @@ class FileStore(StorePart):
             if existing.sha256 != row.sha256:
                 raise build_other_content_error(kind, name) from None
             if existing.options != row.options:
-                with self.database.open_write_session() as session:
-                    session.execute(sa.update(FileRow).where(FileRow.id == existing.id).values(options=row.options))
+                self.database.change_rows(
+                    sa.update(FileRow).where(FileRow.id == existing.id).values(options=row.options)
+                )
             return self.get_file(kind, name)
         return row
 
@@ -120,9 +128,8 @@ class FileStore(StorePart):
 
     def list_files(self, kind: str, search: str = "") -> list[FileRow]:
         """All files of a kind whose names have every word of the search, by name."""
-        with self.database.open_read_session() as session:
-            rows = session.scalars(sa.select(FileRow).where(FileRow.kind == kind).order_by(FileRow.name))
-            return [row for row in rows if is_found(row.name, search)]
+        rows = self.database.list_rows(sa.select(FileRow).where(FileRow.kind == kind).order_by(FileRow.name))
+        return [row for row in rows if is_found(row.name, search)]
 
     def replace_file(
         self, kind: str, name: str, content: bytes, suffix: str, options: Mapping[str, Any] | None = None
@@ -145,22 +152,17 @@ class FileStore(StorePart):
         try:
             return self._update_file(existing, {"name": new_name})
         except sa.exc.IntegrityError:
-            raise ConflictError(
-                f"There is {choose_article(kind)} {kind} {new_name!r} already; choose another name.", parameter="name"
-            ) from None
+            raise build_taken_name_error(kind, new_name) from None
 
     def _update_file(self, row: FileRow, values: Mapping[str, Any]) -> FileRow:
         """Change columns of a file; raises NotFoundError where it was deleted meanwhile."""
         change = sa.update(FileRow).where(FileRow.id == row.id).values(**values, changed=format_utc_now_ms())
-        with self.database.open_write_session() as session:
-            session.execute(change)
+        self.database.change_rows(change)
         return self.get_file(row.kind, values.get("name", row.name))
 
     def delete_file(self, kind: str, name: str) -> None:
         """Delete a file; jobs that use it keep their copy. Raises NotFoundError."""
-        existing = self.get_file(kind, name)
-        with self.database.open_write_session() as session:
-            session.execute(sa.delete(FileRow).where(FileRow.id == existing.id))
+        self.database.change_rows(sa.delete(FileRow).where(FileRow.id == self.get_file(kind, name).id))
 
 
 MOST_EVENTS = 1000
@@ -188,18 +190,12 @@ class Store(TokenStore, FileStore, ServedJobStore):
             session.merge(WriteCheckRow(id=1, time=format_utc_now_ms(), version=describe_version()))
 
     def save_fleet(self, id: str, name: str, plan_text: str, settings: Mapping[str, Any]) -> str:
-        """Store a fleet, new or in place of an old one whose progress stays; returns when it was made."""
-        name = check_name(name)
+        """Store a new fleet; returns when it was made."""
+        row = FleetRow(id=id, name=check_name(name), plan=plan_text, settings=dict(settings), progress={})
+        row.created = format_utc_now_ms()
         with self.database.open_write_session() as session:
-            existing = session.get(FleetRow, id)
-            if existing is None:
-                row = FleetRow(
-                    id=id, name=name, plan=plan_text, settings=dict(settings), progress={}, created=format_utc_now_ms()
-                )
-                session.add(row)
-                return row.created
-            existing.name, existing.plan, existing.settings = name, plan_text, dict(settings)
-            return existing.created
+            session.add(row)
+        return row.created
 
     def save_fleet_setting(self, id: str, key: str, value: Any) -> None:
         """Store one setting of a fleet; raises NotFoundError."""
@@ -211,8 +207,7 @@ class Store(TokenStore, FileStore, ServedJobStore):
 
     def list_fleets(self) -> list[FleetRow]:
         """All fleets, the oldest first."""
-        with self.database.open_read_session() as session:
-            return list(session.scalars(sa.select(FleetRow).order_by(FleetRow.created, FleetRow.id)))
+        return self.database.list_rows(sa.select(FleetRow).order_by(FleetRow.created, FleetRow.id))
 
     def get_fleet(self, id: str) -> FleetRow:
         """One fleet; raises NotFoundError."""
@@ -224,17 +219,14 @@ class Store(TokenStore, FileStore, ServedJobStore):
 
     def save_progress(self, id: str, progress: Mapping[str, Any]) -> None:
         """Store what a fleet needs to continue after a restart; raises NotFoundError."""
-        with self.database.open_write_session() as session:
-            done = session.execute(sa.update(FleetRow).where(FleetRow.id == id).values(progress=dict(progress)))
-            if not done.rowcount:  # type: ignore[attr-defined]
-                raise _build_no_fleet_error(id)
+        if not self.database.change_rows(sa.update(FleetRow).where(FleetRow.id == id).values(progress=dict(progress))):
+            raise _build_no_fleet_error(id)
 
     def delete_fleet(self, id: str) -> None:
         """Delete a fleet, its recordings and its robots' tokens; its events stay. Raises NotFoundError."""
         with self.database.open_write_session() as session:
             session.execute(sa.delete(TokenRow).where(TokenRow.fleet == id))
-            done = session.execute(sa.delete(FleetRow).where(FleetRow.id == id))
-            if not done.rowcount:  # type: ignore[attr-defined]
+            if not self.database.execute_change(session, sa.delete(FleetRow).where(FleetRow.id == id)):
                 raise _build_no_fleet_error(id)
 
     def add_recording(self, fleet: str, tractor: int, rows: Sequence[Sequence[Any]]) -> None:
@@ -246,15 +238,14 @@ class Store(TokenStore, FileStore, ServedJobStore):
     def read_recording(self, fleet: str, tractor: int) -> list[list[Any]]:
         """All recorded rows of a tractor, in order."""
         query = sa.select(RecordingRow.rows).where(RecordingRow.fleet == fleet, RecordingRow.tractor == tractor)
-        with self.database.open_read_session() as session:
-            pieces = session.scalars(query.order_by(RecordingRow.id)).all()
+        pieces = self.database.list_rows(query.order_by(RecordingRow.id))
         return [row for piece in pieces for row in json.loads(zlib.decompress(piece))]
 
     def list_recorded_tractors(self, fleet: str) -> list[int]:
         """The tractors of a fleet that have reported, counted from 0."""
-        query = sa.select(RecordingRow.tractor).where(RecordingRow.fleet == fleet).distinct()
-        with self.database.open_read_session() as session:
-            return sorted(session.scalars(query))
+        return sorted(
+            self.database.list_rows(sa.select(RecordingRow.tractor).where(RecordingRow.fleet == fleet).distinct())
+        )
 
     def add_event(self, fleet: str | None, who: str, what: str, data: Mapping[str, Any] | None = None) -> int:
         """Record who did what; returns the number of the event."""
@@ -270,8 +261,7 @@ class Store(TokenStore, FileStore, ServedJobStore):
             return []
         if fleet is not None:
             query = query.where(EventRow.fleet == fleet)
-        with self.database.open_read_session() as session:
-            return list(session.scalars(query.order_by(EventRow.id).limit(MOST_EVENTS)))
+        return self.database.list_rows(query.order_by(EventRow.id).limit(MOST_EVENTS))
 
 
 def open_store(settings: ServiceSettings) -> closing[Store]:

@@ -7,9 +7,9 @@ import re
 import secrets
 from collections.abc import Iterable
 from contextlib import suppress
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime, time, timedelta
 from itertools import count
-from typing import Any
+from typing import Any, Literal, get_args
 
 import sqlalchemy as sa
 
@@ -26,15 +26,13 @@ from planner.service.store.store_part import (
 )
 from planner.service.store.tables import EventRow, FleetRow, TokenRow
 
-READ, PLANNER, OPERATOR, ROBOT, ADMIN = "read", "planner", "operator", "robot", "admin"
-SCOPES = (READ, PLANNER, OPERATOR, ROBOT, ADMIN)
+TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
 """Scopes of tokens; their rights are in planner.service.access.permissions."""
+SCOPES, ROBOT = get_args(TokenScope), "robot"
 TOKEN_PREFIX = "hl_"
 NEVER, ROBOT_TOKEN_LIFE = "never", "30d"
 PERIOD_PATTERN = re.compile(r"([0-9]{1,6})([mhd])")
 PERIOD_UNITS = {"m": "minutes", "h": "hours", "d": "days"}
-
-
 BROWSER_TOKEN_PREFIX, BROWSER_SCOPES, BROWSER_TOKEN_LIFE = "browser ", "operator planner", "30d"
 
 
@@ -89,9 +87,9 @@ class TokenStore(StorePart):
 
     def list_tokens(self) -> list[TokenRow]:
         """All tokens, the oldest first, expired ones included, without those whose revocation still waits."""
-        with self.database.open_read_session() as session:
-            rows = list(session.scalars(sa.select(TokenRow).order_by(TokenRow.id)))
-        waiting = self.revocations.list_waiting()
+        waiting = set(self.revocations.list_waiting())  # listed before too: one that is written meanwhile waits no more
+        rows = self.database.list_rows(sa.select(TokenRow).order_by(TokenRow.id))
+        waiting |= set(self.revocations.list_waiting())
         return [row for row in rows if row.sha256 not in waiting]
 
     def create_browser_token(self) -> str | None:
@@ -127,8 +125,10 @@ class TokenStore(StorePart):
     def write_revocation(self, revocation: Revocation) -> None:
         """Delete a revoked token. Raises SQLAlchemyError, ServiceError where nothing can be written."""
         with self.database.open_write_session() as session:
-            deleted = session.execute(sa.delete(TokenRow).where(TokenRow.sha256 == revocation.sha256))
-            if deleted.rowcount and revocation.who is not None:  # type: ignore[attr-defined]
+            deleted = self.database.execute_change(
+                session, sa.delete(TokenRow).where(TokenRow.sha256 == revocation.sha256)
+            )
+            if deleted and revocation.who is not None:
                 event = EventRow(time=format_utc_now_ms(), who=revocation.who[:120], what="token revoked")
                 event.data = {"name": revocation.name}
                 session.add(event)
@@ -189,14 +189,21 @@ def parse_expiry(text: str) -> str | None:
     """
     if text == NEVER:
         return None
-    begin = datetime.now(UTC)
-    end = _parse_expiry_time(text, begin)
-    if end is None:
+    begin, period = datetime.now(UTC), PERIOD_PATTERN.fullmatch(text)
+    try:
+        if period is not None:
+            end = begin + timedelta(**{PERIOD_UNITS[period[2]]: int(period[1])})
+        elif len(text) == len("2027-01-31"):
+            end = datetime.combine(date.fromisoformat(text), time.min, UTC) + timedelta(days=1)
+        else:
+            end = datetime.fromisoformat(text)
+            end = end.replace(tzinfo=UTC) if end.tzinfo is None else end.astimezone(UTC)
+    except (ValueError, OverflowError):
         raise ServiceError(
             f"The end {text[:40]!r} cannot be read; write 30d, 12h, 90m, a date such as 2027-01-31, a time such as "
             "2027-01-31T18:00:00Z, or never.",
             parameter="expires",
-        )
+        ) from None
     if not begin < end <= begin + timedelta(days=LIMITS.longest_life_days):
         shown = format_time(end)
         raise ServiceError(
@@ -204,18 +211,3 @@ def parse_expiry(text: str) -> str | None:
             parameter="expires",
         )
     return format_time(end)
-
-
-def _parse_expiry_time(text: str, begin: datetime) -> datetime | None:
-    """The time that a text means; None where it means none."""
-    period = PERIOD_PATTERN.fullmatch(text)
-    try:
-        if period is not None:
-            return begin + timedelta(**{PERIOD_UNITS[period[2]]: int(period[1])})
-        if len(text) == len("2027-01-31"):
-            day = date.fromisoformat(text)
-            return datetime(day.year, day.month, day.day, tzinfo=UTC) + timedelta(days=1)
-        end = datetime.fromisoformat(text)
-        return end.replace(tzinfo=UTC) if end.tzinfo is None else end.astimezone(UTC)
-    except (ValueError, OverflowError):
-        return None
