@@ -1,4 +1,4 @@
-"""Types of arrays, and what is asked of arrays everywhere: spans of truth, and distances along a polyline."""
+"""Types of arrays, and what is asked of arrays everywhere: spans of truth, distances along a polyline, directions."""
 
 from __future__ import annotations
 
@@ -25,3 +25,8 @@ def measure_along(points: Floats) -> Floats:
     along, steps = np.zeros(len(points)), points[1:] - points[:-1]
     np.cumsum(np.hypot(steps[:, 0], steps[:, 1]), out=along[1:])
     return along
+
+
+def build_directions(angles: Floats) -> Floats:
+    """Unit vectors (n, 2) along mathematical angles (n,)."""
+    return np.column_stack([np.cos(angles), np.sin(angles)])

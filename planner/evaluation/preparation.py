@@ -266,7 +266,7 @@ def _build_base_rules(
         **_list_speeds(request),
         radius_m=radius_m,
         tool_m=reach.tool_m,
-        boxes=list_contact_boxes(tractor, implement, tractor.antenna_forward_m - tractor.rear_axle_m),
+        boxes=list_contact_boxes(tractor, implement, tractor.guide_m),
         ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
         limits=build_driving_limits(tractor, ground),
     ).scale_spacing()

@@ -112,7 +112,7 @@ def locate_antenna(saved_run: SavedPlanRun, tractor: int) -> Array:
     """Positions of the antenna of a tractor (t, 2), metres of the plan."""
     machine, _ = read_machines(saved_run.saved, saved_run.request)
     x, y, angle = saved_run.run.get_poses(tractor).T
-    forward_m = machine.antenna_forward_m - machine.rear_axle_m
+    forward_m = machine.guide_m
     return np.column_stack([x + forward_m * np.cos(angle), y + forward_m * np.sin(angle)])
 
 

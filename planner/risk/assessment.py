@@ -212,8 +212,8 @@ def build_decision_criteria(
 def _describe_limit(request: PlanRequest, rain: RainForecast | None) -> str:
     """When work must be done, such as "before 17:00"; "" without a limit."""
     limits = [] if request.deadline_s is None else [f"before {request.format_clock_after(request.time_limit_s)}"]
-    if rain is not None and request.start_s is not None and len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
-        limits.append(f"before {request.format_clock_after(rain.onsets_s[0])}")
+    if rain is not None and request.start_s is not None and rain.certain_onset_s is not None:
+        limits.append(f"before {request.format_clock_after(rain.certain_onset_s)}")
     elif rain is not None:
         limits.append("before the rain")
     return " and ".join(dict.fromkeys(limits))
@@ -327,15 +327,13 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
     """The plans that may finish before the rain; if none may, also a sentence that says so."""
     if rain is None:
         return plans, None
-    if len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
-        before_rain = [plan for plan in plans if plan.stated_end_s <= rain.onsets_s[0]]
-        late_s = min(plan.stated_end_s for plan in plans) - rain.onsets_s[0]
-        return (
-            before_rain,
-            None
-            if before_rain
-            else f"No plan finishes before the rain; the closest is {format_duration(late_s)} late.",
-        )
+    onset_s = rain.certain_onset_s
+    if onset_s is not None:
+        before_rain = [plan for plan in plans if plan.stated_end_s <= onset_s]
+        if before_rain:
+            return before_rain, None
+        late_s = min(plan.stated_end_s for plan in plans) - onset_s
+        return [], f"No plan finishes before the rain; the closest is {format_duration(late_s)} late."
     surest = max(plan.finish_probability or 0.0 for plan in plans)
     if surest >= MIN_FINISH_PROBABILITY:
         return plans, None
@@ -364,9 +362,9 @@ def check_best_plan(
 def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]) -> tuple[str, ...]:
     """A sentence on the check in full physics, and one on the main causes of the spread."""
     drive_count = len(check_result.simulated_s)
-    compared_count = drive_count - check_result.contact_count - check_result.unfinished_count
-    off_pct = f"{100.0 * check_result.mean_relative_error:.1f}"
     touching, unfinished = check_result.contact_count, check_result.unfinished_count
+    compared_count = drive_count - touching - unfinished
+    off_pct = f"{100.0 * check_result.mean_relative_error:.1f}"
     problems = f"; in {touching} tractors touch" if touching else ""
     problems += f"; in {unfinished} a tractor does not finish" if unfinished else ""
     sentence = (

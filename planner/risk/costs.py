@@ -7,7 +7,7 @@ load of the simulated drive (vehicle.energy) where that is known, else a flat sh
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -188,10 +188,11 @@ def list_cost_figures(outcomes: SampledOutcomes, terms: CostTerms, area_ha: floa
     """
     paid, prices = compute_paid_per_sample(outcomes, terms), terms.prices
     expected = paid + (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
+    standard_error = float(expected.std(ddof=1)) / math.sqrt(len(expected)) if len(expected) > 1 else 0.0
     return {
         "paid_cost": float(paid.mean()),
         "expected_cost": float(expected.mean()),
-        "expected_cost_error": _compute_standard_error(expected),
+        "expected_cost_error": standard_error,
     }
 
 
@@ -234,10 +235,8 @@ def measure_driven_times(run: SimulationRun) -> DrivenTimes:
 def compute_driven_cost(times: DrivenTimes, terms: CostTerms, energy: float | None = None) -> float:
     """What is paid for a drive, without variation; `energy` are its litres or kWh where they are known."""
     work_s, turn_s, zero = (np.array([value]) for value in (times.work_s, times.turn_s, 0.0))
-    finish_s = times.tractor_s[:, None]
-    outcomes = SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero)
-    if energy is not None:
-        outcomes = replace(outcomes, energy=np.array([energy]))
+    finish_s, used = times.tractor_s[:, None], None if energy is None else np.array([energy])
+    outcomes = SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero, energy=used)
     return float(compute_paid_per_sample(outcomes, terms)[0])
 
 
@@ -254,18 +253,17 @@ def describe_prices(terms: CostTerms) -> str:
     """What the prices cover, such as "machines, fuel and people"."""
     prices = terms.prices
     per_hour = prices.per_hour
-    parts = (
-        [mark_text("machines"), mark_text("fuel") if terms.motor_efficiency is None else mark_text("electricity")]
-        if per_hour is None
-        else [f"{per_hour:.2f} for each tractor and hour"]
-    )
-    parts += [mark_text("people")] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
-    has_transport_price = prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0
-    parts += (
-        [mark_text("bringing the tractors") if has_transport_price else mark_text("the road")]
-        if per_hour is None or has_transport_price
-        else []
-    )
+    if per_hour is None:
+        parts = [mark_text("machines")]
+        parts.append(mark_text("fuel") if terms.motor_efficiency is None else mark_text("electricity"))
+    else:
+        parts = [f"{per_hour:.2f} for each tractor and hour"]
+    if prices.supervision_share * prices.supervision_per_hour > 0.0:
+        parts.append(mark_text("people"))
+    if prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0:
+        parts.append(mark_text("bringing the tractors"))
+    elif per_hour is None:
+        parts.append(mark_text("the road"))
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
@@ -296,8 +294,3 @@ def _compute_machine_cost(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
     fuel = outcomes.work_s * rates.fuel_at_work + outcomes.turn_s * rates.fuel_in_turns
     fuel += idle_s * IDLE_LOAD * rates.fuel_full
     return np.asarray((used_s * rates.rates_without_fuel + fuel) / HOUR_S)
-
-
-def _compute_standard_error(values: Array) -> float:
-    """Standard error of the mean."""
-    return float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0

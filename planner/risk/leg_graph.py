@@ -13,12 +13,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from vehicle.arrays import find_true_spans
+from vehicle.arrays import Booleans, Floats, Integers, find_true_spans
 from vehicle.energy.fuel import build_power_source
 from vehicle.energy.run_energy import compute_run_energy
-from vehicle.missions.plan import LEAVE, SWATH, FollowOrder, Leg, Mission
+from vehicle.missions.plan import LEAVE, SWATH, Leg, Mission
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Tractor
@@ -29,8 +28,6 @@ WORK_PASS, TURN_OVER_ONE, TURN_OVER_MORE = range(3)
 CRUISE_SHARE = 0.97  # of the planned speed: above it a tractor is neither braking nor starting
 DEFAULT_RESTART_S = 1.0  # lost by starting to 5 km/h at 0.7 m/s2, if a run does not show it
 MAX_ACCELERATION_S = 15.0
-Array = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -51,7 +48,7 @@ class WaitLink:
 class LegConsumption:
     """Litres or kWh of driving the legs of a graph (n,), and of a tractor that waits or stands for a second."""
 
-    driving: Array
+    driving: Floats
     idle_per_s: float
 
 
@@ -69,15 +66,15 @@ class LegGraph:
 
     tractors: int
     first_nodes: tuple[int, ...]
-    tractor: IntArray
-    driven_s: Array
-    group: IntArray
-    kind: IntArray
-    worked_m: Array
+    tractor: Integers
+    driven_s: Floats
+    group: Integers
+    kind: Integers
+    worked_m: Floats
     order: tuple[int, ...]
     links: tuple[WaitLink, ...]
-    stand_s: Array
-    leaving: npt.NDArray[np.bool_] | None = None
+    stand_s: Floats
+    leaving: Booleans | None = None
     fuel: LegConsumption | None = None
     resting: tuple[int, ...] = ()
 
@@ -94,30 +91,49 @@ class LegGraph:
 
 @dataclass(frozen=True, eq=False)
 class _LegRecord:
-    """The record of one tractor: start rows of legs, and per row seconds, metres and seconds lost by cause."""
+    """The record of one tractor up to its finish.
 
-    begin_rows: IntArray
-    time_s: Array
-    row_s: Array
-    row_m: Array
-    waiting_s: Array
-    braking_s: Array
-    starting_s: Array
-    standing_s: Array
+    `edges` (legs + 1,) are the rows where its legs begin, and the end of the last; `times_s` are those of the rows and
+    of the finish. Per row: metres, seconds of standing, and of driving without starting after a wait (`driving_s`) and
+    without braking for one either (`unhindered_s`). `restart_s` are seconds lost by starting, by leg.
+    """
+
+    edges: Integers
+    times_s: Floats
+    row_m: Floats
+    standing_s: Floats
+    driving_s: Floats
+    unhindered_s: Floats
     restart_s: dict[int, float]
+
+    def get_rows(self, leg: int) -> slice:
+        """The rows of a leg."""
+        return slice(int(self.edges[leg]), int(self.edges[leg + 1]))
+
+    def get_begin_s(self, leg: int) -> float:
+        """The start of a leg."""
+        return float(self.times_s[self.edges[leg]])
 
     def get_driving_begin_s(self, leg: int) -> float:
         """The effective start of a leg: without standing and starting."""
-        return float(self.time_s[self.begin_rows[leg]]) + self.sum_standing_s(leg) + self.restart_s.get(leg, 0.0)
-
-    def get_delayed_end_s(self, leg: int) -> float:
-        """The end of a leg, with all delays."""
-        return float(self.time_s[self.begin_rows[leg + 1] if leg + 1 < len(self.begin_rows) else -1])
+        return self.get_begin_s(leg) + self.sum_standing_s(leg) + self.restart_s.get(leg, 0.0)
 
     def sum_standing_s(self, leg: int) -> float:
         """Seconds that the tractor stood before a leg with open gates."""
-        end = self.begin_rows[leg + 1] if leg + 1 < len(self.begin_rows) else len(self.standing_s)
-        return float(self.standing_s[self.begin_rows[leg] : end].sum())
+        return float(self.standing_s[self.get_rows(leg)].sum())
+
+    def compute_driven_s(self) -> Floats:
+        """Driving seconds per leg, without waiting, braking for it and starting after it."""
+        cumulative_s = np.concatenate(([0.0], np.cumsum(self.unhindered_s)))
+        return np.asarray(cumulative_s[self.edges[1:]] - cumulative_s[self.edges[:-1]])
+
+    def compute_offset_s(self, leg: int, metres: float, length_m: float) -> float:
+        """Driving seconds from the start of a leg until `metres` of it are driven, without waiting and starting."""
+        rows = self.get_rows(leg)
+        if rows.stop <= rows.start or metres <= 0.0:
+            return 0.0
+        driven_m, driven_s = (np.concatenate(([0.0], np.cumsum(each[rows]))) for each in (self.row_m, self.driving_s))
+        return float(np.interp(min(1.0, metres / length_m) * driven_m[-1], driven_m, driven_s))
 
 
 def measure_leg_consumption(
@@ -139,16 +155,15 @@ def build_leg_graph(run: SimulationRun, fuel: LegConsumption | None = None) -> L
     counts = [len(mission.legs) for mission in missions]
     first_nodes = tuple(int(count) for count in np.cumsum([0, *counts[:-1]]))
     records = [_read_leg_record(run, tractor) for tractor in range(len(missions))]
-    driven_s = [_compute_driven_s(one) for one in records]
     groups, kinds = zip(*(_group_legs(mission) for mission in missions), strict=True)
     links = _build_links(run, first_nodes, records)
     leaving = np.array([leg.task.kind == LEAVE for mission in missions for leg in mission.legs])
-    begin_s = np.concatenate([one.time_s[one.begin_rows] for one in records])
+    begin_s = np.concatenate([one.times_s[one.edges[:-1]] for one in records])
     return LegGraph(
         tractors=len(missions),
         first_nodes=first_nodes,
         tractor=np.repeat(np.arange(len(missions)), counts),
-        driven_s=np.concatenate(driven_s),
+        driven_s=np.concatenate([one.compute_driven_s() for one in records]),
         group=np.concatenate(groups),
         kind=np.concatenate(kinds),
         worked_m=np.array([leg.length_m * leg.implement for mission in missions for leg in mission.legs]),
@@ -165,62 +180,49 @@ def build_leg_graph(run: SimulationRun, fuel: LegConsumption | None = None) -> L
 
 def _read_leg_record(run: SimulationRun, tractor: int) -> _LegRecord:
     """The record of a tractor up to its finish, with the last row shortened to it."""
-    legs = run.plan.missions[tractor].legs
-    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
-    finish = float(run.finish_s[tractor])
+    legs, step_s, finish = run.plan.missions[tractor].legs, run.step_s, float(run.finish_s[tractor])
     count = max(1, int(np.searchsorted(run.time_s, finish - 1e-9)))
-    leg_of_row = run.get_leg_numbers(tractor)[:count]
+    leg_of_row, statuses = run.get_leg_numbers(tractor)[:count], run.get_statuses(tractor)[:count]
     seconds = np.full(count, step_s)
     seconds[-1] = finish - float(run.time_s[count - 1])
     speed = np.abs(run.record[:count, tractor, REC_SPEED])
     planned_speed = np.array([leg.speed_mps for leg in legs])[leg_of_row]
-    is_waiting = run.get_statuses(tractor)[:count] == WAITING
+    is_waiting, is_standing = statuses == WAITING, statuses == STANDING
     lost_s = seconds * np.clip(1.0 - speed / planned_speed, 0.0, 1.0)
-    braking, starting = np.zeros(count), np.zeros(count)
+    braking_s, starting_s = np.zeros(count), np.zeros(count)
     restart_s: dict[int, float] = {}
     gears = np.array([leg.gear for leg in legs])[leg_of_row]
-    is_slow = (speed < CRUISE_SHARE * planned_speed) & ~is_waiting & (run.get_statuses(tractor)[:count] != STANDING)
+    is_slow = (speed < CRUISE_SHARE * planned_speed) & ~is_waiting & ~is_standing
     max_rows = round(MAX_ACCELERATION_S / step_s) if step_s else 0
     for start, end in find_true_spans(is_waiting).tolist():
         if start and gears[start] == gears[start - 1]:
-            braking_start = _find_true_span_start(is_slow & (gears == gears[start]), start, max_rows)
-            braking[braking_start:start] = lost_s[braking_start:start]
+            is_braking = is_slow & (gears == gears[start])
+            before = slice(start - _count_leading(is_braking[:start][::-1][:max_rows]), start)
+            braking_s[before] = lost_s[before]
         if end < count and start and gears[end] == gears[end - 1]:
-            restart_end = _find_true_span_end(is_slow & (gears == gears[end]), end, max_rows)
-            is_uncounted = braking[end:restart_end] == 0.0
-            starting[end:restart_end] = lost_s[end:restart_end] * is_uncounted
-            restart_s[int(leg_of_row[end])] = float(starting[end:restart_end].sum())
-    begin_rows = np.minimum(np.searchsorted(leg_of_row, np.arange(len(legs))), count)
-    time = np.append(run.time_s[:count], finish)
-    standing_s = seconds * (run.get_statuses(tractor)[:count] == STANDING)
+            is_starting = is_slow & (gears == gears[end])
+            after = slice(end, end + _count_leading(is_starting[end:][:max_rows]))
+            starting_s[after] = lost_s[after] * (braking_s[after] == 0.0)
+            restart_s[int(leg_of_row[end])] = float(starting_s[after].sum())
+    edges = np.append(np.minimum(np.searchsorted(leg_of_row, np.arange(len(legs))), count), count)
+    standing_s, moving_s = seconds * is_standing, seconds - seconds * is_waiting
     return _LegRecord(
-        begin_rows, time, seconds, speed * seconds, seconds * is_waiting, braking, starting, standing_s, restart_s
+        edges=edges,
+        times_s=np.append(run.time_s[:count], finish),
+        row_m=speed * seconds,
+        standing_s=standing_s,
+        driving_s=moving_s - starting_s - standing_s,
+        unhindered_s=moving_s - braking_s - starting_s - standing_s,
+        restart_s=restart_s,
     )
 
 
-def _find_true_span_start(flags: npt.NDArray[np.bool_], row: int, max_rows: int) -> int:
-    """The first of the true rows just before `row`, at most `max_rows` back."""
-    while row > 0 and max_rows > 0 and flags[row - 1]:
-        row, max_rows = row - 1, max_rows - 1
-    return row
+def _count_leading(flags: Booleans) -> int:
+    """How many flags are true before the first that is not."""
+    return int(np.argmin(np.append(flags, False)))
 
 
-def _find_true_span_end(flags: npt.NDArray[np.bool_], row: int, max_rows: int) -> int:
-    """The row after the true rows from `row` on, at most `max_rows` ahead."""
-    while row < len(flags) and max_rows > 0 and flags[row]:
-        row, max_rows = row + 1, max_rows - 1
-    return row
-
-
-def _compute_driven_s(record: _LegRecord) -> Array:
-    """Driving seconds per leg, without waiting, braking for it and starting after it."""
-    driving_s = record.row_s - record.waiting_s - record.braking_s - record.starting_s - record.standing_s
-    cumulative_s = np.concatenate(([0.0], np.cumsum(driving_s)))
-    ends = np.append(record.begin_rows[1:], len(driving_s))
-    return np.asarray(cumulative_s[ends] - cumulative_s[record.begin_rows])
-
-
-def _group_legs(mission: Mission) -> tuple[IntArray, IntArray]:
+def _group_legs(mission: Mission) -> tuple[Integers, Integers]:
     """The group number and kind of each leg."""
     legs = mission.legs
     group = np.zeros(len(legs), dtype=np.int64)
@@ -228,13 +230,10 @@ def _group_legs(mission: Mission) -> tuple[IntArray, IntArray]:
         group[index] = group[index - 1] + (not _is_same_group(before, leg))
     kind = np.full(len(legs), TURN_OVER_MORE, dtype=np.int64)
     for index, leg in enumerate(legs):
-        kind[index] = (
-            WORK_PASS
-            if leg.task.is_work
-            else TURN_OVER_ONE
-            if _is_neighbour_swath_turn(legs, index)
-            else TURN_OVER_MORE
-        )
+        if leg.task.is_work:
+            kind[index] = WORK_PASS
+        elif _is_neighbour_swath_turn(legs, index):
+            kind[index] = TURN_OVER_ONE
     return group, kind
 
 
@@ -264,56 +263,36 @@ def _build_links(run: SimulationRun, first: tuple[int, ...], records: list[_LegR
             after = first[tractor] + index
             starts_standing = index == 0 or mission.legs[index - 1].gear != leg.gear or leg.standing_s > 0.0
             for gate in leg.gates:
-                leader_record = records[gate.tractor]
-                offset_s = _compute_driven_offset_s(
-                    leader_record, gate.leg, gate.after_m, run.plan.missions[gate.tractor]
-                )
-                opened_s = leader_record.get_driving_begin_s(gate.leg) + offset_s
+                length_m = run.plan.missions[gate.tractor].legs[gate.leg].length_m
+                offset_s = records[gate.tractor].compute_offset_s(gate.leg, gate.after_m, length_m)
+                opened_s = records[gate.tractor].get_driving_begin_s(gate.leg) + offset_s
                 passed_s = min(max(records[tractor].get_driving_begin_s(index) - opened_s, 0.0), typical_restart_s)
                 delay_s = 0.0 if starts_standing else records[tractor].restart_s.get(index, passed_s)
                 links.append(WaitLink(first[gate.tractor] + gate.leg, after, offset_s, delay_s))
-            if leg.follow is not None and _was_held_by_leader(records, leg.follow, tractor, index):
-                links.append(_build_follow_link(run, first, records, tractor, index))
+            links += _list_follow_links(run, first, records, tractor, index)
     return links
 
 
-def _compute_driven_offset_s(record: _LegRecord, leg: int, metres: float, mission: Mission) -> float:
-    """Driving seconds from the start of a leg until `metres` of it are driven, without waiting and starting."""
-    start = int(record.begin_rows[leg])
-    end = int(record.begin_rows[leg + 1]) if leg + 1 < len(record.begin_rows) else len(record.row_s)
-    if end <= start or metres <= 0.0:
-        return 0.0
-    driving_s = (record.row_s - record.waiting_s - record.starting_s - record.standing_s)[start:end]
-    driven_m = np.concatenate(([0.0], np.cumsum(record.row_m[start:end])))
-    share = min(1.0, metres / mission.legs[leg].length_m)
-    return float(np.interp(share * driven_m[-1], driven_m, np.concatenate(([0.0], np.cumsum(driving_s)))))
-
-
-def _was_held_by_leader(records: list[_LegRecord], follow: FollowOrder, tractor: int, index: int) -> bool:
-    """Whether the leader began its leg before the follower finished its own; otherwise it held nobody."""
-    leader_record = records[follow.tractor]
-    return float(leader_record.time_s[leader_record.begin_rows[follow.leg]]) < records[tractor].get_delayed_end_s(index)
-
-
-def _build_follow_link(
+def _list_follow_links(
     run: SimulationRun, first: tuple[int, ...], records: list[_LegRecord], tractor: int, index: int
-) -> WaitLink:
-    """The link by which a follower finishes its leg no sooner after its leader than in the run."""
-    legs = run.plan.missions[tractor].legs
-    follow = legs[index].follow
-    assert follow is not None
-    leader, leader_record = run.plan.missions[follow.tractor], records[follow.tractor]
-    metres = min(legs[index].length_m, leader.legs[follow.leg].length_m)
-    offset_s = _compute_driven_offset_s(leader_record, follow.leg, metres, leader)
-    passed_s = leader_record.get_driving_begin_s(follow.leg) + offset_s
-    delay_s = records[tractor].get_delayed_end_s(index) - passed_s
+) -> list[WaitLink]:
+    """The link by which a follower ends its leg no sooner after its leader than in the run.
+
+    None without an order to follow, or if the leader began its leg only after that: it held nobody.
+    """
+    leg, end_s = run.plan.missions[tractor].legs[index], records[tractor].get_begin_s(index + 1)
+    follow = leg.follow
+    if follow is None or records[follow.tractor].get_begin_s(follow.leg) >= end_s:
+        return []
+    leader, length_m = records[follow.tractor], run.plan.missions[follow.tractor].legs[follow.leg].length_m
+    offset_s = leader.compute_offset_s(follow.leg, min(leg.length_m, length_m), length_m)
+    delay_s = end_s - (leader.get_driving_begin_s(follow.leg) + offset_s)
     offset_s = max(0.0, offset_s + min(delay_s, 0.0))  # the leader was not there yet: use where it was
-    return WaitLink(
-        first[follow.tractor] + follow.leg, first[tractor] + index, offset_s, max(delay_s, 0.0), at_end=True
-    )
+    source = first[follow.tractor] + follow.leg
+    return [WaitLink(source, first[tractor] + index, offset_s, max(delay_s, 0.0), at_end=True)]
 
 
-def _sort_graph_nodes(first: tuple[int, ...], nodes: int, links: list[WaitLink], begin_s: Array) -> tuple[int, ...]:
+def _sort_graph_nodes(first: tuple[int, ...], nodes: int, links: list[WaitLink], begin_s: Floats) -> tuple[int, ...]:
     """All nodes in the order of `LegGraph.order`, ties by time; an end that waits is an event of its own.
 
     Raises ValueError if tractors wait for each other in a circle.

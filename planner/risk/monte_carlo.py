@@ -53,16 +53,6 @@ class SampledOutcomes:
         return self.finish_s if self.exit_start_s is None else self.exit_start_s
 
 
-@dataclass(frozen=True, eq=False)
-class _CommonFactors:
-    """Factors of the whole job, (samples,), and a generator per tractor for the factors of its legs."""
-
-    job_factor: Array
-    pass_factor: Array
-    start_delay_s: Array
-    generators: tuple[np.random.Generator, ...]
-
-
 def sample_outcomes(
     graph: LegGraph,
     uncertainty: UncertaintySettings,
@@ -77,15 +67,14 @@ def sample_outcomes(
     The same seed gives the same common factors, breakdown times and late starts for every graph. `keep_factors` keeps
     the factors of all legs.
     """
-    common = _draw_common_factors(graph, uncertainty, samples, seed)
     limits_s = np.full(samples, math.inf) if limit_s is None else limit_s
-    return _walk_longest_path(_start_walk(graph, uncertainty, seed, common), limits_s, keep_factors)
+    return _walk_longest_path(_start_walk(graph, uncertainty, samples, seed), limits_s, keep_factors)
 
 
 def apply_factors(graph: LegGraph, leg_factors: Array) -> SampledOutcomes:
     """Outcomes of the graph with these factors (legs, samples) on its driving times and no other variation."""
-    certain_settings, samples = build_certain_settings(), leg_factors.shape[1]
-    walk = _start_walk(graph, certain_settings, 0, _draw_common_factors(graph, certain_settings, samples, 0))
+    samples = leg_factors.shape[1]
+    walk = _start_walk(graph, build_certain_settings(), samples, seed=0)
     walk.fixed_factors = leg_factors
     return _walk_longest_path(walk, np.full(samples, math.inf), keep_factors=False)
 
@@ -97,23 +86,19 @@ def compute_slip_factor(uncertainty: UncertaintySettings, normals: Array) -> Arr
     return np.asarray((1.0 - median) / (1.0 - slip))
 
 
-def _draw_common_factors(graph: LegGraph, uncertainty: UncertaintySettings, samples: int, seed: int) -> _CommonFactors:
-    job_factor = np.exp(
-        compute_log_deviation(uncertainty.job_cv) * create_generator(seed, "job").standard_normal(samples)
-    )
-    slip_factors = compute_slip_factor(uncertainty, create_generator(seed, "slip").standard_normal(samples))
-    normals = create_generator(seed, "late start").standard_normal(samples)
-    start_delay_s = draw_lognormal(uncertainty.start_delay_s, uncertainty.start_delay_cv, normals)
-    generators = tuple(create_generator(seed, "legs", tractor) for tractor in range(graph.tractors))
-    return _CommonFactors(job_factor, job_factor * slip_factors, start_delay_s, generators)
-
-
 @dataclass(eq=False)
 class _GraphWalk:
-    """The state of the walk along all legs: per tractor its time, its driving clock and its current factor."""
+    """The state of the walk along all legs: per tractor its time, its driving clock and its current factor.
+
+    `job_factor`, `pass_factor` and `start_delay_s` (samples,) are of the whole job. Each tractor has a generator for
+    the factors of its legs, whose spread is `deviation` by kind.
+    """
 
     graph: LegGraph
-    common: _CommonFactors
+    job_factor: Array
+    pass_factor: Array
+    start_delay_s: Array
+    generators: list[np.random.Generator]
     deviation: tuple[float, float, float]
     events: list[StopEvents]
     now_s: Array
@@ -130,11 +115,8 @@ class _GraphWalk:
         tractor, kind = int(self.graph.tractor[node]), int(self.graph.kind[node])
         if self.current_group[tractor] != self.graph.group[node]:
             self.current_group[tractor] = int(self.graph.group[node])
-            normals = self.common.generators[tractor].standard_normal(len(self.common.job_factor))
-            common_factor, spread = (
-                self.common.pass_factor if kind == WORK_PASS else self.common.job_factor,
-                self.deviation[kind],
-            )
+            normals = self.generators[tractor].standard_normal(len(self.job_factor))
+            common_factor, spread = self.pass_factor if kind == WORK_PASS else self.job_factor, self.deviation[kind]
             self.factors[tractor] = common_factor * np.exp(spread * normals) if spread > 0.0 else common_factor
         return self.factors[tractor]
 
@@ -166,7 +148,7 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
     graph, samples = walk.graph, len(limit_s)
     links_to, links_from = _index_links(graph)
     spent_s, worked_m = {True: np.zeros(samples), False: np.zeros(samples)}, np.zeros(samples)
-    driving = None if graph.fuel is None else np.zeros(samples)
+    energy = None if graph.fuel is None else np.zeros(samples)
     total_m = float(graph.worked_m.sum())
     leg_factors = np.ones((graph.node_count, samples)) if keep_factors else None
     exit_start_s = None if graph.leaving is None else np.zeros(samples)
@@ -180,8 +162,8 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
             begun_legs[node] = begin_s, walk.apply_stops(tractor, seconds, begin_s + driven_s)
             walk.set_link_openings(links_from.get(node, []), tractor, begin_s, factor, seconds)
             spent_s[int(graph.kind[node]) == WORK_PASS] += driven_s
-            if driving is not None and graph.fuel is not None:
-                driving += graph.fuel.driving[node] * factor
+            if energy is not None and graph.fuel is not None:
+                energy += graph.fuel.driving[node] * factor
             walk.driven_clock_s[tractor] += seconds
             if leg_factors is not None:
                 leg_factors[node] = factor
@@ -193,45 +175,47 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
         if exit_start_s is not None and graph.leaving is not None and not graph.leaving[node]:
             exit_start_s = np.maximum(exit_start_s, end_s)
     worked_share = worked_m / total_m if total_m > 0.0 else np.ones(samples)
+    if energy is not None and graph.fuel is not None:  # tractors that wait or stand after the start idle
+        used_s = (walk.now_s - walk.start_delay_s).sum(axis=0)
+        energy = energy + np.maximum(used_s - (spent_s[True] + spent_s[False]), 0.0) * graph.fuel.idle_per_s
     return SampledOutcomes(
         walk.now_s.max(axis=0),
         np.delete(walk.now_s, list(graph.resting), axis=0),
         spent_s[True],
         spent_s[False],
         worked_share,
-        walk.common.start_delay_s,
+        walk.start_delay_s,
         leg_factors,
         exit_start_s,
-        None if driving is None else driving + _compute_idle_energy(walk, spent_s[True] + spent_s[False]),
+        energy,
     )
 
 
-def _compute_idle_energy(walk: _GraphWalk, driven_s: Array) -> Array:
-    """Litres or kWh of tractors that wait or stand after the start, (samples,), given the seconds that all drive."""
-    assert walk.graph.fuel is not None
-    used_s = (walk.now_s - walk.common.start_delay_s).sum(axis=0)
-    return np.asarray(np.maximum(used_s - driven_s, 0.0) * walk.graph.fuel.idle_per_s)
-
-
-def _start_walk(graph: LegGraph, uncertainty: UncertaintySettings, seed: int, common: _CommonFactors) -> _GraphWalk:
+def _start_walk(graph: LegGraph, uncertainty: UncertaintySettings, samples: int, seed: int) -> _GraphWalk:
     """The state with all tractors at their first leg, after the start delay."""
+    job, slip, late = (create_generator(seed, name).standard_normal(samples) for name in ("job", "slip", "late start"))
+    job_factor = np.exp(compute_log_deviation(uncertainty.job_cv) * job)
+    start_delay_s = draw_lognormal(uncertainty.start_delay_s, uncertainty.start_delay_cv, late)
     driven_s = [float(graph.driven_s[graph.get_nodes(tractor)].sum()) for tractor in range(graph.tractors)]
     return _GraphWalk(
         graph=graph,
-        common=common,
+        job_factor=job_factor,
+        pass_factor=job_factor * compute_slip_factor(uncertainty, slip),
+        start_delay_s=start_delay_s,
+        generators=[create_generator(seed, "legs", tractor) for tractor in range(graph.tractors)],
         deviation=(
             compute_log_deviation(uncertainty.speed_cv),
             compute_log_deviation(uncertainty.turn_cv),
             compute_log_deviation(uncertainty.turn_more_cv),
         ),
         events=[
-            draw_stop_events(uncertainty, seed, tractor, seconds, common.job_factor)
+            draw_stop_events(uncertainty, seed, tractor, seconds, job_factor)
             for tractor, seconds in enumerate(driven_s)
         ],
-        now_s=np.repeat(common.start_delay_s[None], graph.tractors, axis=0),
+        now_s=np.repeat(start_delay_s[None], graph.tractors, axis=0),
         driven_clock_s=np.zeros(graph.tractors),
         current_group=[-1] * graph.tractors,
-        factors=[common.job_factor] * graph.tractors,
+        factors=[job_factor] * graph.tractors,
     )
 
 

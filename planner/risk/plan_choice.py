@@ -61,18 +61,17 @@ def _compute_ranked_late_s(plan: PlanResult) -> float:
 
 
 def select_surest(plans: Sequence[PlanResult], samples: int) -> list[PlanResult]:
-    """Plans not clearly less sure than the surest; all plans without a limit."""
+    """Plans less sure than the surest by no more than the errors of samples and model; all plans without a limit."""
     if any(plan.finish_probability is None for plan in plans):
         return list(plans)
     top = max(plans, key=lambda plan: (plan.finish_probability or 0.0, _compute_sampling_error(plan, samples)))
-    return [plan for plan in plans if not is_clearly_less_sure(plan, top, samples)]
+    top_error = _compute_sampling_error(top, samples)
 
+    def is_clearly_less_sure(plan: PlanResult) -> bool:
+        tolerance = STANDARD_ERROR_FACTOR * math.hypot(_compute_sampling_error(plan, samples), top_error)
+        return (top.finish_probability or 0.0) - (plan.finish_probability or 0.0) > tolerance + MODEL_ERROR_SHARE
 
-def is_clearly_less_sure(plan: PlanResult, reference: PlanResult, samples: int) -> bool:
-    """Whether a plan is less sure than another by more than the errors of samples and model."""
-    errors = [_compute_sampling_error(one, samples) for one in (plan, reference)]
-    tolerance = STANDARD_ERROR_FACTOR * math.hypot(*errors) + MODEL_ERROR_SHARE
-    return (reference.finish_probability or 0.0) - (plan.finish_probability or 0.0) > tolerance
+    return [plan for plan in plans if not is_clearly_less_sure(plan)]
 
 
 def _compute_sampling_error(plan: PlanResult, samples: int) -> float:
@@ -93,13 +92,12 @@ def _select_equally_good_plans(
 ) -> list[PlanResult]:
     """Plans whose value exceeds the lowest by no more than the errors of samples and model."""
     best_plan = min(plans, key=lambda plan: (get_value(plan), -get_error(plan)))
+    least, least_error = get_value(best_plan), get_error(best_plan)
 
     def compute_tolerance(plan: PlanResult) -> float:
-        return STANDARD_ERROR_FACTOR * math.hypot(get_error(plan), get_error(best_plan)) + MODEL_ERROR_SHARE * abs(
-            get_value(best_plan)
-        )
+        return STANDARD_ERROR_FACTOR * math.hypot(get_error(plan), least_error) + MODEL_ERROR_SHARE * abs(least)
 
-    return [plan for plan in plans if get_value(plan) - get_value(best_plan) <= compute_tolerance(plan)]
+    return [plan for plan in plans if get_value(plan) - least <= compute_tolerance(plan)]
 
 
 def _build_preference_key(plan: PlanResult) -> tuple[int, float, float, float, float, float, str]:

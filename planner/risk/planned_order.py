@@ -7,24 +7,23 @@ et al. 2019, IEEE Robotics and Automation Letters 4(2):1125). Legs are cut so th
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
-from vehicle.arrays import measure_along
-from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
+from vehicle.arrays import Floats, Integers, measure_along
+from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import REC_ANGLE, REC_LEG, REC_POSE, REC_SPEED
 from vehicle.sim.compile import list_contact_boxes
 
 MIN_PART_M = 0.5  # on either side of a cut
-Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, order=True)
@@ -47,21 +46,21 @@ def cut_legs(run: SimulationRun, cuts: LegCuts) -> SimulationRun:
     places = _select_allowed(run.plan, cuts)
     if not places:
         return run
-    plan = _cut_plan(run.plan, places)
+    first_parts = [
+        np.cumsum([0, *(1 + len(places.get((number, leg), ())) for leg in range(len(mission.legs)))])
+        for number, mission in enumerate(run.plan.missions)
+    ]
     record = run.record.copy()
-    for tractor, mission in enumerate(run.plan.missions):
-        leg_shift = np.zeros(len(mission.legs) + 1, dtype=np.int64)
-        for leg in range(len(mission.legs)):
-            leg_shift[leg + 1] = leg_shift[leg] + len(places.get((tractor, leg), ()))
+    for tractor, first_part in enumerate(first_parts):
         leg_of_row = run.get_leg_numbers(tractor)
-        new_leg_of_row = leg_of_row + leg_shift[leg_of_row]
+        new_leg_of_row = first_part[leg_of_row]
         for (cut_tractor, _), leg_cuts in places.items():
             if cut_tractor == tractor:
                 for place in leg_cuts:
                     leg_ends = int(np.searchsorted(leg_of_row, leg_of_row[place.row], side="right"))
                     new_leg_of_row[place.row : leg_ends] += 1
         record[:, tractor, REC_LEG] = new_leg_of_row
-    return replace(run, plan=plan, record=record)
+    return replace(run, plan=_cut_plan(run.plan, places, first_parts), record=record)
 
 
 def _select_allowed(plan: Plan, cuts: LegCuts) -> dict[tuple[int, int], list[LegCut]]:
@@ -83,37 +82,23 @@ def _select_allowed(plan: Plan, cuts: LegCuts) -> dict[tuple[int, int], list[Leg
     return allowed
 
 
-def _cut_plan(plan: Plan, cuts: dict[tuple[int, int], list[LegCut]]) -> Plan:
+def _cut_plan(plan: Plan, cuts: dict[tuple[int, int], list[LegCut]], first_parts: Sequence[Integers]) -> Plan:
+    """The plan with these cuts; `first_parts` are the numbers of the first part of each leg, by tractor (legs + 1,)."""
     cuts_m = {key: [place.along_m for place in own] for key, own in cuts.items()}
-    first_legs = [
-        np.concatenate(([0], np.cumsum([1 + len(cuts_m.get((number, leg), ())) for leg in range(len(mission.legs))])))
-        for number, mission in enumerate(plan.missions)
-    ]
 
     def move_gate(previous: LegGate) -> LegGate:
-        ends = cuts_m.get((previous.tractor, previous.leg), [])
+        ends, first_part = cuts_m.get((previous.tractor, previous.leg), []), first_parts[previous.tractor][previous.leg]
         part = int(np.searchsorted(ends, previous.after_m, side="left"))
-        start = ends[part - 1] if part else 0.0
-        return LegGate(
-            previous.tractor, int(first_legs[previous.tractor][previous.leg]) + part, previous.after_m - start
-        )
+        return LegGate(previous.tractor, int(first_part) + part, previous.after_m - (ends[part - 1] if part else 0.0))
 
-    def move_follow(previous: FollowOrder) -> FollowOrder:
-        return replace(previous, leg=int(first_legs[previous.tractor][previous.leg]))
+    def move_links(leg: Leg) -> Leg:
+        follow = leg.follow and replace(leg.follow, leg=int(first_parts[leg.follow.tractor][leg.follow.leg]))
+        return replace(leg, gates=tuple(move_gate(each) for each in leg.gates), follow=follow)
 
     missions = []
     for number, mission in enumerate(plan.missions):
-        legs: list[Leg] = []
-        for index, leg in enumerate(mission.legs):
-            legs += _split_leg(
-                replace(
-                    leg,
-                    gates=tuple(move_gate(each) for each in leg.gates),
-                    follow=leg.follow and move_follow(leg.follow),
-                ),
-                cuts_m.get((number, index), []),
-            )
-        missions.append(Mission(tuple(legs)))
+        parts = (_split_leg(move_links(leg), cuts_m.get((number, index), [])) for index, leg in enumerate(mission.legs))
+        missions.append(Mission(tuple(itertools.chain.from_iterable(parts))))
     return replace(plan, missions=tuple(missions))
 
 
@@ -124,7 +109,7 @@ def _split_leg(leg: Leg, cuts_m: list[float]) -> list[Leg]:
     along = measure_along(leg.points)
     edges = [0.0, *cuts_m, float(along[-1])]
     parts = []
-    for number, (start, end) in enumerate(pairwise(edges)):
+    for number, (start, end) in enumerate(itertools.pairwise(edges)):
         inside = (along > start + 1e-3) & (along < end - 1e-3)
         ends = np.array([[np.interp(at, along, leg.points[:, axis]) for axis in (0, 1)] for at in (start, end)])
         points = np.vstack([ends[:1], leg.points[inside], ends[1:]])
@@ -137,8 +122,6 @@ OUTLINE_ROW_STEP = 5  # rows of the 10 Hz record between outlines: under a metre
 SEGMENT_M = 6.0
 SEGMENT_RAD = math.radians(25.0)
 BODY_MARGIN_M = 0.05  # around either machine
-Array = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +130,14 @@ class _GroundSegments:
     along the leg and times; `leg_s` is the start of the leg."""
 
     ground: npt.NDArray[np.object_]
-    tractor: IntArray
-    leg: IntArray
-    row: IntArray
-    start_m: Array
-    end_m: Array
-    start_s: Array
-    end_s: Array
-    leg_s: Array
+    tractor: Integers
+    leg: Integers
+    row: Integers
+    start_m: Floats
+    end_m: Floats
+    start_s: Floats
+    end_s: Floats
+    leg_s: Floats
 
 
 def enforce_planned_order(run: SimulationRun, tractor: Tractor, implement: Implement) -> SimulationRun:
@@ -175,7 +158,7 @@ def enforce_planned_order(run: SimulationRun, tractor: Tractor, implement: Imple
     return replace(cut_run, plan=plan)
 
 
-def _find_shared_ground(segments: _GroundSegments) -> tuple[IntArray, IntArray]:
+def _find_shared_ground(segments: _GroundSegments) -> tuple[Integers, Integers]:
     """Pairs of segments of two tractors that share ground: indices of the earlier and of the later ones."""
     first, second = shapely.STRtree(segments.ground).query(segments.ground)
     is_before = (segments.tractor[first] != segments.tractor[second]) & (
@@ -234,7 +217,7 @@ def _build_segments(run: SimulationRun, tractor: Tractor, implement: Implement) 
     return _GroundSegments(ground, *index_columns, *metric_columns)
 
 
-def _mark_segments(run: SimulationRun, tractor: int) -> Array:
+def _mark_segments(run: SimulationRun, tractor: int) -> Floats:
     """Segments (n, 9): tractor, leg, first and last row, start and end on the leg (m), start, end and leg start (s)."""
     finish = float(run.finish_s[tractor])
     row_count = max(2, int(np.searchsorted(run.time_s, finish - 1e-9)))
@@ -260,11 +243,7 @@ def _mark_segments(run: SimulationRun, tractor: int) -> Array:
     return np.array(marks, dtype=np.float64)
 
 
-def _list_rows(first: int, last: int) -> IntArray:
-    return np.append(np.arange(first, last, OUTLINE_ROW_STEP), last)
-
-
-def _build_corners(back_m: float, front_m: float, half_width_m: float) -> Array:
+def _build_corners(back_m: float, front_m: float, half_width_m: float) -> Floats:
     """Corners (4, 2) of a box with BODY_MARGIN_M around it, forward and left of the centre of mass."""
     front_m, back_m, half_width_m = front_m + BODY_MARGIN_M, back_m - BODY_MARGIN_M, half_width_m + BODY_MARGIN_M
     return np.array(
@@ -272,9 +251,10 @@ def _build_corners(back_m: float, front_m: float, half_width_m: float) -> Array:
     )
 
 
-def _build_hulls(run: SimulationRun, marks: Array, bodies: list[Array]) -> npt.NDArray[np.object_]:
+def _build_hulls(run: SimulationRun, marks: Floats, bodies: list[Floats]) -> npt.NDArray[np.object_]:
     """Convex hulls of every body on each segment, the bodies of a segment one after another."""
-    rows = [_list_rows(first, last) for first, last in marks[:, 2:4].astype(np.int64).tolist()]
+    spans = marks[:, 2:4].astype(np.int64).tolist()
+    rows = [np.append(np.arange(first, last, OUTLINE_ROW_STEP), last) for first, last in spans]
     sizes = np.array([len(each) for each in rows])
     owner = np.repeat(np.arange(len(rows)), sizes)
     poses = run.record[np.concatenate(rows), marks[owner, 0].astype(np.int64), REC_POSE]

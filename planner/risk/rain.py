@@ -34,11 +34,17 @@ class RainForecast:
     probabilities: tuple[float, ...] = ()
     rate_per_s: float = 0.0
 
+    @property
+    def certain_onset_s(self) -> float | None:
+        """When rain begins, where that is certain and its time known; else None."""
+        return self.onsets_s[0] if len(self.onsets_s) == 1 and sum(self.probabilities) == 1.0 else None
+
     def draw_onsets(self, samples: int, seed: int) -> Array:
         """Onsets (samples,), infinite where it stays dry; the same for all plans with one seed."""
+        generator = create_generator(seed, "rain")
         if self.rate_per_s > 0.0:
-            return create_generator(seed, "rain").exponential(1.0, samples) / self.rate_per_s
-        uniforms = create_generator(seed, "rain").random(samples)
+            return generator.exponential(1.0, samples) / self.rate_per_s
+        uniforms = generator.random(samples)
         order = np.argsort(self.onsets_s, kind="stable")
         edges = np.cumsum(np.array(self.probabilities)[order])
         times = np.append(np.array(self.onsets_s)[order], math.inf)

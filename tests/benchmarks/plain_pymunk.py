@@ -46,7 +46,8 @@ class PlainWorld:
     def __init__(self, world: World) -> None:
         program = world.program
         self.space = world.space
-        world.boxes.add_all()
+        world.boxes.required[:] = True
+        world.boxes.update_space()
         self.every = world.steps_per_tick
         self.tractors = [PlainTractor(world, i) for i in range(len(world.bodies))]
         self.legs = [plain(leg) for leg in program.legs]

@@ -43,7 +43,7 @@ ALARMING_MODULES = (
     "planner/fleet/manager/operator_orders.py",
     "planner/fleet/manager/obstacle_reports.py", "planner/fleet/session/fleet_twins.py",
     "planner/fleet/manager/remaining_work.py",
-    "planner/fleet/replanning/from_here.py", "planner/fleet/replanning/gates.py",
+    "planner/fleet/replanning/from_here.py",
     "planner/fleet/replanning/planning_anew.py", "planner/fleet/replanning/proposals.py",
     "planner/fleet/safety/compliance.py",
     "planner/service/fleets/twin_routes.py",

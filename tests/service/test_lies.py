@@ -26,7 +26,7 @@ from planner.fleet.model.tractor_state import (
 )
 from planner.fleet.safety.compliance import note_standing
 from planner.fleet.safety.credible_motion import FIX_M, UNCORRECTED_M, CredibleMotion, compute_doubt_m, compute_limit_m
-from planner.fleet.safety.possible_area import PossibleArea
+from planner.fleet.safety.motion_prediction import PossibleArea
 from tests.benchmarks import lies
 from tests.benchmarks.clean_motion import drive
 from tests.service.fleets import SimulatedFleet, fleet_plan, restart_manager, start_fleet

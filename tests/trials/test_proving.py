@@ -12,11 +12,6 @@ from vehicle.trials.sheets.sheet import DriveCheck
 from vehicle.trials.sheets.tractor_check import check_tractor, drive_half_circle, drive_lane_change
 
 
-@pytest.fixture(scope="module")
-def eg105() -> Tractor:
-    return load_tractor("eg105")
-
-
 def changed(tractor: Tractor, section: str, **values: Any) -> Tractor:
     return tractor.model_copy(update={section: getattr(tractor, section).model_copy(update=values)})
 

@@ -98,7 +98,8 @@ def test_the_solver_has_its_usual_iterations_while_boxes_are_in_the_space(
 ) -> None:
     world = World(build.plan(build.two_passes(), build.two_passes(50.0)), eg105, implement)
     assert world.space.iterations == MIN_SOLVER_ITERATIONS
-    world.boxes.add_all()
+    world.boxes.required[:] = True
+    world.boxes.update_space()
     assert world.space.iterations == pymunk.Space().iterations
     world.boxes.required[:] = np.array([True, False])
     world.boxes.update_space()

@@ -4,20 +4,18 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pymunk
 import pytest
 
+from tests.vehicle.bits import drive_fixed
 from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.replay.rig import ReplayRig, build_rig
 from vehicle.identification.replay.simulation import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, replay_segment
-from vehicle.model.tractor import EffectSetting, Implement, Settings, Tractor, load_tractor
-from vehicle.records import BODY_ANGLE, BODY_WIDTH, BODY_X, BODY_Y, DT_S, STATE
+from vehicle.model.tractor import EffectSetting, Settings, Tractor, load_tractor
+from vehicle.records import BODY_ANGLE, BODY_X, BODY_Y, DT_S
 from vehicle.sim.calibration import build_steering_tables
-from vehicle.sim.compile import build_ground_records, build_model_record
+from vehicle.sim.compile import build_ground_records
 from vehicle.sim.dynamics import step_body
 from vehicle.sim.effect_terms import compute_draft_crab_share
-from vehicle.sim.loop import run_fixed
-from vehicle.sim.pymunk_bridge import PymunkEngine, create_body
 
 EG105 = load_tractor("eg105")
 PACE_MPS, DRAFT_PER_M = 0.5, 0.006  # slowly, as the side force of a curve makes an axle slide out as well
@@ -35,16 +33,8 @@ def build_draft(curvature_per_m: float) -> Settings:
 
 def drive_straight(tractor: Tractor, seconds: float = 20.0) -> Array:
     """Body track (t, 6) in the loop that drives plans, with straight wheels and a working implement."""
-    space = pymunk.Space()
-    engine = PymunkEngine(space, [create_body(space, tractor, (0.0, 0.0, 0.0))])
-    states = np.zeros(1, dtype=STATE)
-    states["target_speed"], states["stage"], states["working"] = PACE_MPS, 1, 1.0
-    track = np.empty((round(seconds / DT_S), BODY_WIDTH))
-    run_fixed(
-        len(track), DT_S, engine.bridge, states, np.array([build_model_record(tractor, Implement())]),
-        build_ground_records(), 1, build_steering_tables(EG105), track,
-    )  # fmt: skip
-    return track
+    tables, steps = build_steering_tables(EG105), round(seconds / DT_S)
+    return drive_fixed(tractor, tables, steps, DT_S, target_speed=PACE_MPS, working=1.0)
 
 
 def measure_crab(poses: Array) -> tuple[float, float]:

@@ -5,20 +5,17 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pymunk
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.benchmarks.plain_pymunk import advance
+from tests.vehicle.bits import drive_fixed
 from vehicle.model.ground import GROUNDS, find_ground_index
-from vehicle.model.tractor import Implement, Tractor
-from vehicle.records import GRAVITY_MPS2, STATE
+from vehicle.model.tractor import Tractor
+from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.calibration import build_identity_table, compute_kinematic_radius, drive_base_circle
-from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.dynamics import step_body
-from vehicle.sim.loop import run_fixed
-from vehicle.sim.pymunk_bridge import PymunkEngine, create_body
 
 DT = 1.0 / 60.0
 SPEED = 5.0 / 3.6
@@ -35,21 +32,9 @@ def energy(model: Any, forward: float, right: float, spin: float) -> float:
 
 def fixed_run(tractor: Tractor, steering_deg: float, dt: float, seconds: float) -> npt.NDArray[np.float64]:
     """Raw body track (t, 6) in pymunk with the wheels at a fixed angle, from standstill to 5 km/h."""
-    space = pymunk.Space()
-    engine = PymunkEngine(space, [create_body(space, tractor, (0.0, 0.0, 0.0))])
-    states = np.zeros(1, dtype=STATE)
-    states["command"] = states["steering"] = math.radians(steering_deg)
-    states["target_speed"], states["stage"] = SPEED, 1
-    steps = round(seconds / dt)
-    track = np.empty((steps, 6))
+    angle = math.radians(steering_deg)
     tables = np.array([build_identity_table(tractor.max_steering_deg)] * len(GROUNDS))
-    run_fixed(
-        steps, dt, engine.bridge, states, np.array([build_model_record(tractor, Implement())]),
-        build_ground_records(), 1,
-        tables,
-        track,
-    )  # fmt: skip
-    return track
+    return drive_fixed(tractor, tables, round(seconds / dt), dt, command=angle, steering=angle, target_speed=SPEED)
 
 
 def record(values: Any) -> dict[str, float]:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.vehicle.bits import assert_same_bits
+from tests.vehicle.bits import assert_same_bits, change_leg
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Implement, Tractor
@@ -25,11 +25,7 @@ def crossing(build: Any) -> Plan:
 
 
 def slower(plan: Plan, tractor: int, leg: int) -> Plan:
-    legs = list(plan.missions[tractor].legs)
-    legs[leg] = replace(legs[leg], speed_mps=0.6 * legs[leg].speed_mps)
-    missions = list(plan.missions)
-    missions[tractor] = Mission(tuple(legs))
-    return replace(plan, missions=tuple(missions))
+    return change_leg(plan, tractor, leg, speed_mps=0.6 * plan.missions[tractor].legs[leg].speed_mps)
 
 
 @pytest.mark.parametrize("gnss", [False, True])

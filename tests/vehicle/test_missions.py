@@ -1,26 +1,17 @@
 """Plans as data: refusals, derived values, tasks."""
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.vehicle.bits import change_leg
 from vehicle.errors import MissionError, VehicleError
 from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, LegGate, LegTask, Mission, Plan, check_plan
 from vehicle.missions.run import DONE
 from vehicle.sim.compile import compile_plan
 from vehicle.sim.world import World
-
-
-def changed(plan: Plan, tractor: int, leg: int, **values: Any) -> Plan:
-    """The plan with other values in one leg."""
-    legs = list(plan.missions[tractor].legs)
-    legs[leg] = replace(legs[leg], **values)
-    missions = list(plan.missions)
-    missions[tractor] = Mission(tuple(legs))
-    return replace(plan, missions=tuple(missions))
 
 
 @pytest.fixture
@@ -94,7 +85,7 @@ def test_the_antenna_stands_where_a_mission_starts_in_either_gear(build: Any, eg
     ({"follow": FollowOrder(1, 4)}, "refers to leg 4 of tractor 1"),
 ])  # fmt: skip
 def test_legs_no_world_can_execute_are_refused(plan: Plan, values: dict[str, Any], sentence: str) -> None:
-    broken = changed(plan, 0, 1, **values)
+    broken = change_leg(plan, 0, 1, **values)
     with pytest.raises(MissionError, match=f"^Tractor 0, leg 1: .*{sentence}"):
         check_plan(broken)
 
@@ -107,9 +98,9 @@ def test_empty_plans_are_refused(plan: Plan) -> None:
 
 
 def test_legs_may_meet_within_the_joint(plan: Plan) -> None:
-    check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 0.99 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
+    check_plan(change_leg(plan, 0, 1, points=np.array([[0.0, 10.0 + 0.99 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
     with pytest.raises(MissionError, match="must meet within"):
-        check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 1.01 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
+        check_plan(change_leg(plan, 0, 1, points=np.array([[0.0, 10.0 + 1.01 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
 
 
 @pytest.mark.parametrize("last", [[(0.0, 9.98), (0.0, 10.0)], [(0.0, 9.98), (0.0, 10.0), (0.0, 10.02)]])
@@ -127,9 +118,9 @@ def test_a_leg_that_ends_where_the_one_before_does_is_driven(
 
 def test_a_world_refuses_plans_that_cannot_be_executed(plan: Plan, eg105: Any, implement: Any) -> None:
     with pytest.raises(MissionError, match="gear 3"):
-        World(changed(plan, 0, 0, gear=3), eg105, implement)
+        World(change_leg(plan, 0, 0, gear=3), eg105, implement)
     with pytest.raises(VehicleError, match="ground 'ice' is unknown; use one of: asphalt, soil"):
-        World(changed(plan, 0, 0, ground="ice"), eg105, implement)
+        World(change_leg(plan, 0, 0, ground="ice"), eg105, implement)
 
 
 @pytest.mark.parametrize(("kind", "works"), [

@@ -112,7 +112,7 @@ def _drive(
     steps = steps or len(commands)
     track = np.empty((steps, 1, len(TRACE_COLUMNS)))
     rows = run_trials(
-        steps, DT_S, max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S))), 1, engine.bridge, states,
+        steps, DT_S, tractor.guidance.count_steps(DT_S), 1, engine.bridge, states,
         np.array([build_model_record(tractor, Implement())]), build_ground_records(), build_steering_tables(tractor),
         legs, gates,
         points, cumulative, commands, np.zeros((0, 4)), track,

@@ -9,6 +9,7 @@ import pymunk.batch
 import pytest
 
 import vehicle.sim.pymunk_bridge
+from tests.vehicle.bits import assert_same_bits
 from vehicle.missions.plan import FollowOrder, LegGate, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -79,10 +80,7 @@ def test_both_loops_stop_at_the_same_conflict(build: Any, eg105: Tractor, implem
 def test_the_same_run_twice_is_the_same_bit_for_bit(build: Any, eg105: Tractor, implement: Implement) -> None:
     for make in (gated, head_on):
         first, again = (simulate(make(build), eg105, implement, max_time_s=90.0) for _ in range(2))
-        assert first.record.tobytes() == again.record.tobytes()
-        assert first.finish_s.tobytes() == again.finish_s.tobytes()
-        assert first.contacts == again.contacts
-        assert first.min_clearance_m == again.min_clearance_m
+        assert_same_bits(first, again)
 
 
 def test_a_tractor_drives_alone_as_it_does_among_others(build: Any, eg105: Tractor, implement: Implement) -> None:
@@ -108,15 +106,15 @@ def test_the_engine_reads_and_writes_what_the_ordinary_interface_does(
 ) -> None:
     space, made = bodies
     engine = PymunkEngine(space, made)
-    engine.read[:] = engine.read_count[0] = 0
+    engine.bridge.read[:] = engine.bridge.read_count[0] = 0
     getter = vehicle.sim.pymunk_bridge.ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched")
     lib.cpSpaceEachBody(space._space, getter, engine._data[0])
-    rows = engine.read[: READ_WIDTH * len(made)].reshape(-1, READ_WIDTH)
+    rows = engine.bridge.read[: READ_WIDTH * len(made)].reshape(-1, READ_WIDTH)
     for row, body in zip(rows, made, strict=True):
         assert tuple(row) == (*body.position, body.angle, *body.velocity, body.angular_velocity)
         assert tuple(body.force) == (0.0, 0.0) and body.torque == 0.0
-    engine.write[: WRITE_WIDTH * len(made)] = np.arange(9.0) + 1.0
-    engine.write_count[0] = 0
+    engine.bridge.write[: WRITE_WIDTH * len(made)] = np.arange(9.0) + 1.0
+    engine.bridge.write_count[0] = 0
     setter = vehicle.sim.pymunk_bridge.ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched")
     lib.cpSpaceEachBody(space._space, setter, engine._data[1])
     assert [tuple(body.force) for body in made] == [(1.0, 2.0), (4.0, 5.0), (7.0, 8.0)]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.vehicle.bits import assert_same_bits
+from tests.vehicle.bits import assert_same_bits, change_leg
 from vehicle.missions.plan import LEAVE, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import TIMEOUT, SimulationRun
 from vehicle.model.gnss import load_default_error_table
@@ -28,14 +28,6 @@ def abreast(build: Any, apart_m: float = 50.0, meet: bool = True) -> Plan:
         x, y = missions[1][-1].points[-1]
         missions[1].append(build.leg((x, y), (-20.0, 386.0)))
     return build.plan(*missions)  # type: ignore[no-any-return]
-
-
-def standing(plan: Plan, tractor: int, leg: int, stand_s: float) -> Plan:
-    missions = list(plan.missions)
-    legs = list(missions[tractor].legs)
-    legs[leg] = replace(legs[leg], stand_s=stand_s)
-    missions[tractor] = Mission(tuple(legs))
-    return Plan(tuple(missions))
 
 
 def in_world(plan: Plan, tractor: Tractor, implement: Implement) -> SimulationRun:
@@ -108,7 +100,7 @@ def test_a_tractor_that_has_left_the_field_blocks_nobody(
 def test_runs_that_need_their_own_world_get_it(
     build: Any, simulator: IncrementalSimulator, eg105: Tractor, implement: Implement
 ) -> None:
-    plan = standing(abreast(build, meet=False), 0, 2, 300.0)
+    plan = change_leg(abreast(build, meet=False), 0, 2, stand_s=300.0)
     known, late = simulator.simulate_alone(plan, [0, 1], [FOREVER_S, 200.0])
     assert_same_bits(known, in_world(Plan((plan.missions[0],)), eg105, implement))
     assert late.outcome == TIMEOUT and late.time_s[-1] == pytest.approx(200.0, abs=0.1)

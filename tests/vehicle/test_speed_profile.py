@@ -116,7 +116,7 @@ def drive(tractor: Tractor, line: np.ndarray, speed_mps: float, kind: str = TURN
 
 def locate_guided_point(run: SimulationRun, tractor: Tractor) -> np.ndarray:
     """Where the guided point was, (t, 2)."""
-    poses, ahead = run.get_poses(0), tractor.antenna_forward_m - tractor.rear_axle_m
+    poses, ahead = run.get_poses(0), tractor.guide_m
     return poses[:, :2] + ahead * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
 
 

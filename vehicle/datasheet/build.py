@@ -42,12 +42,20 @@ def build_tractor(name: str, sheet: Datasheet) -> Tractor:
         "mass_kg": derive_mass(sheet, reference),
         "front_axle_m": front,
         "rear_axle_m": rear,
-        "track_m": derive_wheel_spacing(sheet),
+        "track_m": _assume_unless_given(
+            sheet.track_m,
+            compute_wheel_spacing_m(sheet),
+            f"{TRACK_SHARE:g} of the width, with tyres a fifth of the width",
+        ),
         "length_m": derive_length(sheet, reference),
         "width_m": (sheet.width_m, GIVEN),
         "rear_overhang_m": derive_rear_overhang(sheet, reference),
         "max_steering_deg": derive_lock_angle(sheet),
-        "antenna_forward_m": derive_antenna_forward(sheet),
+        "antenna_forward_m": _assume_unless_given(
+            sheet.antenna_forward_m,
+            compute_antenna_forward_m(sheet),
+            "on the cab, above the centre of mass; measured from the rear axle",
+        ),
         "antenna_right_m": (0.0, "assumed: on the centre line"),
         "drive": ("diesel", "assumed: most tractors burn diesel"),
     }
@@ -73,6 +81,11 @@ def build_tractor(name: str, sheet: Datasheet) -> Tractor:
     if sheet.power_kw is not None:
         values["engine"], source["engine.power_kw"] = EngineParameters(power_kw=sheet.power_kw), GIVEN
     return Tractor(name=name, **values, radius=radius, source=source)
+
+
+def _assume_unless_given(given: float | None, value: float, rule: str) -> SourcedValue:
+    """What a datasheet gives, else the value of a rule, with the words of its source."""
+    return (value, f"assumed: {rule}") if given is None else (given, GIVEN)
 
 
 def _scale_values(section: BaseModel, keys: tuple[str, ...], factor: float, words: str) -> dict[str, SourcedValue]:
@@ -124,39 +137,20 @@ def derive_axle_positions(sheet: Datasheet) -> tuple[SourcedValue, SourcedValue]
     return (front, f"{words}; with rear_axle_m the wheelbase given"), (rear, words)
 
 
-def derive_wheel_spacing(sheet: Datasheet) -> SourcedValue:
-    """Distance between the wheels, m."""
-    if sheet.track_m is not None:
-        return sheet.track_m, GIVEN
-    return compute_wheel_spacing_m(sheet), f"assumed: {TRACK_SHARE:g} of the width, with tyres a fifth of the width"
-
-
 def derive_length(sheet: Datasheet, reference: Tractor) -> SourcedValue:
     """Length over all, m."""
-    if sheet.length_m is not None:
-        return sheet.length_m, GIVEN
     share = reference.length_m / reference.wheelbase_m
-    overhang_m = sheet.rear_overhang_m or 0.0
-    value = max(share * sheet.wheelbase_m, sheet.wheelbase_m + overhang_m)
-    return round(value, 3), f"assumed: {share:.3g} times the wheelbase, as the {reference.name}"
+    value = max(share * sheet.wheelbase_m, sheet.wheelbase_m + (sheet.rear_overhang_m or 0.0))
+    rule = f"{share:.3g} times the wheelbase, as the {reference.name}"
+    return _assume_unless_given(sheet.length_m, round(value, 3), rule)
 
 
 def derive_rear_overhang(sheet: Datasheet, reference: Tractor) -> SourcedValue:
     """Overhang behind the rear axle, m."""
-    if sheet.rear_overhang_m is not None:
-        return sheet.rear_overhang_m, GIVEN
     share = reference.rear_overhang_m / reference.wheelbase_m
     value = min(share * sheet.wheelbase_m, derive_length(sheet, reference)[0] - sheet.wheelbase_m)
-    words = f"assumed: {share:.3g} times the wheelbase, the radius of a rear wheel as for the {reference.name}"
-    return round(value, 3), words
-
-
-def derive_antenna_forward(sheet: Datasheet) -> SourcedValue:
-    """Antenna ahead of the rear axle, m."""
-    if sheet.antenna_forward_m is not None:
-        return sheet.antenna_forward_m, GIVEN
-    words = "assumed: on the cab, above the centre of mass; measured from the rear axle"
-    return compute_antenna_forward_m(sheet), words
+    rule = f"{share:.3g} times the wheelbase, the radius of a rear wheel as for the {reference.name}"
+    return _assume_unless_given(sheet.rear_overhang_m, round(value, 3), rule)
 
 
 def derive_antenna_radius(sheet: Datasheet) -> SourcedValue:
@@ -171,12 +165,11 @@ def derive_antenna_radius(sheet: Datasheet) -> SourcedValue:
 
 def derive_lock_angle(sheet: Datasheet) -> SourcedValue:
     """Wheel angle at full lock, degrees: given, or the Ackermann angle for the radius."""
-    if sheet.max_steering_deg is not None:
-        return sheet.max_steering_deg, GIVEN
     radius, ahead = derive_antenna_radius(sheet)[0], compute_antenna_forward_m(sheet)
     across = math.sqrt(radius**2 - ahead**2)
     angle = math.degrees(math.atan(sheet.wheelbase_m / across))
-    return round(angle, 2), "assumed: Ackermann, atan(wheelbase / radius of the rear axle's middle)"
+    rule = "Ackermann, atan(wheelbase / radius of the rear axle's middle)"
+    return _assume_unless_given(sheet.max_steering_deg, round(angle, 2), rule)
 
 
 def derive_radius_laws(sheet: Datasheet, reference: Tractor) -> tuple[dict[str, PowerLaw], dict[str, str]]:
@@ -205,12 +198,10 @@ def derive_radius_laws(sheet: Datasheet, reference: Tractor) -> tuple[dict[str, 
 
 def derive_steering_rate(sheet: Datasheet, reference: Tractor) -> SourcedValue:
     """Steering rate of the wheels, degrees per s."""
-    if sheet.steering_rate_deg_per_s is not None:
-        return sheet.steering_rate_deg_per_s, GIVEN
     lock_ratio = derive_lock_angle(sheet)[0] / reference.max_steering_deg
     radius_ratio = reference.compute_smallest_radius_m("asphalt") / derive_antenna_radius(sheet)[0]
-    rate = reference.steering.rate_deg_per_s
-    if lock_ratio * radius_ratio <= 1.0:
-        return rate, f"assumed: as the {reference.name}"
-    rule = f"as the {reference.name}, faster for a tighter turn: full lock after the same distance in turning radii"
-    return round(rate * lock_ratio * radius_ratio, 1), f"assumed: {rule}"
+    rate, rule = reference.steering.rate_deg_per_s, f"as the {reference.name}"
+    if lock_ratio * radius_ratio > 1.0:
+        rate = round(rate * lock_ratio * radius_ratio, 1)
+        rule += ", faster for a tighter turn: full lock after the same distance in turning radii"
+    return _assume_unless_given(sheet.steering_rate_deg_per_s, rate, rule)

@@ -117,7 +117,7 @@ def compute_run_energy(
         places, speeds = np.ascontiguousarray(run.record[:, number, REC_PLACE]), run.record[:, number, REC_SPEED]
         metres = np.hypot(*np.diff(places, axis=0).T)
         rises_m = np.zeros(len(metres)) if terrain is None else np.diff(terrain.compute_heights(places))
-        rolling_shares = list_rolling_shares(legs, load)[row_legs]
+        rolling_shares = np.array([choose_rolling_share(load, leg.ground) for leg in legs])[row_legs]
         work = compute_motion_work(metres, rises_m, speeds, tractor.mass_kg, load, rolling_shares, is_working)
         work *= (seconds > 0.0)[:, None]
         shaft = np.where(is_working, shaft_power_w * seconds, 0.0)
@@ -155,12 +155,10 @@ def compute_motion_work(
     mean_speeds = 0.5 * np.abs(speeds_mps[1:] + speeds_mps[:-1])
     mass = mass_kg + load.implement_mass_kg
     weight = mass * GRAVITY_MPS2
-    constant, linear, square = load.draft_n
-    draft = constant + (linear + square * mean_speeds) * mean_speeds
     work = np.zeros((len(metres), len(CAUSES)))
     work[:, GRADE] = weight * rises_m
     work[:, ROLLING] = weight * rolling_shares * metres
-    work[:, DRAFT] = np.where(is_working, draft * metres, 0.0)
+    work[:, DRAFT] = np.where(is_working, load.compute_draft_n(mean_speeds) * metres, 0.0)
     work[:, ACCELERATION] = 0.5 * mass * np.diff(speeds_mps**2)
     push = work.sum(axis=1)
     work[:, SLIP] = _compute_slip_loss(push, metres, weight * load.driven_share, rolling_shares, load)
@@ -231,11 +229,6 @@ def choose_rolling_share(load: WorkLoad, ground: str) -> float:
     return level_share if load.rolling_share is None else load.rolling_share
 
 
-def list_rolling_shares(legs: tuple[Leg, ...], load: WorkLoad) -> Floats:
-    """Resistance to rolling over weight by leg: the load's, or that of the leg's ground."""
-    return np.array([choose_rolling_share(load, leg.ground) for leg in legs])
-
-
 @dataclass(frozen=True, eq=False)
 class LegMeter:
     """Estimates the kilowatt-hours of legs; the simulated drive is measured above.
@@ -264,7 +257,7 @@ class LegMeter:
             np.full(count + 1, speed_mps),
             self.tractor.mass_kg,
             self.load,
-            np.repeat(list_rolling_shares((leg,), self.load), count),
+            np.full(count, choose_rolling_share(self.load, leg.ground)),
             np.full(count, leg.implement),
         )
         work[0, ACCELERATION] += 0.5 * (self.tractor.mass_kg + self.load.implement_mass_kg) * speed_mps**2

@@ -6,14 +6,13 @@ The legs of one swath, headland side, turn or route are one step, drive-in inclu
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from vehicle.arrays import Floats, Integers, Records, find_true_spans
+from vehicle.arrays import Booleans, Floats, Integers, Records, find_true_spans
 from vehicle.missions.plan import DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Plan
 from vehicle.records import (
     FINISHED,
@@ -132,10 +131,14 @@ class SimulationRun:
         """Number of the leg a tractor is on, shape (t,)."""
         return self.record[:, tractor, REC_LEG].astype(np.int64)
 
-    def find_task_rows(self, tractor: int, kinds: Collection[str]) -> npt.NDArray[np.bool_]:
+    def find_task_rows(self, tractor: int, kinds: Collection[str]) -> Booleans:
         """In which rows (t,) a tractor is on a leg whose task is of one of some kinds."""
-        is_such = np.array([leg.task.kind in kinds for leg in self.plan.missions[tractor].legs])
-        rows: npt.NDArray[np.bool_] = is_such[self.get_leg_numbers(tractor)]
+        return self._find_leg_rows(tractor, lambda leg: leg.task.kind in kinds)
+
+    def _find_leg_rows(self, tractor: int, is_such: Callable[[Leg], bool]) -> Booleans:
+        """In which rows (t,) a tractor is on such a leg."""
+        flags = np.array([is_such(leg) for leg in self.plan.missions[tractor].legs])
+        rows: Booleans = flags[self.get_leg_numbers(tractor)]
         return rows
 
     def get_statuses(self, tractor: int) -> Integers:
@@ -162,13 +165,11 @@ class SimulationRun:
         """Seconds per tractor of standing to fold and to unfold."""
         return np.array([self.find_folding_rows(k).sum() * self.step_s for k in range(self.plan.tractors)])
 
-    def find_folded_rows(self, tractor: int) -> npt.NDArray[np.bool_]:
+    def find_folded_rows(self, tractor: int) -> Booleans:
         """In which rows (t,) the implement of a tractor is folded."""
-        is_folded = np.array([leg.folded for leg in self.plan.missions[tractor].legs])
-        rows: npt.NDArray[np.bool_] = is_folded[self.get_leg_numbers(tractor)]
-        return rows
+        return self._find_leg_rows(tractor, lambda leg: leg.folded)
 
-    def find_folding_rows(self, tractor: int) -> npt.NDArray[np.bool_]:
+    def find_folding_rows(self, tractor: int) -> Booleans:
         """In which rows (t,) a tractor stands to fold or to unfold its implement."""
         numbers, folds = self.get_leg_numbers(tractor), np.zeros(len(self.time_s), bool)
         stands = self.get_statuses(tractor) == STANDING
@@ -223,8 +224,8 @@ def iter_segments(run: SimulationRun, tractor: int) -> Iterator[RecordSegment]:
     groups = number_leg_steps(run.plan.missions[tractor].legs)
     status, group = run.get_statuses(tractor), groups[run.get_leg_numbers(tractor)]
     end = int(np.argmax(status == FINISHED)) if (status == FINISHED).any() else len(status)
-    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
-    is_waiting = _clear_short_sequences(status[:end] == WAITING, math.ceil(MIN_WAIT_S / step_s - 1e-9) if step_s else 1)
+    min_rows = math.ceil(MIN_WAIT_S / run.step_s - 1e-9) if run.step_s else 1
+    is_waiting = _clear_short_sequences(status[:end] == WAITING, min_rows)
     is_standing = status[:end] == STANDING
     keys = 3 * group[:end] + np.where(is_standing, 2, is_waiting)
     cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist(), end]
@@ -233,7 +234,7 @@ def iter_segments(run: SimulationRun, tractor: int) -> Iterator[RecordSegment]:
             yield RecordSegment(int(group[first]), bool(is_waiting[first]), bool(is_standing[first]), first, last)
 
 
-def _clear_short_sequences(flags: npt.NDArray[np.bool_], min_rows: int) -> npt.NDArray[np.bool_]:
+def _clear_short_sequences(flags: Booleans, min_rows: int) -> Booleans:
     """The flags without runs of fewer than `min_rows`."""
     long_flags = np.zeros(len(flags), dtype=bool)
     for first, last in find_true_spans(flags).tolist():

@@ -70,6 +70,10 @@ class GuidanceParameters(_FrozenModel):
     turn_lookahead_m: Annotated[float, _make_number_type(0.001, 1000.0, "m")] = 3.0
     rate_hz: Annotated[float, _make_number_type(0.1, 60.0, "Hz")] = 10.0
 
+    def count_steps(self, dt: float) -> int:
+        """Steps of `dt` (s) from one tick of the controller to the next."""
+        return max(1, round(1.0 / (self.rate_hz * dt)))
+
 
 class SpeedParameters(_FrozenModel):
     """Speed controller, Eq. 2.3 with gains in SI units, and the limits of the drive line."""
@@ -243,6 +247,11 @@ class Tractor(_FrozenModel):
     def wheelbase_m(self) -> float:
         """Distance between the axles."""
         return self.front_axle_m + self.rear_axle_m
+
+    @property
+    def guide_m(self) -> float:
+        """How far the point that guidance steers is ahead of the centre of mass."""
+        return self.antenna_forward_m - self.rear_axle_m
 
     @property
     def inertia_kg_m2(self) -> float:

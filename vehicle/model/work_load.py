@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
+from vehicle.arrays import Floats
 from vehicle.errors import VehicleError, check_range
 
 DRAFT_TERMS = 3
+Speed = TypeVar("Speed", float, Floats)
 
 
 @dataclass(frozen=True)
@@ -61,8 +64,8 @@ class WorkLoad:
         """Power that reaches the driven axles."""
         return self.engine_power_w * self.driveline_efficiency
 
-    def compute_draft_n(self, speed_mps: float) -> float:
-        """Pull of the working implement at a speed over ground."""
+    def compute_draft_n(self, speed_mps: Speed) -> Speed:
+        """Pull of the working implement at a speed over ground, or at several."""
         constant, linear, square = self.draft_n
         return constant + (linear + square * speed_mps) * speed_mps
 

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 
 from fields.units import KMH_PER_MPS
-from vehicle.arrays import Floats, Records
+from vehicle.arrays import Floats, Records, build_directions
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Implement, Tractor, remove_log_corrections
@@ -53,18 +53,13 @@ def drive_circle_with_tables(
     body_rows = np.empty((steps, BODY_WIDTH))
     models, grounds = np.array([build_model_record(tractor, Implement())]), build_ground_records()
     run_fixed(steps, DT_S, engine.bridge, states, models, grounds, ground, tables, body_rows)
-    return _measure_circle(body_rows, tractor.antenna_forward_m - tractor.rear_axle_m)
-
-
-def _measure_circle(body_rows: Records, antenna_reach_m: float) -> SteeringCircle:
-    """The circle of a point `antenna_reach_m` ahead of the centre of mass, from bodies per step (t, 6)."""
-    angle, last_rows = body_rows[:, BODY_ANGLE], body_rows[-MEASURED_STEPS:]
-    antenna = body_rows[:, BODY_PLACE] + antenna_reach_m * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    antenna_path = body_rows[:, BODY_PLACE] + tractor.guide_m * build_directions(body_rows[:, BODY_ANGLE])
+    last_rows = body_rows[-MEASURED_STEPS:]
     spin, facing = last_rows[:, BODY_SPIN], last_rows[:, BODY_ANGLE]
     aside = np.stack([-np.sin(facing), np.cos(facing)], axis=1)
-    velocity = last_rows[:, BODY_VELOCITY] + antenna_reach_m * spin[:, None] * aside
-    radius = np.hypot(*velocity.T) / np.maximum(np.abs(spin), 1e-12)
-    return SteeringCircle(antenna, float(radius.mean()))
+    velocity = last_rows[:, BODY_VELOCITY] + tractor.guide_m * spin[:, None] * aside
+    radius_m = np.hypot(*velocity.T) / np.maximum(np.abs(spin), 1e-12)
+    return SteeringCircle(antenna_path, float(radius_m.mean()))
 
 
 BASE_LOCK_DEG = 55.0  # more than any tractor, so that the base model reaches every measured radius
@@ -79,14 +74,14 @@ def build_identity_table(lock_deg: float) -> Floats:
 
 
 @lru_cache(maxsize=16)
-def _measure_base_radius_ratios(tractor_key: str, ground: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The sample angles (degrees), and the measured radius of the base model there over the kinematic one."""
+def _measure_base_radius_ratios(tractor_key: str, ground: int) -> tuple[float, ...]:
+    """The measured radius of the base model at SAMPLE_ANGLES_DEG over the kinematic one."""
     tractor = Tractor.model_validate_json(tractor_key)
     ratios = []
     for angle in SAMPLE_ANGLES_DEG:
         radius = drive_base_circle(tractor, angle, ground, SETTLING_TIME_S).radius_m
         ratios.append(radius / float(compute_kinematic_radius(tractor, np.array(math.radians(angle)))))
-    return SAMPLE_ANGLES_DEG, tuple(ratios)
+    return tuple(ratios)
 
 
 def compute_kinematic_radius(tractor: Tractor, angle: Floats) -> Floats:
@@ -114,12 +109,12 @@ def _invert_base_curve(tractor: Tractor, radius: Floats, ground: int) -> Floats:
     """Base-model angles (radians, positive) whose circles have these radii (m), by bisection of the measured curve."""
     # Without names, measured radii and corrections from logs, which change nothing here, as a key of the cache.
     bare = remove_log_corrections(tractor).model_copy(update={"radius": {}, "source": {}, "name": ""})
-    samples, ratios = _measure_base_radius_ratios(bare.model_dump_json(), ground)
+    ratios = _measure_base_radius_ratios(bare.model_dump_json(), ground)
 
     def compute_radius(angle: Floats) -> Floats:
-        return compute_kinematic_radius(tractor, angle) * np.interp(np.degrees(angle), samples, ratios)
+        return compute_kinematic_radius(tractor, angle) * np.interp(np.degrees(angle), SAMPLE_ANGLES_DEG, ratios)
 
-    low, high = np.full(len(radius), 1e-9), np.full(len(radius), math.radians(samples[-1]))
+    low, high = np.full(len(radius), 1e-9), np.full(len(radius), math.radians(SAMPLE_ANGLES_DEG[-1]))
     smallest = float(compute_radius(high[:1])[0])
     if radius.min() < smallest:
         raise VehicleError(

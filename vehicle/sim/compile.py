@@ -162,7 +162,7 @@ def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | 
     values = {
         "mass": tractor.mass_kg, "inertia": tractor.inertia_kg_m2,
         "front": tractor.front_axle_m, "rear": tractor.rear_axle_m, "track": tractor.track_m,
-        "guide": tractor.antenna_forward_m - tractor.rear_axle_m, "guide_reverse": -tractor.rear_axle_m,
+        "guide": tractor.guide_m, "guide_reverse": -tractor.rear_axle_m,
         "lock": math.radians(tractor.max_steering_deg), "dead_band": math.radians(steering.dead_band_deg),
         "switch": math.radians(steering.switch_deg), "rate": rate,
         "lag": steering.lag_s, "gain": steering.gain, "latch": float(steering.latch),
@@ -236,8 +236,7 @@ def compile_plan(plan: Plan, tractor: Tractor, *, limits_speed: bool = True) -> 
     for state, mission in zip(states, plan.missions, strict=True):
         # The antenna stands on the first point of the path, also before a leg in reverse, as it does between legs.
         x, y, heading = mission.start
-        reach = tractor.antenna_forward_m - tractor.rear_axle_m
-        state["x"], state["y"] = x - reach * math.cos(heading), y - reach * math.sin(heading)
+        state["x"], state["y"] = x - tractor.guide_m * math.cos(heading), y - tractor.guide_m * math.sin(heading)
         state["angle"] = heading
     legs = _build_leg_rows(plan, tractor)
     points, cumulative = _fill_joined_paths(plan, legs, states["first_leg"])

@@ -151,7 +151,25 @@ class IncrementalSimulator:
         """The snapshots of a run up to which some tractors met no difference between its plan and another."""
         if earlier is None or earlier.plan.tractors != plan.tractors or not earlier.snapshots:
             return []
-        return earlier.snapshots[: self._count_shared_snapshots(earlier, plan, tractors)]
+        same_counts, count = count_same_paths(earlier.plan, plan), len(earlier.snapshots)
+        for tractor in tractors:
+            before, mission = earlier.plan.missions[tractor], plan.missions[tractor]
+            sight_m = self._compute_lookahead_bound_m(before, mission)
+            for leg in range(max(len(before.legs), len(mission.legs))):
+                links = (before.legs[leg], mission.legs[leg]) if leg < same_counts[tractor] else None
+                if links and has_same_leg_references(*links, same_counts):
+                    continue
+                limit = (float(earlier.leg_ends_m[tractor][leg - 1]) if leg else 0.0) - sight_m
+                unseen = int(np.count_nonzero(earlier.progress_m[:, tractor] < limit))
+                if unseen >= count:
+                    break
+                gates = _find_differing_gates(*links, same_counts) if links else None
+                if gates is None or not self._has_opened_before(earlier, tractor, limit, gates):
+                    count = unseen
+                    break
+            if not count:
+                return []
+        return earlier.snapshots[:count]
 
     def _find_solo_start(self, plan: Plan, max_time_s: float, models: Records) -> WorldSnapshot | None:
         """The last snapshot up to which the solo runs of the tractors, if known, give the run of a plan."""
@@ -178,28 +196,6 @@ class IncrementalSimulator:
         """The snapshots of a run up to which no tractor met a difference between its plan and another."""
         shared = self._list_shared_snapshots(earlier, plan, range(plan.tractors))
         return [snapshot for snapshot in shared if snapshot.time_s < max_time_s]
-
-    def _count_shared_snapshots(self, earlier: SimulatedPlan, plan: Plan, tractors: Sequence[int]) -> int:
-        """Number of snapshots of a run up to which some tractors met no difference between its plan and another."""
-        same_counts, count = count_same_paths(earlier.plan, plan), len(earlier.snapshots)
-        for tractor in tractors:
-            before, mission = earlier.plan.missions[tractor], plan.missions[tractor]
-            sight_m = self._compute_lookahead_bound_m(before, mission)
-            for leg in range(max(len(before.legs), len(mission.legs))):
-                links = (before.legs[leg], mission.legs[leg]) if leg < same_counts[tractor] else None
-                if links and has_same_leg_references(*links, same_counts):
-                    continue
-                limit = (float(earlier.leg_ends_m[tractor][leg - 1]) if leg else 0.0) - sight_m
-                unseen = int(np.count_nonzero(earlier.progress_m[:, tractor] < limit))
-                if unseen >= count:
-                    break
-                gates = _find_differing_gates(*links, same_counts) if links else None
-                if gates is None or not self._has_opened_before(earlier, tractor, limit, gates):
-                    count = unseen
-                    break
-            if not count:
-                return 0
-        return count
 
     def _has_opened_before(self, earlier: SimulatedPlan, tractor: int, limit_m: float, gates: set[LegGate]) -> bool:
         """Whether gates opened in a run before the progress of a tractor reached `limit_m`, where it sees them."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, Integers, Records
+from vehicle.arrays import Booleans, Floats, Integers, Records, build_directions
 from vehicle.jit import compile_function, drop_owner
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.clearance import (
@@ -48,7 +48,7 @@ class PosePath:
 
     def __init__(self, poses: Records) -> None:
         self.poses = poses
-        self.directions = np.column_stack([np.cos(poses["angle"]), np.sin(poses["angle"])])
+        self.directions = build_directions(poses["angle"])
         self.block_circles = _compute_enclosing_circles(np.column_stack([poses["x"], poses["y"], np.zeros(len(poses))]))
         self.outer_circles = _compute_enclosing_circles(self.block_circles)
 

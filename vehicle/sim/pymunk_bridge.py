@@ -8,7 +8,7 @@ memory (vehicle.sim.body_memory) they are read and written there, which saves tw
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,10 +50,10 @@ class ContactBoxes:
     """
 
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], tractor: Tractor, implement: Implement) -> None:
-        corners = [_build_corners(*box) for box in list_contact_boxes(tractor, implement)]
+        boxes = list_contact_boxes(tractor, implement)
         self._space = space
         self._iterations = pymunk.Space().iterations
-        self._shapes = [[_build_shape(body, each) for each in corners] for body in bodies]
+        self._shapes = [[_build_shape(body, *box) for box in boxes] for body in bodies]
         self.present: Booleans = np.zeros(len(bodies), dtype=np.bool_)
         self.required: Booleans = np.zeros(len(bodies), dtype=np.bool_)
 
@@ -65,18 +65,9 @@ class ContactBoxes:
         self.present[:] = self.required
         self._space.iterations = self._iterations if self.present.any() else MIN_SOLVER_ITERATIONS
 
-    def add_all(self) -> None:
-        """Add the boxes of every tractor to the space."""
-        self.required[:] = True
-        self.update_space()
 
-
-def _build_corners(rear: float, front: float, half: float) -> list[tuple[float, float]]:
-    return [(rear, -half), (front, -half), (front, half), (rear, half)]
-
-
-def _build_shape(body: pymunk.Body, corners: list[tuple[float, float]]) -> pymunk.Poly:
-    shape = pymunk.Poly(body, corners)
+def _build_shape(body: pymunk.Body, rear: float, front: float, half: float) -> pymunk.Poly:
+    shape = pymunk.Poly(body, [(rear, -half), (front, -half), (front, half), (rear, half)])
     shape.friction = FRICTION
     return shape
 
@@ -126,26 +117,20 @@ class PymunkEngine:
     def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body]) -> None:
         self.space, self.bodies = space, bodies
         count = len(bodies)
-        self.read = np.zeros(READ_WIDTH * count + SLACK)
-        self.write = np.zeros(WRITE_WIDTH * count + SLACK)
-        self.touching = np.zeros(8 * count * count + 64, dtype=np.uint64)
+        read, write = np.zeros(READ_WIDTH * count + SLACK), np.zeros(WRITE_WIDTH * count + SLACK)
+        touching = np.zeros(8 * count * count + 64, dtype=np.uint64)
         self._buffers = [pymunk.batch.Buffer() for _ in range(3)]
-        self._buffers[0].set_float_buf(self.read)
-        self._buffers[1].set_float_buf(self.write)
-        self._buffers[2].set_int_buf(self.touching)
-        self.read_count = _view_batch_counts(self._buffers[0]._float_arr)
-        self.write_count = _view_batch_counts(self._buffers[1]._float_arr)
-        self.touch_count = _view_batch_counts(self._buffers[2]._int_arr)
-        self.addresses = self._resolve_addresses()
-        self.ids = np.array([body.id for body in bodies], dtype=np.uint64)
+        self._buffers[0].set_float_buf(read)
+        self._buffers[1].set_float_buf(write)
+        self._buffers[2].set_int_buf(touching)
+        headers = self._buffers[0]._float_arr, self._buffers[1]._float_arr, self._buffers[2]._int_arr
+        counts = [np.frombuffer(ffi.buffer(header, 8), dtype=np.int32) for header in headers]  # C's `num` and `max`
+        addresses = self._resolve_addresses()
+        self.bridge = PymunkBridge(addresses, NO_OFFSETS, NO_OFFSETS, read, write, touching, *counts)
         offsets = self._check_memory_layout()
-        places = NO_OFFSETS
         if len(offsets):  # addresses of the bodies (n,), valid as long as the bodies live
             places = np.array([int(ffi.cast("uintptr_t", body._body)) for body in bodies], dtype=np.int64)
-        self.bridge = PymunkBridge(
-            self.addresses, places, offsets, self.read, self.write, self.touching,
-            self.read_count, self.write_count, self.touch_count,
-        )  # fmt: skip
+            self.bridge = self.bridge._replace(places=places, offsets=offsets)
 
     def _resolve_addresses(self) -> Integers:
         self._data = [ffi.new("pmBatchedData *") for _ in self._buffers]
@@ -184,11 +169,12 @@ class PymunkEngine:
         return body_layouts[0] if awake and all(len(offsets) for offsets in body_layouts) else NO_OFFSETS
 
     def _find_read_fault(self) -> str:
-        self.read_count[0] = 0
+        bridge, count = self.bridge, READ_WIDTH * len(self.bodies)
+        bridge.read_count[0] = 0
         lib.cpSpaceEachBody(self.space._space, ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched"), self._data[0])
-        if self.read_count[0] != READ_WIDTH * len(self.bodies):
+        if bridge.read_count[0] != count:
             return "the batch read has another width"
-        rows = self.read[: READ_WIDTH * len(self.bodies)].reshape(-1, READ_WIDTH)
+        rows = bridge.read[:count].reshape(-1, READ_WIDTH)
         for row, body in zip(rows, self.bodies, strict=True):
             expected = (*body.position, body.angle, *body.velocity, body.angular_velocity)
             if tuple(row) != expected:
@@ -196,16 +182,11 @@ class PymunkEngine:
         return ""
 
     def _find_write_fault(self) -> str:
-        count = WRITE_WIDTH * len(self.bodies)
-        self.write[:count] = np.arange(1, count + 1)
-        self.write_count[0] = 0
+        bridge, count = self.bridge, WRITE_WIDTH * len(self.bodies)
+        bridge.write[:count] = np.arange(1, count + 1)
+        bridge.write_count[0] = 0
         lib.cpSpaceEachBody(self.space._space, ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched"), self._data[1])
         written = [value for body in self.bodies for value in (*body.force, body.torque)]
-        wrong = written != self.write[:count].tolist()
-        self.write[:count] = 0.0
+        wrong = written != bridge.write[:count].tolist()
+        bridge.write[:count] = 0.0
         return "the batch write has another order" if wrong else ""
-
-
-def _view_batch_counts(array: Any) -> npt.NDArray[np.int32]:
-    """The C struct's `num` and `max` as a writable view."""
-    return np.frombuffer(ffi.buffer(array, 8), dtype=np.int32)

@@ -213,7 +213,7 @@ class World:
         self.tables = build_steering_tables(tractor)[None]
         self.position_errors = NO_ERROR if position_errors is None else position_errors
         self.program.states["error_key"] = make_error_keys(seed, plan.tractors)
-        self.steps_per_tick = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
+        self.steps_per_tick = tractor.guidance.count_steps(DT_S)
         self.space = create_space()
         poses = [(float(s["x"]), float(s["y"]), float(s["angle"])) for s in self.program.states]
         loaded_tractor = add_implement_mass(tractor, self.load)
@@ -334,9 +334,7 @@ class World:
             except EngineUnavailableError as error:
                 warnings.warn(f"{error} Simulating in plain Python, about 100 times slower.", stacklevel=3)
             else:
-                self.ids = engine.ids
                 return lambda steps, record, stop: self._run_compiled_loop(engine, steps, record, stop)
-        self.ids = np.array([body.id for body in self.bodies])
         return lambda steps, record, stop: run_slow_loop(self, steps, DT_S, record, stop, STALL_S)
 
     def _run_compiled_loop(self, engine: PymunkEngine, steps: int, record: Records, stop: tuple[float, float]) -> Any:
@@ -391,7 +389,7 @@ class World:
 
     def _list_first_contacts(self) -> tuple[tuple[float, int, int], ...]:
         """Each touching pair once, at the time it first touched."""
-        number = {int(identity): index for index, identity in enumerate(self.ids)}
+        number = {body.id: index for index, body in enumerate(self.bodies)}
         seen: dict[tuple[int, int], float] = {}
         for time, a, b in self.contacts[: int(self.contacts[-1, 0])]:
             pair = sorted((number[int(a)], number[int(b)]))

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Floats, Records
+from vehicle.arrays import Floats, Records, build_directions
 from vehicle.control.guidance import run_control_tick
 from vehicle.control.speed_profile import UNLIMITED_MPS
 from vehicle.errors import VehicleError
@@ -154,8 +154,7 @@ class Trace:
     def compute_path(self, ahead_m: float | None = None) -> Floats:
         """Path (t, 2) of a point of the centre line, by default of the controlled point."""
         reach = self.point_m if ahead_m is None else ahead_m
-        angle = self.get_column("angle")[:, None]
-        return np.asarray(self.rows[:, BODY_PLACE] + reach * np.hstack([np.cos(angle), np.sin(angle)]))
+        return np.asarray(self.rows[:, BODY_PLACE] + reach * build_directions(self.get_column("angle")))
 
     def compute_velocity(self) -> tuple[Floats, Floats, Floats]:
         """Forward and rightward speed of the centre of mass (m/s) and clockwise spin (rad/s), (t,) each."""
@@ -280,19 +279,18 @@ def _drive_program(
             bodies[-1].velocity = (start_mps * math.cos(angle), start_mps * math.sin(angle))
     states["reference_speed"] = states["target_speed"] = start_mps
     engine = PymunkEngine(space, bodies)
-    steps_per_tick = max(1, round(1.0 / (tractors[0].guidance.rate_hz * dt)))
     rows_by_tractor = np.empty((-(-steps // record_every), len(bodies), len(TRACE_COLUMNS)))
     models = np.array([build_model_record(tractor, Implement()) for tractor in tractors])
     # The experiments drive by Eq. 2.5 as printed: no more lookahead and no less correction at speed.
     models["lookahead_s"], models["lateral_ease"] = 0.0, math.inf
     rows = run_trials(
-        steps, dt, steps_per_tick, record_every, engine.bridge, states, models, *surface,
+        steps, dt, tractors[0].guidance.count_steps(dt), record_every, engine.bridge, states, models, *surface,
         program.legs, program.gates, program.points, program.cumulative, commands, position_errors, rows_by_tractor,
     )  # fmt: skip
     time = np.arange(rows, dtype=np.float64) * (dt * record_every)
     return [
-        Trace(time, rows_by_tractor[:rows, i], t.front_axle_m, t.rear_axle_m, t.antenna_forward_m - t.rear_axle_m)
-        for i, t in enumerate(tractors)
+        Trace(time, rows_by_tractor[:rows, number], tractor.front_axle_m, tractor.rear_axle_m, tractor.guide_m)
+        for number, tractor in enumerate(tractors)
     ]
 
 

@@ -17,7 +17,6 @@ from vehicle.errors import VehicleError
 from vehicle.model.ground import ENGINE_CURVE, TYRE_MODELS, FrictionCurve, Tyres, get_tyres
 from vehicle.model.tractor import SpeedParameters, Tractor
 from vehicle.records import DT_S
-from vehicle.sim.calibration import CIRCLE_SPEED_MPS
 from vehicle.trials.drive import (
     Trace,
     compute_settled_radius,
@@ -65,14 +64,13 @@ def drive_fixed_steering(
     angles_deg: Sequence[float] = ANGLES_DEG,
     *,
     model: str = "",
-    speed_mps: float = CIRCLE_SPEED_MPS,
     seconds: float = DRIVE_DURATION_S,
     ahead_m: float = MEASURED_AHEAD_M,
 ) -> tuple[FixedSteeringDrive, ...]:
     """One drive per angle, with the step applied to the wheels at once as in Fig. 4.4."""
     commands, count = build_step_commands(angles_deg, seconds), len(angles_deg)
     direct = [replace_steering(tractor, "none")] * count
-    traces = drive_by_steering_commands(direct, [tyres] * count, commands, speed_mps=speed_mps)
+    traces = drive_by_steering_commands(direct, [tyres] * count, commands)
     return tuple(
         FixedSteeringDrive(model, angle, compute_settled_radius(trace, ahead_m), is_sideslip_settled(trace), trace)
         for angle, trace in zip(angles_deg, traces, strict=True)
@@ -224,7 +222,7 @@ def compute_tyre_maps(
     ]
     if shared_limit:
         cells = [add_friction_circle(cell) for cell in cells]
-    traces = _drive_constant_angles([tractor] * len(cells), cells, [STUDY_STEERING_DEG] * len(cells), CIRCLE_SPEED_MPS)
+    traces = _drive_constant_angles([tractor] * len(cells), cells, [STUDY_STEERING_DEG] * len(cells))
     radii = np.array([compute_settled_radius(track, 0.0) for track in traces])
     front, rear = radii.reshape(len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
     grids = STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG
@@ -239,7 +237,7 @@ def sweep_centre_of_mass(tractor: Tractor, *, tyres: Tyres | None = None) -> Cen
     tractors = variants * len(ANGLES_DEG)
     angles = [angle for angle in ANGLES_DEG for _ in places]
     chosen = tyres or get_tyres("soil", "nonlinear")
-    traces = _drive_constant_angles(tractors, [chosen] * len(tractors), angles, CIRCLE_SPEED_MPS)
+    traces = _drive_constant_angles(tractors, [chosen] * len(tractors), angles)
     radii = np.array([compute_settled_radius(track, 0.0) for track in traces]).reshape(len(ANGLES_DEG), len(places))
     return CentreOfMassSweep(places, ANGLES_DEG, radii, tuple(traces[-len(places) :]))
 
@@ -257,10 +255,11 @@ def move_centre_of_mass(tractor: Tractor, front_axle_m: float) -> Tractor:
 
 
 def _drive_constant_angles(
-    tractors: Sequence[Tractor], tyres: Sequence[Tyres], angles_deg: Sequence[float], speed_mps: float
+    tractors: Sequence[Tractor], tyres: Sequence[Tyres], angles_deg: Sequence[float]
 ) -> list[Trace]:
+    """Drives of the design studies, each with the wheels stepped to one angle."""
     direct = {id(tractor): replace_steering(tractor, "none") for tractor in tractors}
     commands = build_step_commands(angles_deg, STUDY_DURATION_S)
     return drive_by_steering_commands(
-        [direct[id(t)] for t in tractors], tyres, commands, speed_mps=speed_mps, record_every=STUDY_RECORD_EVERY
+        [direct[id(tractor)] for tractor in tractors], tyres, commands, record_every=STUDY_RECORD_EVERY
     )

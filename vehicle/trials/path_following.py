@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Floats, measure_along
+from vehicle.arrays import Booleans, Floats, measure_along
 from vehicle.control.steering import SLEW
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission
 from vehicle.model.gnss import NO_ERROR, Table
@@ -89,6 +89,11 @@ def compute_path_distances(path: Floats, other_path: Floats) -> Floats:
 
     line = LineString(np.concatenate([other_path[::3], other_path[-1:]]))
     return np.asarray(distance(points(path[::6]), line))
+
+
+def find_slewing(trace: Trace) -> Booleans:
+    """In which steps (t,) the steering simulator is in its third stage."""
+    return np.asarray(trace.get_column("stage") == SLEW)
 
 
 YARD_M, PASS_M, TURN_RADIUS_M, SPACING_M, YARD_RADIUS_M = 20.0, 167.0, 4.5, 3.0, 6.0
@@ -185,7 +190,7 @@ class StepResponse:
     def enters_third_stage(self) -> bool:
         """Whether the steering simulator enters its third stage."""
         is_measured = self.trace.compute_path()[:, 1] < FIRST_PATH_M + self.second_m
-        return bool((self.trace.get_column("stage")[is_measured] == SLEW).any())
+        return bool(find_slewing(self.trace)[is_measured].any())
 
     @property
     def overshoot_cm(self) -> float:

@@ -20,7 +20,6 @@ from vehicle.twin.propagation import CommandBuffer, PropagatedTractor, propagate
 MAX_LATENESS_STEPS = 240  # 4 s
 OUTLIER_SIGMAS = 8.0  # standard deviations beyond which a fix is an outlier
 MAX_OUTLIERS = 3  # as many in a row are accepted
-MOVED_SIGMA_M, MOVED_SIGMA_RAD = 0.05, 0.02  # uncertainty of a pose the twin was moved to
 CORRECTION_STEPS = 60  # between two corrections of the thesis
 BLEND_STEPS = 12  # over which a correction is spread (assumed: 0.2 s)
 NO_ADAPTATION = np.zeros(2)
@@ -35,7 +34,6 @@ class StateAtFix:
         self._outliers = 0
         self.rejected_count = 0
         self.jump_detector = JumpDetector()
-        self.fix_count = 0
         self.empty_means = np.zeros((4, 0))
 
     @property
@@ -71,7 +69,6 @@ class StateAtFix:
             self._handle_outlier(fix, time_s, offset)
             return offset
         after_outlier, self._outliers = self._outliers > 0, 0
-        self.fix_count += 1
         if is_conclusive and self._add_evidence_of_fix(fix, time_s, offset, after_outlier):
             tracker.estimate[:], tracker.covariance[:] = before
             tracker.add_position_uncertainty(RESTART_SIGMA_M)
@@ -79,7 +76,7 @@ class StateAtFix:
         moved = tracker.estimate[:3] - pose
         rolled.shift(float(moved[0]), float(moved[1]), float(moved[2]))
         if not is_conclusive:
-            self.monitor.reset(tracker.estimate[:3], MOVED_SIGMA_M, MOVED_SIGMA_RAD)
+            self.monitor.reset(tracker.estimate[:3])
             self.test.shifts[:] = 0.0
         return offset
 
@@ -129,7 +126,7 @@ class StateAtFix:
         turned = math.remainder(fix[2] - body[2], 2.0 * math.pi)
         self.rolled.shift(fix[0] - x - body[0], fix[1] - y - body[1], turned)
         for pose_filter in (self.tracker, self.monitor):
-            pose_filter.reset(body[:3], MOVED_SIGMA_M, MOVED_SIGMA_RAD)
+            pose_filter.reset(body[:3])
         self.test.shifts[:] = 0.0
 
 

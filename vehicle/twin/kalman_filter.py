@@ -17,7 +17,6 @@ speed.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass
 
 import numpy as np
 
@@ -38,63 +37,47 @@ BIAS, FORWARD, RIGHT, LATE = range(9, 13)
 SHIFT_COUNT = LATE + 1
 
 
-@dataclass(frozen=True)
-class FilterParameters:
-    """Standard deviations of tractor and instruments in a filter, and memories in s.
-
-    Turn in rad per m, slip as a share, along in m per root second; `start_m` and `start_rad` belong to the first pose.
-    The order of the fields is that of `parameters` in compiled code.
-    """
-
-    turn_per_m: float
-    turn_s: float
-    slip: float
-    slip_s: float
-    along_m: float
-    heading_drift_rad: float
-    drift_m: float
-    drift_s: float
-    position_m: float
-    heading_rad: float
-    speed_mps: float
-    start_m: float = 0.05
-    start_rad: float = 0.02
+# Parameters of a filter: standard deviations of tractor and instruments, and memories in s. Turn is in rad per m, slip
+# a share, along in m per root second; headings are in rad, positions and their drift in m, speed in m/s.
+TURN_SIGMA, TURN_MEMORY, SLIP_SIGMA, SLIP_MEMORY, ALONG_SIGMA, HEADING_DRIFT_SIGMA, DRIFT_SIGMA, DRIFT_MEMORY = range(8)
+POSITION_SIGMA, HEADING_SIGMA, SPEED_SIGMA = range(8, 11)
+PLACED_SIGMA_M, PLACED_SIGMA_RAD = 0.05, 0.02  # uncertainty of a pose that a filter begins with
 
 
-def build_tracker_parameters(noise: TractorNoise) -> FilterParameters:
+def build_tracker_parameters(noise: TractorNoise) -> Floats:
     """Parameters of the tracker: for some seconds the tractor may turn more than its file says by what a wheel offset
     of 1 degree does, and slip 8 %, the typical sizes in the catalogue."""
     return _build_parameters(noise, (0.007, 3.0), (0.08, 5.0), 0.02, max(noise.speed_mps, 0.02))
 
 
-def build_monitor_parameters(noise: TractorNoise) -> FilterParameters:
+def build_monitor_parameters(noise: TractorNoise) -> Floats:
     """Parameters of the monitor: the file is right, and the noise is as given."""
     return _build_parameters(noise, (noise.soil_per_m, SOIL_MEMORY_S), (0.0, 1.0), noise.along_m, 1.0)
 
 
 def _build_parameters(
     noise: TractorNoise, turn: tuple[float, float], slip: tuple[float, float], along_m: float, speed_mps: float
-) -> FilterParameters:
-    """Parameters with the instruments of a noise; `turn` and `slip` are a size and its memory."""
+) -> Floats:
+    """Parameters (11,) with the instruments of a noise; `turn` and `slip` are a size and its memory."""
     drift = noise.heading_drift_rad, noise.position_drift_m, DRIFT_MEMORY_S
-    return FilterParameters(*turn, *slip, along_m, *drift, noise.position_m, noise.heading_rad, speed_mps)
+    return np.array([*turn, *slip, along_m, *drift, noise.position_m, noise.heading_rad, speed_mps])
 
 
 class PoseFilter:
-    """Estimate (10,), its covariance (10, 10) and the FilterParameters as an array."""
+    """Estimate (10,), its covariance (10, 10) and the parameters (11,)."""
 
-    def __init__(self, parameters: FilterParameters, pose: Floats) -> None:
-        self.parameters = np.array(astuple(parameters))
+    def __init__(self, parameters: Floats, pose: Floats) -> None:
+        self.parameters = parameters
         self.estimate, self.covariance = np.zeros(STATE_SIZE), np.zeros((STATE_SIZE, STATE_SIZE))
-        self.reset(pose, parameters.start_m, parameters.start_rad)
+        self.reset(pose)
 
-    def reset(self, pose: Floats, position_m: float, heading_rad: float) -> None:
-        """Restart from a pose (x, y, angle) with these standard deviations."""
+    def reset(self, pose: Floats) -> None:
+        """Restart from a pose (x, y, angle)."""
         self.estimate[:] = 0.0
         self.estimate[:3] = pose
-        turn_per_m, slip, heading_drift_rad, drift_m = self.parameters[[0, 2, 5, 6]]
-        of_pose, of_drift = [position_m, position_m, heading_rad], [heading_drift_rad, drift_m, drift_m]
-        sigmas = [*of_pose, turn_per_m, slip, *of_drift, COMMAND_DELAY_SIGMA, COMMAND_DELAY_SIGMA]
+        of_pose, of_commands = [PLACED_SIGMA_M, PLACED_SIGMA_M, PLACED_SIGMA_RAD], [COMMAND_DELAY_SIGMA] * 2
+        of_motion = self.parameters[[TURN_SIGMA, SLIP_SIGMA, HEADING_DRIFT_SIGMA, DRIFT_SIGMA, DRIFT_SIGMA]]
+        sigmas = [*of_pose, *of_motion, *of_commands]
         self.covariance[:] = np.diag(np.square(sigmas))
 
     @property
@@ -121,8 +104,8 @@ def predict_filter(  # type: ignore[no-untyped-def]
     f, r, turned, distance_m = nominal[0], nominal[1], nominal[2], nominal[3]
     cosine, sine = math.cos(angle), math.sin(angle)
     east, north = f * cosine + r * sine, f * sine - r * cosine
-    turn, slip = math.exp(-dt / parameters[1]), math.exp(-dt / parameters[3])
-    slow = math.exp(-dt / parameters[7])
+    turn, slip = math.exp(-dt / parameters[TURN_MEMORY]), math.exp(-dt / parameters[SLIP_MEMORY])
+    slow = math.exp(-dt / parameters[DRIFT_MEMORY])
     step = np.eye(STATE_SIZE)
     step[0, 2], step[1, 2] = -north, east
     # Extra turn moves the end of the piece aside by half its angle.
@@ -145,13 +128,13 @@ def predict_filter(  # type: ignore[no-untyped-def]
     for j in range(TURN, STATE_SIZE):
         estimate[j] *= step[j, j]
     covariance[:] = step @ covariance @ step.T
-    covariance[TURN, TURN] += parameters[0] ** 2 * (1.0 - turn * turn)
-    covariance[SLIP, SLIP] += parameters[2] ** 2 * (1.0 - slip * slip)
-    covariance[HEADING_DRIFT, HEADING_DRIFT] += parameters[5] ** 2 * (1.0 - slow * slow)
-    covariance[EAST_DRIFT, EAST_DRIFT] += parameters[6] ** 2 * (1.0 - slow * slow)
-    covariance[NORTH_DRIFT, NORTH_DRIFT] += parameters[6] ** 2 * (1.0 - slow * slow)
+    covariance[TURN, TURN] += parameters[TURN_SIGMA] ** 2 * (1.0 - turn * turn)
+    covariance[SLIP, SLIP] += parameters[SLIP_SIGMA] ** 2 * (1.0 - slip * slip)
+    covariance[HEADING_DRIFT, HEADING_DRIFT] += parameters[HEADING_DRIFT_SIGMA] ** 2 * (1.0 - slow * slow)
+    covariance[EAST_DRIFT, EAST_DRIFT] += parameters[DRIFT_SIGMA] ** 2 * (1.0 - slow * slow)
+    covariance[NORTH_DRIFT, NORTH_DRIFT] += parameters[DRIFT_SIGMA] ** 2 * (1.0 - slow * slow)
     pace = min(distance_m / dt, 1.0)  # no scatter at standstill
-    push, side = (parameters[4] * pace) ** 2 * dt, (0.1 * parameters[4] * pace) ** 2 * dt
+    push, side = (parameters[ALONG_SIGMA] * pace) ** 2 * dt, (0.1 * parameters[ALONG_SIGMA] * pace) ** 2 * dt
     covariance[0, 0] += push * cosine * cosine + side * sine * sine
     covariance[1, 1] += push * sine * sine + side * cosine * cosine
     covariance[0, 1] += (push - side) * cosine * sine
@@ -236,8 +219,15 @@ def update_by_fix(  # type: ignore[no-untyped-def]
             fix[3] - forward * (1.0 + estimate[SLIP]),
         ]
     )
-    speed_variance = parameters[10] ** 2 + speed_uncertainty_mps * speed_uncertainty_mps
-    variance = np.array([parameters[8] ** 2, parameters[8] ** 2, parameters[9] ** 2, speed_variance])
+    speed_variance = parameters[SPEED_SIGMA] ** 2 + speed_uncertainty_mps * speed_uncertainty_mps
+    variance = np.array(
+        [
+            parameters[POSITION_SIGMA] ** 2,
+            parameters[POSITION_SIGMA] ** 2,
+            parameters[HEADING_SIGMA] ** 2,
+            speed_variance,
+        ]
+    )
     count = MEASUREMENT_SIZE if speed_uncertainty_mps >= 0.0 else MEASUREMENT_SIZE - 1
     for i in range(count):
         if abs(innovation[i]) > outlier_sigmas * math.sqrt(rows[i] @ covariance @ rows[i] + variance[i]):

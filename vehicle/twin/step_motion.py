@@ -83,7 +83,7 @@ def make_tractor_arrays(tractor: Tractor, implement: Implement) -> TractorArrays
         float(model["guide"] + model["shift_forward"]),
         float(tractor.antenna_right_m + model["shift_right"]),
         float(model["latency"] * DT_S),
-        max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S))),
+        tractor.guidance.count_steps(DT_S),
     )
 
 

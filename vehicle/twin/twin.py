@@ -48,17 +48,13 @@ class PoseFix:
 
 @dataclass(frozen=True)
 class TwinState:
-    """The twin at a time, in the frame of PoseFix. `sigma_m` and `sigma_rad` are standard deviations of the filter at
-    the last fix, for both methods."""
+    """The twin at a time, in the frame of PoseFix."""
 
     time_s: float
     x_m: float
     y_m: float
     heading_rad: float
     speed_mps: float
-    wheel_angle_rad: float
-    sigma_m: float
-    sigma_rad: float
 
 
 class Twin:
@@ -81,7 +77,7 @@ class Twin:
                 f"The correction method {method!r} is unknown; use one of: {', '.join(CORRECTION_METHODS)}."
             )
         _check_fix(start)
-        self.tractor, self.implement, self.method = tractor, implement, method
+        self.tractor = tractor
         self._start_s = start.time_s
         machine = make_tractor_arrays(tractor, implement)
         angle = start.heading_rad - machine.bias_rad
@@ -216,12 +212,8 @@ class Twin:
         """The twin now."""
         rolled = self._corrector.rolled
         speed_mps = rolled.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
-        variances = np.diag(self._anchor.tracker.covariance)
-        return TwinState(
-            self._start_s + self._step * DT_S, *rolled.compute_antenna(), float(rolled.body[2]), speed_mps,
-            float(rolled.state["steering"][0]),
-            math.sqrt(0.5 * (variances[0] + variances[1])), math.sqrt(variances[2]),
-        )  # fmt: skip
+        time_s, heading_rad = self._start_s + self._step * DT_S, float(rolled.body[2])
+        return TwinState(time_s, *rolled.compute_antenna(), heading_rad, speed_mps)
 
     def predict_path(self, seconds: float) -> Floats:
         """The predicted path (n, 3) under the held command: antenna east and north (m), heading (rad), every 0.1 s

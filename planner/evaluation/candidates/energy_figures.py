@@ -126,12 +126,11 @@ class CompletedServiceStop:
 
 def find_service_stops(run: SimulationRun) -> list[CompletedServiceStop]:
     """All service stops of a run, in order of time."""
-    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
     stops = []
     for tractor in range(run.plan.tractors):
         is_served = (run.get_statuses(tractor) == STANDING) & ~run.find_folding_rows(tractor)
         spans = find_true_spans(is_served).tolist()
-        stops += [CompletedServiceStop(tractor, first * step_s, last * step_s) for first, last in spans]
+        stops += [CompletedServiceStop(tractor, first * run.step_s, last * run.step_s) for first, last in spans]
     return sorted(stops, key=lambda one: (one.from_s, one.tractor))
 
 

@@ -116,13 +116,8 @@ def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: i
 def locate_antenna(poses: Points, context: PlanningContext) -> Points:
     """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
     x, y, angle = poses.T
-    reach = _get_antenna_offset_m(context)
+    reach = context.tractor.guide_m
     return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
-
-
-def _get_antenna_offset_m(context: PlanningContext) -> float:
-    """How far the antenna is ahead of the centre of mass."""
-    return context.tractor.antenna_forward_m - context.tractor.rear_axle_m
 
 
 def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptArea | None = None) -> Coverage:
@@ -204,7 +199,7 @@ def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext
     """
     boundary, poses = context.layout.field.region_without_obstacles, run.get_poses(tractor)
     shapely.prepare(boundary)
-    outside_m, inside = np.zeros(len(poses)), InteriorCellTable(boundary, abs(_get_antenna_offset_m(context)))
+    outside_m, inside = np.zeros(len(poses)), InteriorCellTable(boundary, abs(context.tractor.guide_m))
     near = inside.find_uncertain(poses)
     path = locate_antenna(poses[near], context)
     is_out = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])

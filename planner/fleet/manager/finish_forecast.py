@@ -11,7 +11,6 @@ from typing import Any
 
 from planner.fleet.model.tractor_state import TractorState
 from planner.fleet.safety.base_release import is_passed
-from vehicle.missions.plan import LegGate
 
 NORMAL = NormalDist()
 NORMAL_SCORES = tuple(NORMAL.inv_cdf(share) for share in (0.80, 0.95))
@@ -124,18 +123,18 @@ class _TractorForecast:
         for gate in self.mission.legs[self.next_leg].gates:
             if is_passed(gate, states) or (self.ends_s and self.next_leg < self.state.base_end):
                 continue  # on base legs only the present one may still wait
-            opens_s = rows[gate.tractor].find_gate_passing_s(gate)
+            opens_s = rows[gate.tractor].find_passing_s(gate.leg, gate.after_m)
             if opens_s is None:
                 return None
             start_s = max(start_s, opens_s)
         return start_s
 
-    def find_gate_passing_s(self, gate: LegGate) -> float | None:
-        """When this tractor reaches the place that a gate waits for; None while its leg is not timed."""
-        index = gate.leg - self.leg
+    def find_passing_s(self, leg: int, leg_m: float) -> float | None:
+        """When this tractor reaches a place, as a gate waits for; None while its leg is not timed."""
+        index = leg - self.leg
         if index < 0:
             return 0.0
         if index >= len(self.ends_s):
             return None
-        share = min(gate.after_m / max(self.mission.lengths_m[gate.leg], 1e-6), 1.0)
-        return self.ends_s[index] - (1.0 - share) * self.mission.leg_seconds[gate.leg] * self.pace
+        share = min(leg_m / max(self.mission.lengths_m[leg], 1e-6), 1.0)
+        return self.ends_s[index] - (1.0 - share) * self.mission.leg_seconds[leg] * self.pace

@@ -273,7 +273,7 @@ class FleetManager(FleetState):
             self._start_doubt(number, build_area_doubt(state.report, state.report.speed_mps), now)
         if now - state.stop_repeated_s >= REPEAT_STOP_S:
             state.stop_repeated_s = now
-            self.stop_tractor(number, next(iter(sorted(state.holds)), "not started"))
+            self.stop_tractor(number, state.stop_reason)
 
     def resend_orders(self, number: int) -> None:
         """Orders to a tractor may be lost: send all that matter again."""

@@ -100,8 +100,8 @@ class ObstacleMap:
             raise FleetManagerError(
                 f"The outline has {len(ring)} points; use at most {MOST_OUTLINE_POINTS}.", parameter="polygon_m"
             )
-        shape = shapely.Polygon(ring) if len(ring) > 2 else None
-        if shape is None or not shape.is_valid or shape.area <= 0.0:
+        shape = _build_valid_polygon(ring)
+        if shape is None or shape.area <= 0.0:
             raise FleetManagerError(
                 "The outline of the obstacle is not a polygon; give three or more corners that do not cross.",
                 parameter="polygon_m",
@@ -114,13 +114,11 @@ class ObstacleMap:
 
     def find_containing_obstacle(self, ring: Ring, who: str) -> FleetObstacle | None:
         """An obstacle of the same reporter that contains this outline, up to SAME_PLACE_M; None if there is none."""
-        shape = shapely.Polygon(ring) if len(ring) > 2 else None
-        if shape is None or not shape.is_valid:
+        shape = _build_valid_polygon(ring)
+        if shape is None:
             return None
-        own_obstacles = (block for block in self.items.values() if block.who == who)
-        return next(
-            (block for block in own_obstacles if shapely.buffer(block.shape, SAME_PLACE_M).contains(shape)), None
-        )
+        own = (block for block in self.items.values() if block.who == who)
+        return next((block for block in own if shapely.buffer(block.shape, SAME_PLACE_M).contains(shape)), None)
 
     def remove_obstacle(self, number: int) -> FleetObstacle:
         """Remove an obstacle. Raises FleetManagerError if there is none of this number."""
@@ -131,8 +129,6 @@ class ObstacleMap:
 
     def find_blocked_legs(self, mission: TimedMission) -> dict[int, str]:
         """Legs that an obstacle blocks, with its name."""
-        if not self.items:
-            return {}
         names: dict[int, str] = {}
         for block in self.items.values():
             for leg in np.flatnonzero(shapely.dwithin(mission.lines, block.shape, self.reach_m)).tolist():
@@ -148,6 +144,12 @@ class ObstacleMap:
         points = state.mission.sample_poses(state.leg, leg_m, distances_m, state.base_end)[:, :2]
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
         return any(shapely.dwithin(line, block.shape, self.reach_m) for block in self.items.values())
+
+
+def _build_valid_polygon(ring: Ring) -> shapely.Polygon | None:
+    """The polygon of a ring; None if its corners do not make one."""
+    shape = shapely.Polygon(ring) if len(ring) > 2 else None
+    return shape if shape is not None and shape.is_valid else None
 
 
 COVERAGE_STEP_M = 1.0
@@ -282,7 +284,7 @@ class FleetState:
         """Send a tractor what it was ordered last, to stop or to resume."""
         state = self.states[number]
         if state.standing_ordered:
-            self.issue_order(number, "stop", reason=sorted(state.holds)[0] if state.holds else "not started")
+            self.issue_order(number, "stop", reason=state.stop_reason)
         else:
             self.issue_order(number, "resume")
 

@@ -16,8 +16,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -31,13 +29,13 @@ from planner.fleet.model.tractor_state import BY_HAND, Hold
 from planner.fleet.safety.motion_prediction import (
     NeighbourFleets,
     NeighbourTractor,
+    PossibleArea,
     compute_centre_poses,
     compute_stopping_time_s,
 )
-from planner.fleet.safety.possible_area import PossibleArea
 from vehicle.missions.plan_file import SavedPlan
 
-AnyArray = npt.NDArray[Any]
+Array = npt.NDArray[np.float64]
 WGS84 = "EPSG:4326"
 FIT_SAMPLES = 5  # sample places along each side of a ground
 
@@ -62,38 +60,38 @@ class GroundConversion:
 
     def __init__(self, source: SavedPlan, target: SavedPlan, ground: shapely.Geometry) -> None:
         self.turn_rad = 0.0
-        self._terms: AnyArray | None = None
+        self._terms: Array | None = None
         self._shift = np.asarray(source.origin_m) - np.asarray(target.origin_m)
         if source.crs != target.crs:
             self._fit_conversion_terms(source, target, shapely.bounds(ground))
 
-    def _fit_conversion_terms(self, source: SavedPlan, target: SavedPlan, bounds: AnyArray) -> None:
+    def _fit_conversion_terms(self, source: SavedPlan, target: SavedPlan, bounds: Array) -> None:
         west, south, east, north = bounds
         self._middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
         self._size = max(east - west, north - south, 1.0)
         x, y = np.meshgrid(*(middle + np.linspace(-0.5, 0.5, FIT_SAMPLES) * self._size for middle in self._middle))
         places = np.column_stack([x.ravel(), y.ravel()])  # a square: one line would not determine the other direction
         converted = _convert_by_wgs84(source, target, places)
-        self._terms = np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0]
+        self._terms = np.asarray(np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0], np.float64)
         ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
         self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
 
-    def _compute_powers(self, places: AnyArray) -> AnyArray:
+    def _compute_powers(self, places: Array) -> Array:
         x, y = ((places - self._middle) / self._size).T
         return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
-    def convert_places(self, places: AnyArray) -> AnyArray:
+    def convert_places(self, places: Array) -> Array:
         """Convert places (n, 2)."""
         return places + self._shift if self._terms is None else self._compute_powers(places) @ self._terms
 
-    def convert_poses(self, poses: AnyArray) -> AnyArray:
+    def convert_poses(self, poses: Array) -> Array:
         """Convert poses (..., 3) of x, y (m) and mathematical heading (rad)."""
         flat = poses.reshape(-1, 3)
         moved = np.column_stack([self.convert_places(flat[:, :2]), flat[:, 2] + self.turn_rad])
         return moved.reshape(poses.shape)
 
 
-def _convert_by_wgs84(source: SavedPlan, target: SavedPlan, places: AnyArray) -> AnyArray:
+def _convert_by_wgs84(source: SavedPlan, target: SavedPlan, places: Array) -> Array:
     """Places (n, 2) in metres of one plan as those of another, through longitude and latitude."""
     if source.crs is None or target.crs is None:
         raise IncomparablePlacesError("One of two plans has local metres and the other a coordinate system.")
@@ -111,19 +109,20 @@ def _convert_by_wgs84(source: SavedPlan, target: SavedPlan, places: AnyArray) ->
     return np.asarray(converted)
 
 
-def are_grounds_near(source: FleetPlan, target: FleetPlan, within_m: float) -> bool:
-    """Whether the grounds of two plans come within `within_m`. Raises IncomparablePlacesError."""
-    ground, target_ground = build_plan_extent(source), build_plan_extent(target)
-    if source.saved.crs == target.saved.crs:
-        shift = np.asarray(source.saved.origin_m) - np.asarray(target.saved.origin_m)
-        return bool(shapely.dwithin(shapely.transform(ground, lambda places: places + shift), target_ground, within_m))
-    moved = shapely.transform(ground, lambda places: _convert_by_wgs84(source.saved, target.saved, places))
-    return bool(shapely.dwithin(moved, target_ground, within_m))
-
-
 NEAR_M = 50.0
 LOOKOUT_M = 5.0  # beyond what two could close in the predicted time
-Array = npt.NDArray[np.float64]
+
+
+def are_grounds_near(source: FleetPlan, target: FleetPlan) -> bool:
+    """Whether the grounds of two plans come within NEAR_M. Raises IncomparablePlacesError."""
+    shift = np.asarray(source.saved.origin_m) - np.asarray(target.saved.origin_m)
+
+    def convert(places: Array) -> Array:
+        is_same = source.saved.crs == target.saved.crs
+        return places + shift if is_same else _convert_by_wgs84(source.saved, target.saved, places)
+
+    moved = shapely.transform(build_plan_extent(source), convert)
+    return bool(shapely.dwithin(moved, build_plan_extent(target), NEAR_M))
 
 
 class NeighbourhoodMember(NeighbourFleets):
@@ -187,23 +186,36 @@ class NeighbourhoodMember(NeighbourFleets):
             return []
         paths = manager.guard.predict_paths(manager.states, numbers, pace)
         poses = conversion.convert_poses(compute_centre_poses(paths, manager.guard.tractor))
-        return [
-            replace(
-                _build_neighbour(number, neighbour, self, poses[k], pace),
-                area=self._convert_area(neighbour, number, pace),
-            )
-            for k, number in enumerate(numbers)
-        ]
+        return [self._build_neighbour(neighbour, number, poses[k], pace) for k, number in enumerate(numbers)]
 
-    def _convert_area(self, neighbour: NeighbourhoodMember, number: int, pace: float) -> PossibleArea | None:
-        """Where a tractor of a neighbour may be, in metres of this fleet; None if it is not in doubt."""
-        manager, (_, conversion) = neighbour.manager, self.neighbours[neighbour.id]
-        area = manager.guard.build_area(number, manager.states[number], pace)
-        if area is None:
-            return None
-        centre, guard = conversion.convert_places(area.centre[None])[0], self.manager.guard
-        clearance_m, release_m = guard.neighbour_clearances_m[0], guard.neighbour_release_m[0]
-        return PossibleArea((neighbour.id, number), centre, area.radii_m, clearance_m, release_m)
+    def _build_neighbour(
+        self, neighbour: NeighbourhoodMember, number: int, path: Array, pace: float
+    ) -> NeighbourTractor:
+        """A tractor of a neighbour with its path in metres of this fleet, and where it may be if it is in doubt."""
+        manager, (_, conversion), guard = neighbour.manager, self.neighbours[neighbour.id], self.manager.guard
+        state, key = manager.states[number], (neighbour.id, number)
+        assert state.report is not None
+        speed_mps, area = abs(state.report.speed_mps), manager.guard.build_area(number, state, pace)
+        if area is not None:
+            centre = conversion.convert_places(area.centre[None])[0]
+            clearance_m, release_m = guard.neighbour_clearances_m[0], guard.neighbour_release_m[0]
+            area = PossibleArea(key, centre, area.radii_m, clearance_m, release_m)
+        return NeighbourTractor(
+            key=key,
+            name=f"tractor {number + 1} of fleet {neighbour.name!r}",
+            fleet=neighbour.name,
+            path=path,
+            model=manager.guard.model[0],
+            boxes=manager.guard.boxes,
+            speed_mps=speed_mps,
+            braking_s=compute_stopping_time_s(speed_mps, manager.rules) / pace,
+            is_waiting=Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND,
+            is_free=manager.dangers.separation.is_free(number),
+            has_priority=neighbour.rank < self.rank,
+            is_linked=manager.is_report_current(number),
+            is_queueing=manager.guard.is_queueing(state),
+            area=area,
+        )
 
     def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
         """Stop all neighbours at once; returns their names."""
@@ -232,7 +244,7 @@ class Neighbourhood:
         for neighbour in self._members.values():
             first, second = member.manager.plan, neighbour.manager.plan
             try:
-                if are_grounds_near(first, second, NEAR_M):
+                if are_grounds_near(first, second):
                     inward = GroundConversion(second.saved, first.saved, build_plan_extent(second))
                     outward = GroundConversion(first.saved, second.saved, build_plan_extent(first))
                     member.neighbours[neighbour.id] = neighbour, inward  # both of them or none
@@ -265,26 +277,3 @@ def _list_positions(member: NeighbourhoodMember, numbers: npt.NDArray[np.int64] 
     states = member.manager.states if numbers is None else [member.manager.states[number] for number in numbers]
     reports = [state.report for state in states if state.report is not None]
     return np.array([[report.x_m, report.y_m] for report in reports]).reshape(-1, 2)
-
-
-def _build_neighbour(
-    number: int, neighbour: NeighbourhoodMember, member: NeighbourhoodMember, path: Array, pace: float
-) -> NeighbourTractor:
-    manager, state = neighbour.manager, neighbour.manager.states[number]
-    assert state.report is not None
-    speed_mps = abs(state.report.speed_mps)
-    return NeighbourTractor(
-        key=(neighbour.id, number),
-        name=f"tractor {number + 1} of fleet {neighbour.name!r}",
-        fleet=neighbour.name,
-        path=path,
-        model=manager.guard.model[0],
-        boxes=manager.guard.boxes,
-        speed_mps=speed_mps,
-        braking_s=compute_stopping_time_s(speed_mps, manager.rules) / pace,
-        is_waiting=Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND,
-        is_free=manager.dangers.separation.is_free(number),
-        has_priority=neighbour.rank < member.rank,
-        is_linked=manager.is_report_current(number),
-        is_queueing=manager.guard.is_queueing(state),
-    )

@@ -215,9 +215,9 @@ class OperatorOrders:
 
     def _find_command_refusal(self, number: int, speed_mps: float, steering_rad: float, now: float) -> str | None:
         state = self.fleet.states[number]
-        barring_holds = sorted(state.holds - SAFE_TO_DRIVE)
-        if barring_holds:
-            return barring_holds[0]
+        barring_hold = min(state.holds - SAFE_TO_DRIVE, default=None)
+        if barring_hold is not None:
+            return barring_hold
         if state.get_connection(now, self.fleet.rules.silence_s) != ONLINE:
             return "its link is broken"
         if now - state.last_fix_s > self.fleet.rules.silence_s:

@@ -183,7 +183,7 @@ def _restore_timing(plan: Plan, timing: Mapping[str, Any]) -> TimedPlan:
 
 def build_timed_missions(plan: Plan, run: SimulationRun) -> tuple[TimedMission, ...]:
     """The missions of a plan with the seconds of each leg in a run, without waiting for others."""
-    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else SHORTEST_LEG_S
+    step_s = run.step_s or SHORTEST_LEG_S
     timed_missions = []
     for number, mission in enumerate(plan.missions):
         driving = (run.get_statuses(number) != WAITING) & (run.time_s < run.finish_s[number])

@@ -207,6 +207,11 @@ class TractorState:
         return self.standing_ordered and self.report is not None and self.report.speed_mps < MOVING_MPS
 
     @property
+    def stop_reason(self) -> str:
+        """The reason in an order to stop."""
+        return min(self.holds, default="not started")
+
+    @property
     def has_no_more_legs(self) -> bool:
         """Whether it drives no more legs: it has failed, or its tracks were given to others."""
         return self.failed or Hold.REASSIGNED in self.holds

@@ -1,4 +1,5 @@
-"""A new plan of a fleet driven from where all tractors are, and joined to what they have driven so far.
+"""A new plan of a fleet driven from where all tractors are, and joined to what they have driven so far; which gates
+remain, and how they count legs.
 
 A driving tractor has moved on when the plan is accepted, so it waits at the end of its base at the earliest. A tractor
 that stands by order may wait where it stands: the fleet manager holds it until its gates open.
@@ -22,9 +23,9 @@ from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.replanning.gates import renumber_leg_gates
+from planner.fleet.safety.base_release import is_passed
 from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
-from vehicle.missions.plan import Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 
 STUB_LENGTH_M = 0.02  # an excluded tractor drives this far in the simulation: it stands in the way
@@ -159,3 +160,45 @@ def build_whole_plan(
         finish_s=finish,
         min_clearance_m=min(plan.min_clearance_m, run.min_clearance_m),
     )
+
+
+def drop_settled_gates(leg: Leg, remaining: RemainingWork, ends: Sequence[int]) -> Leg:
+    """A leg without open gates, without gates on or following of excluded tractors, and without those of legs that no
+    longer exist: each tractor keeps as many as in `ends`."""
+    found = (gate for gate in _find_gates(leg, remaining) if gate.leg < ends[gate.tractor])
+    gates = tuple(gate for gate in found if not is_passed(gate, remaining.states))
+    follow = leg.follow
+    if follow is not None:
+        is_over = remaining.states[follow.tractor].leg > follow.leg or follow.leg >= ends[follow.tractor]
+        follow = None if is_over or follow.tractor in remaining.excluded else follow
+    return replace(leg, gates=gates, follow=follow)
+
+
+def _find_gates(leg: Leg, remaining: RemainingWork) -> list[LegGate]:
+    """The gates of a leg on tractors that still drive; at the entrance an excluded one passes on its own gates."""
+    gates = []
+    for gate in leg.gates:
+        if gate.tractor not in remaining.excluded:
+            gates.append(gate)
+        elif leg.task.kind == ENTER and not remaining.has_tractor_driven(gate.tractor):
+            gates += _find_gates(remaining.plan.timed_missions[gate.tractor].legs[0], remaining)
+    return gates
+
+
+def renumber_leg_gates(leg: Leg, remaining: RemainingWork, sign: int) -> Leg:
+    """Renumber the gates of a leg: counted from the present legs (`sign` -1), or from the start again (1).
+
+    Nobody waits for excluded tractors: their stubs in the simulation say nothing about the real ones.
+    """
+
+    def shift_place(tractor: int, number: int, distance_m: float) -> tuple[int, float]:
+        state = remaining.states[tractor]
+        is_present_leg = number == (state.leg if sign < 0 else 0)
+        return number + sign * state.leg, max(distance_m + (sign * state.leg_m if is_present_leg else 0.0), 0.0)
+
+    awaited_gates = (gate for gate in leg.gates if gate.tractor not in remaining.excluded)
+    gates = tuple(LegGate(g.tractor, *shift_place(g.tractor, g.leg, g.after_m)) for g in awaited_gates)
+    follow = leg.follow
+    if follow is not None:
+        follow = FollowOrder(follow.tractor, shift_place(follow.tractor, follow.leg, 0.0)[0], follow.gap_m)
+    return replace(leg, gates=gates, follow=follow)

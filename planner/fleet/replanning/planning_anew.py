@@ -25,9 +25,8 @@ from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg
-from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates
-from planner.fleet.safety.outlines import PREDICTION_ERROR_M
+from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg, drop_settled_gates
+from planner.fleet.safety.motion_prediction import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
 from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
@@ -275,11 +274,10 @@ def _drive_best(
     driver = RestDriver(remaining, context)
 
     def join(composed: ComposedPlan) -> list[tuple[Leg, ...]]:
-        kept = [
-            tuple(drop_open_gates(leg, remaining) for leg in state.mission.legs[:end])
+        legs = [  # what comes after `ends` are other legs
+            [drop_settled_gates(leg, remaining, ends) for leg in state.mission.legs[:end]]
             for state, end in zip(remaining.states, ends, strict=True)
         ]
-        legs = [list(each) for each in drop_stale_gates(kept, ends)]  # what comes after `ends` are other legs
         programme = composed.programme
         present = [helpers[number] for number in programme.list_present()]
         for number, mission in zip(programme.list_present(), composed.plan.missions, strict=True):

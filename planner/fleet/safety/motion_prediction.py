@@ -1,4 +1,5 @@
-"""Predicted paths of tractors for the next seconds: along base legs, or on the arc of their steering."""
+"""Predicted paths of tractors for the next seconds: along base legs, or on the arc of their steering; their outlines,
+and where one in doubt may be: a circle that grows with its last credible speed."""
 
 from __future__ import annotations
 
@@ -9,15 +10,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import shapely
+import shapely.affinity
 
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
-from planner.fleet.safety.possible_area import PossibleArea
-from vehicle.model.tractor import Tractor
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.compile import list_contact_boxes
 
 Array = npt.NDArray[np.float64]
 STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
+ROUNDING_M = 0.01  # rounding, of distances that must not become smaller
+PREDICTION_ERROR_M = 0.15  # of poses predicted along legs
 
 
 class TwinPredictions:
@@ -119,11 +123,36 @@ def compute_stopping_time_s(speed_mps: float, rules: FleetRules) -> float:
 
 def compute_centre_poses(poses: Array, tractor: Tractor) -> Array:
     """Poses of the centre of mass from poses (..., 3) of the antenna."""
-    guided_m = tractor.antenna_forward_m - tractor.rear_axle_m
     moved = poses.copy()
-    moved[..., 0] -= guided_m * np.cos(poses[..., 2])
-    moved[..., 1] -= guided_m * np.sin(poses[..., 2])
+    moved[..., 0] -= tractor.guide_m * np.cos(poses[..., 2])
+    moved[..., 1] -= tractor.guide_m * np.sin(poses[..., 2])
     return moved
+
+
+def build_footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPolygon:
+    """Outlines of tractor and implement, the centre of mass at the origin, forward along x."""
+    boxes = list_contact_boxes(tractor, implement)
+    return shapely.MultiPolygon([shapely.box(rear, -half, front, half) for rear, front, half in boxes])
+
+
+def is_leading_away(path: Array, place: Array, distances_m: Array, least_m: float) -> bool:
+    """Whether a path (steps, 3) leads away to `least_m` from a machine at `place`, and not back; judged by the
+    distances (steps,) of the outlines, and by the distance of the centres until then."""
+    far_steps = np.flatnonzero(distances_m >= least_m)
+    far_step = int(far_steps[0]) + 1 if len(far_steps) else len(distances_m)
+    centre_distances_m = np.hypot(*(path[:far_step, :2] - place[:2]).T)
+    if (np.maximum.accumulate(centre_distances_m) - centre_distances_m).max() > PREDICTION_ERROR_M:
+        return False
+    return bool(
+        (distances_m >= min(distances_m[0] - ROUNDING_M, least_m)).all() and (distances_m[far_step:] >= least_m).all()
+    )
+
+
+def place_outline(boxes: shapely.MultiPolygon, pose: Array) -> shapely.Geometry:
+    """The outline of a machine, `boxes` as of `build_footprint`, at x, y (m) and heading (mathematical, rad)."""
+    x, y, heading = pose.tolist()
+    cos, sin = math.cos(heading), math.sin(heading)
+    return shapely.unary_union(shapely.affinity.affine_transform(boxes, [cos, -sin, sin, cos, x, y]))
 
 
 AnyArray = npt.NDArray[Any]
@@ -132,11 +161,37 @@ TractorKey = tuple[str, int]
 
 
 @dataclass(frozen=True, eq=False)
+class PossibleArea:
+    """The ground that may be under a machine: within `radii_m` (steps,) of `centre` (2,), in metres of the observing
+    fleet and at its time steps. Others keep `clearance_m` from it, and `release_m` if they stand and would resume."""
+
+    key: int | TractorKey
+    centre: Array
+    radii_m: Array
+    clearance_m: float
+    release_m: float
+
+    def measure_distances_m(self, poses: Array, boxes: Array) -> Array:
+        """Distances (..., steps), negative inside, from machines with `boxes` (n, 3) of tail, nose and half width.
+
+        `poses` (..., steps, 3) are of their centre of mass, at the first of the time steps.
+        """
+        east_m, north_m = self.centre[0] - poses[..., 0], self.centre[1] - poses[..., 1]
+        cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+        ahead_m, aside_m = (cos * east_m + sin * north_m)[..., None], (cos * north_m - sin * east_m)[..., None]
+        tail_m, nose_m, half_m = boxes.T
+        beyond_m = np.maximum(np.maximum(tail_m - ahead_m, ahead_m - nose_m), 0.0)
+        beside_m = np.maximum(np.abs(aside_m) - half_m, 0.0)
+        distances_m: Array = np.hypot(beyond_m, beside_m).min(axis=-1) - self.radii_m[: poses.shape[-2]]
+        return distances_m
+
+
+@dataclass(frozen=True, eq=False)
 class NeighbourTractor:
     """A tractor of another fleet, in metres and seconds of the observing fleet.
 
     `path` (steps, 3) are predicted poses of its centre of mass at the observer's time steps; `model` is its compiled
-    record, `boxes` its outlines as of `outlines.build_footprint`. `is_waiting` means that it stands because another
+    record, `boxes` its outlines as of `build_footprint`. `is_waiting` means that it stands because another
     is near and will resume by itself, `is_free` that its path is clear now, `has_priority` that its fleet has the right
     of way, `is_linked` that orders can reach it, and `is_queueing` that it stands at its entrance, see
     `SafetyGuard.is_queueing`. `area` is where it may be if it is in doubt.
@@ -154,8 +209,8 @@ class NeighbourTractor:
     is_free: bool
     has_priority: bool
     is_linked: bool
-    is_queueing: bool = False
-    area: PossibleArea | None = None
+    is_queueing: bool
+    area: PossibleArea | None
 
     @property
     def expected_path(self) -> AnyArray:

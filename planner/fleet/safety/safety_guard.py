@@ -10,33 +10,30 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import shapely
-import shapely.affinity
 
 from fields.geometry.overlays import intersect
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
 from planner.fleet.safety.motion_prediction import (
+    PREDICTION_ERROR_M,
+    ROUNDING_M,
     STEP_S,
     NeighbourTractor,
+    PossibleArea,
     TractorKey,
     TwinPredictions,
+    build_footprint,
     build_standing_path,
     build_time_steps,
     compute_centre_poses,
     compute_stopping_time_s,
     get_wheel_angle_rad,
+    is_leading_away,
+    place_outline,
     predict_arc,
     predict_path,
 )
-from planner.fleet.safety.outlines import (
-    PREDICTION_ERROR_M,
-    ROUNDING_M,
-    build_footprint,
-    is_leading_away,
-    place_outline,
-)
-from planner.fleet.safety.possible_area import PossibleArea
 from planner.fleet.safety.separation import CONTACT_M, NearPair, SafetyDanger, sort_pair
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.sim.compile import build_model_record, list_contact_boxes
@@ -73,15 +70,12 @@ class SafetyGuard:
         self.boxes = build_footprint(plan.tractor, plan.implement)
         self.box_table = np.array(list_contact_boxes(plan.tractor, plan.implement))
         self.reach_m = float(self.model[0]["reach"])
-        self.clearance_m = min(rules.clearance_m, plan.clearance_m)
-        self.beside_m = min(rules.beside_m, self.clearance_m)
-        more_m = max(min(rules.release_m, RELEASE_SHARE * plan.min_clearance_m - self.clearance_m), 0.0)
-        self.release_clearances_m = self.clearance_m + more_m, self.beside_m + more_m
-        self.neighbour_clearances_m = rules.clearance_m, min(rules.beside_m, rules.clearance_m)
-        self.neighbour_release_m = (
-            self.neighbour_clearances_m[0] + rules.release_m,
-            self.neighbour_clearances_m[1] + rules.release_m,
-        )
+        clearance_m, beside_m = min(rules.clearance_m, plan.clearance_m), min(rules.beside_m, rules.clearance_m)
+        more_m = max(min(rules.release_m, RELEASE_SHARE * plan.min_clearance_m - clearance_m), 0.0)
+        self.clearances_m = clearance_m, min(rules.beside_m, clearance_m)  # ahead, and beside each other
+        self.release_clearances_m = self.clearances_m[0] + more_m, self.clearances_m[1] + more_m
+        self.neighbour_clearances_m = rules.clearance_m, beside_m
+        self.neighbour_release_m = rules.clearance_m + rules.release_m, beside_m + rules.release_m
         self._path_cache: dict[tuple[int, float], tuple[tuple[Any, ...], Array]] = {}
         self.fence = shapely.buffer(plan.ground, rules.fence_margin_m, quad_segs=4)
         shapely.prepare(self.fence)
@@ -150,12 +144,18 @@ class SafetyGuard:
         stopping_s = [compute_stopping_time_s(speed_mps, self.rules) for speed_mps in speeds_mps]
         poses = compute_centre_poses(paths, self.tractor)
         dangers = []
-        for i, j, k, distance_m in self._find_own_approaches(poses, present, states):
+
+        def add_danger(pair: NearPair, k: int, stop_s: float, distance_m: float, distances_m: Array) -> None:
+            in_s, least_distance_m = k * STEP_S, float(distances_m.min())
+            dangers.append(SafetyDanger(*pair, in_s, distance_m, in_s <= stop_s + STEP_S, least_distance_m))
+
+        least_m = max(self.clearances_m[0] - PREDICTION_ERROR_M, CONTACT_M)
+        limits_m = (least_m, min(self.clearances_m[1], least_m)), self.clearances_m
+        for i, j, k, distance_m in self._find_own_approaches(poses, present, states, *limits_m):
             if max(speeds_mps[i], speeds_mps[j]) < MOVING_MPS and k == 0:
                 continue
-            is_urgent = k * STEP_S <= max(stopping_s[i], stopping_s[j]) + STEP_S
-            least_distance_m = float(compute_outline_distances(poses[i], poses[j], self.model).min())
-            dangers.append(SafetyDanger(i, j, k * STEP_S, distance_m, is_urgent, least_distance_m))
+            distances_m = compute_outline_distances(poses[i], poses[j], self.model)
+            add_danger((i, j), k, max(stopping_s[i], stopping_s[j]), distance_m, distances_m)
         for i, neighbour, k, distance_m in self._find_approaches(
             poses, states, neighbours, self.neighbour_clearances_m
         ):
@@ -164,17 +164,11 @@ class SafetyGuard:
                 or self._is_leaving_entrance(poses[i], self.is_queueing(states[i]), neighbour)
             ):
                 continue
-            is_urgent = k * STEP_S <= max(stopping_s[i], neighbour.braking_s) + STEP_S
             distances_m = compute_outline_distances(poses[i], neighbour.path, self.model, neighbour.model[None])
-            least_distance_m = float(distances_m.min())
-            dangers.append(SafetyDanger(i, neighbour.key, k * STEP_S, distance_m, is_urgent, least_distance_m))
+            add_danger((i, neighbour.key), k, max(stopping_s[i], neighbour.braking_s), distance_m, distances_m)
         for i, area, k, distances_m in self._find_area_approaches(poses, states, self.list_areas(states, neighbours)):
-            if k == 0 and speeds_mps[i] < MOVING_MPS:
-                continue
-            first, second = sort_pair(i, area.key)
-            is_urgent = k * STEP_S <= stopping_s[i] + STEP_S
-            least_distance_m = float(distances_m.min())
-            dangers.append(SafetyDanger(first, second, k * STEP_S, float(distances_m[k]), is_urgent, least_distance_m))
+            if k > 0 or speeds_mps[i] >= MOVING_MPS:
+                add_danger(sort_pair(i, area.key), k, stopping_s[i], float(distances_m[k]), distances_m)
         inside = shapely.contains_xy(self.fence, paths[:, :, 0], paths[:, :, 1])
         for i in np.flatnonzero(present & ~inside.all(axis=1)).tolist():
             in_s = float(np.argmin(inside[i])) * STEP_S
@@ -201,7 +195,7 @@ class SafetyGuard:
             return None
         centre = compute_centre_poses(np.array(doubt.pose), self.tractor)[:2]
         grown_m = doubt.radius_m + doubt.speed_mps * pace * build_time_steps(self.rules)
-        return PossibleArea(number, centre, grown_m + self.reach_m, self.clearance_m, self.release_clearances_m[0])
+        return PossibleArea(number, centre, grown_m + self.reach_m, self.clearances_m[0], self.release_clearances_m[0])
 
     def list_areas(self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor]) -> list[PossibleArea]:
         """Where the tractors in doubt may be, those of this fleet and those near it."""
@@ -241,16 +235,22 @@ class SafetyGuard:
         return [(int(numbers[i]), neighbours[j], k, distance_m) for i, j, k, distance_m in approaches_found]
 
     def _find_own_approaches(
-        self, poses: Array, present: npt.NDArray[np.bool_], states: Sequence[TractorState]
+        self,
+        poses: Array,
+        present: npt.NDArray[np.bool_],
+        states: Sequence[TractorState],
+        planned_limits_m: tuple[float, float],
+        limits_m: tuple[float, float],
     ) -> list[tuple[int, int, int, float]]:
         """Pairs that come too near: first, second, step, distance (m).
 
-        For two that both follow the plan the limit is lower by the error of predictions: their gates keep them apart.
+        Limits are ahead and beside. Those of two that both follow the plan (`planned_limits_m`) are lower by the error
+        of predictions: their gates keep them apart.
         """
-        least_m = max(self.clearance_m - PREDICTION_ERROR_M, CONTACT_M)
-        planned = find_close_approaches(poses, present, self.model, least_m, min(self.beside_m, least_m))
-        free = find_close_approaches(poses, present, self.model, self.clearance_m, self.beside_m)
-        return planned + [meeting for meeting in free if not _are_both_following_plan(meeting, states)]
+        planned = find_close_approaches(poses, present, self.model, *planned_limits_m)
+        free = find_close_approaches(poses, present, self.model, *limits_m)
+        is_planned = [state.mode == AUTOMATIC for state in states]
+        return planned + [meeting for meeting in free if not (is_planned[meeting[0]] and is_planned[meeting[1]])]
 
     def find_close_pairs(
         self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor] = ()
@@ -261,12 +261,10 @@ class SafetyGuard:
         """
         present = self.find_tractors_on_field(states)
         poses = compute_centre_poses(self.predict_paths(states), self.tractor)
-        planned = find_close_approaches(poses, present, self.model, self.clearance_m, self.beside_m)
-        free = find_close_approaches(poses, present, self.model, *self.release_clearances_m)
-        meetings = planned + [meetings for meetings in free if not _are_both_following_plan(meetings, states)]
+        limits_m = self.clearances_m, self.release_clearances_m
         distances_m: dict[NearPair, float] = {
             (i, j): float(compute_outline_distances(poses[i, :1], poses[j, :1], self.model)[0])
-            for i, j, _, _ in meetings
+            for i, j, _, _ in self._find_own_approaches(poses, present, states, *limits_m)
         }
         for i, neighbour, _, _ in self._find_approaches(poses, states, neighbours, self.neighbour_release_m):
             distances_m[i, neighbour.key] = self._measure_distance_m(poses[i, :1], neighbour)
@@ -361,9 +359,9 @@ class SafetyGuard:
             if state.report is not None and Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND:
                 paths[number] = build_standing_path(state.report, self.rules)
         present_numbers = np.flatnonzero(self.find_tractors_on_field(states))
-        model, clearances_m = self.model[0], (self.clearance_m, self.beside_m)
+        model = self.model[0]
         predicted_paths: dict[int | TractorKey, _PredictedPath] = {
-            number: _PredictedPath(poses, model, self.boxes, clearances_m, self.release_clearances_m)
+            number: _PredictedPath(poses, model, self.boxes, self.clearances_m, self.release_clearances_m)
             for number, poses in zip(
                 present_numbers.tolist(), compute_centre_poses(paths[present_numbers], self.tractor), strict=True
             )
@@ -444,11 +442,6 @@ class SafetyGuard:
             ):
                 return other_key
         return None
-
-
-def _are_both_following_plan(meeting: tuple[int, int, int, float], states: Sequence[TractorState]) -> bool:
-    """Whether both of a pair follow the plan."""
-    return all(states[number].mode == AUTOMATIC for number in meeting[:2])
 
 
 def _repeat_first_pose(path: Array) -> Array:

@@ -116,7 +116,12 @@ class FleetSession:
             if number is None:
                 raise FleetManagerError("A tractor needs its number; send it as tractor.", parameter="tractor")
             self.manager.check_tractor_number(number)
-            self._displace_previous_link(number, now)
+            previous = self.tractors.get(number)
+            if previous is not None:  # another link claims to be this tractor
+                stop = {"kind": "stop", "reason": "another link took the place of this tractor"}
+                previous.outbox.end_with_frame(encode_frame(stop))
+                self.clients.discard(previous)
+                self.manager.warn_of_replaced_link(number, now)
         else:
             self._link_count += 1
             client.who = f"{client.who} #{self._link_count}"
@@ -129,16 +134,6 @@ class FleetSession:
             self.send_pending_outputs(urgent=False)  # its welcome comes first
         else:
             self._send_full_view(client)
-
-    def _displace_previous_link(self, number: int, now: float) -> None:
-        """Another link claims to be this tractor: stop and close the previous link."""
-        previous = self.tractors.get(number)
-        if previous is not None:
-            previous.outbox.end_with_frame(
-                encode_frame({"kind": "stop", "reason": "another link took the place of this tractor"})
-            )
-            self.clients.discard(previous)
-            self.manager.warn_of_replaced_link(number, now)
 
     def _build_welcome(self, client: FleetClient) -> dict[str, Any]:
         number, rules = client.tractor, self.manager.rules

@@ -100,7 +100,7 @@ def build_scene(manager: FleetManager, deadline_s: float | None) -> dict[str, An
     boxes = {name: round(metres, 3) for name, metres in compute_contact_boxes(plan.tractor, plan.implement).items()}
     machine = {
         "boxes_m": boxes,
-        "antenna_forward_m": plan.tractor.antenna_forward_m - plan.tractor.rear_axle_m,
+        "antenna_forward_m": plan.tractor.guide_m,
         "wheelbase_m": plan.tractor.wheelbase_m,
         "max_steering_deg": plan.tractor.max_steering_deg,
     }

@@ -83,11 +83,10 @@ class StateRecorder:
             self.waiting[number] = []
         return taken
 
-    def mark_saved(self, taken: Sequence[tuple[int, list[StateRow]]]) -> list[tuple[int, int]]:
-        """Mark rows as saved; returns each tractor with its last saved sequence."""
+    def mark_saved(self, taken: Sequence[tuple[int, list[StateRow]]]) -> None:
+        """Mark rows as saved."""
         for number, rows in taken:
             self.saved[number] = rows[-1][0]
-        return [(number, self.saved[number]) for number, _ in taken]
 
     def put_back(self, taken: Sequence[tuple[int, list[StateRow]]]) -> None:
         """Put rows back that could not be saved."""

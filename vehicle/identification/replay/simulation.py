@@ -422,8 +422,7 @@ class Simulator:
         data, filled, tractor = self.data, self._fill("instruments", fields), self.rig.tractor
         places, step_s = data.east, data.path_step_s
         positions = np.empty((2, len(places.places)))
-        ahead = tractor.antenna_forward_m - tractor.rear_axle_m
-        sample_positions(places.places, places.segments, data.path_starts, path, filled, ahead,
+        sample_positions(places.places, places.segments, data.path_starts, path, filled, tractor.guide_m,
                          tractor.antenna_right_m, step_s, positions)  # fmt: skip
         angle = path[2]
         if filled[HEADING_FILTER].max() > 0.0:

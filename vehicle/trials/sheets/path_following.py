@@ -8,13 +8,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vehicle.control.steering import SLEW
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Tractor
 from vehicle.trials.drive import CONTROLLED_POINT_M, SLIP_LOOKAHEAD_M, UNLIMITED_M, Trace
 from vehicle.trials.path_following import (
+    AMPLITUDE_M,
     FIRST_PASS,
     FIRST_PATH_M,
+    HALF_PERIOD_M,
     OFFSETS_CM,
     OMEGAS,
     PASS_M,
@@ -29,6 +30,7 @@ from vehicle.trials.path_following import (
     drive_slip_test,
     drive_step_response,
     drive_zigzag,
+    find_slewing,
     measure_weaving_m,
 )
 from vehicle.trials.sheets.fixed_steering import build_slip_panel
@@ -117,7 +119,7 @@ def _describe_zigzag(drives: dict[tuple[float, float, str], PathTracking], ahead
     for omega in OMEGAS:
         proposed, traditional = drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"]
         gaps.append(100.0 * compute_distance_m(proposed, traditional)[0])
-        slews.append(bool((proposed.trace.get_column("stage") == SLEW).mean() > 0.01))
+        slews.append(bool(find_slewing(proposed.trace).mean() > 0.01))
     gap_list = ", ".join(f"{gap:.1f}" for gap in gaps)
     where = [f"1/{round(1 / omega)}" for omega, slew in zip(OMEGAS, slews, strict=True) if slew]
     stage = f"The third stage matters at omega = {', '.join(where)}." if where else "The third stage is hardly entered."
@@ -132,7 +134,7 @@ def _build_zigzag_panel(
         place = drives[ahead, omega, name].trace.compute_path()
         lines.append(PlotLine(name, place[:, 1], -place[:, 0], number))
     x = np.linspace(0.0, float(place[:, 1].max()), 600)
-    lines.append(PlotLine("path", x, 5.0 * np.sin(omega * x), 3, True))
+    lines.append(PlotLine("path", x, AMPLITUDE_M * np.sin(omega * x), 3, True))
     return PlotPanel(title, "P_x (m)", "P_y (m)", tuple(lines), equal_axes=True)
 
 
@@ -198,8 +200,8 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
     rows = []
     for (ground, subject), printed in TABLE_4_3.items():
         pair = (ground, "nonlinear" if subject == "real" else subject)
-        quantities, values = zip(LATERAL + HEADING, ("m", "m", "deg", "deg"), strict=True), (results[pair], plain[pair])
-        columns = (printed, *map(_list_errors, values))
+        quantities = zip(LATERAL + HEADING, ("m", "m", "deg", "deg"), strict=True)
+        columns = printed, results[pair].errors.compute_sizes(), plain[pair].errors.compute_sizes()
         for (quantity, unit), thesis, ours, bare in zip(quantities, *columns, strict=True):
             note = f"without the engine's curve {bare:.3g} {unit}"
             if subject == "real":
@@ -215,10 +217,6 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
     )
     panels, tables = _build_slip_panels(results), (_build_point_table(tractor),)
     return ExperimentSheet("slip", "Asphalt and mud (Table 4.3)", words, tuple(rows), panels, tables)
-
-
-def _list_errors(result: PathTracking) -> tuple[float, float, float, float]:
-    return result.lateral_max_m, result.lateral_mean_m, result.heading_max_deg, result.heading_mean_deg
 
 
 def _build_point_table(tractor: Tractor) -> TextTable:
@@ -246,7 +244,7 @@ def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[Pl
             place = result.trace.compute_path()
             path_lines.append(PlotLine(model, place[:, 1], -place[:, 0], number))
         x = np.linspace(0.0, float(place[:, 1].max()), 600)
-        path_lines.append(PlotLine("path", x, 5.0 * np.sin(math.pi / 18.8 * x), 3, True))
+        path_lines.append(PlotLine("path", x, AMPLITUDE_M * np.sin(math.pi / HALF_PERIOD_M * x), 3, True))
         panels.append(PlotPanel(f"Paths on {ground}", "P_x (m)", "P_y (m)", tuple(path_lines), equal_axes=True))
         panels.append(build_time_panel(f"Lateral error on {ground}", "Lateral error (cm)", lateral))
         panels.append(build_time_panel(f"Heading error on {ground}", "Heading error (degrees)", heading))
@@ -273,7 +271,7 @@ def _drive_quiet(tractor: Tractor) -> Steps:
     return {
         (ground, steering, speed, offset): drive_step_response(tractor, offset, speed, ground, steering)
         for ground in GROUNDS
-        for steering in ("proposed", "traditional", "none")
+        for steering in SIMULATORS
         for speed in SPEEDS_KMH
         for offset in OFFSETS_CM
     }
@@ -409,7 +407,7 @@ def _build_panels(steps: Steps) -> tuple[PlotPanel, ...]:
         for ground in GROUNDS
     }
     for offset in (50, 100, 200):
-        simulators = {name: steps["soil", name, 5.0, offset] for name in ("proposed", "traditional", "none")}
+        simulators = {name: steps["soil", name, 5.0, offset] for name in SIMULATORS}
         groups[f"{offset} cm on soil, 5 km/h: three simulators"] = simulators
     panels = []
     for title, drives in groups.items():

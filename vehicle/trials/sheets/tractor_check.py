@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from fields.units import HOUR_S, KILO, MINUTE_S
-from vehicle.arrays import Floats
+from vehicle.arrays import Floats, build_directions
 from vehicle.energy.fuel import ElectricDrive, build_power_source
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
@@ -126,9 +126,8 @@ def drive_half_circle(tractor: Tractor) -> HalfCircleTrial:
         for points, kind in zip(pieces, (SWATH, TURN, SWATH), strict=True)
     )
     run = simulate(Plan((Mission(legs),)), tractor, Implement(), max_time_s=MAX_DRIVE_S)
-    path, place, angle = np.concatenate(pieces), run.get_poses(0)[:, :2], run.get_poses(0)[:, 2:]
-    ahead = tractor.antenna_forward_m - tractor.rear_axle_m
-    driven_path = place + ahead * np.hstack([np.cos(angle), np.sin(angle)])
+    path, poses = np.concatenate(pieces), run.get_poses(0)
+    driven_path = poses[:, :2] + tractor.guide_m * build_directions(poses[:, 2])
     distances_m = shapely.distance(shapely.points(driven_path), shapely.LineString(path))
     return HalfCircleTrial(radius, path, driven_path, float(distances_m.max()) if run.outcome == DONE else None)
 
