@@ -19,8 +19,8 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 501, 500, 80, 8, 6.7
-# Modules: five more than there are; the fewer there are, the more each imports.
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 485, 500, 80, 8, 3250
+# Modules: five more than there are. Imports of own modules: all of them, as the fewer modules, the more each imports.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
@@ -251,7 +251,7 @@ def test_sizes(modules: dict[str, Path], plain_graph: Graph) -> None:
     assert len(lines) <= MAX_MODULES
     assert {name: count for name, count in lines.items() if count > MAX_LINES} == {}
     assert 130 <= statistics.median(lines.values()) <= 220
-    assert statistics.mean(len(others) for others in plain_graph.values()) <= MAX_OWN_IMPORTS
+    assert sum(len(others) for others in plain_graph.values()) <= MAX_OWN_IMPORTS
     strategy_modules = {f"strategies.{name.replace('-', '_')}" for name in STRATEGY_NAMES}
     in_roots = [name for name in lines.keys() - strategy_modules if name.count(".") == 1]
     roots = {top: sum(name.startswith(f"{top}.") for name in in_roots) for top in TOP_PACKAGES}
