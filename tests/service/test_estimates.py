@@ -97,7 +97,7 @@ def test_who_may_not_plan_or_has_spent_its_computing_gets_no_estimate(shared: Sh
     assert client.post("/api/v1/estimates", json=VALUES, headers=reader).status_code == 403
     budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
     digest = hash_token(spender["Authorization"].removeprefix("Bearer "))
-    budget.spend_tokens(f"token {digest}", 10.0 * MOST_COMPUTING_S)
+    budget.spend_tokens(digest, 10.0 * MOST_COMPUTING_S)
     answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
     assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
     assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200

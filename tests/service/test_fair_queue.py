@@ -1,6 +1,5 @@
 """Who has much read, or something slow, waits himself; everybody else hardly does."""
 
-import asyncio
 import json
 import threading
 import time
@@ -17,7 +16,6 @@ from planner.service.errors import BusyError
 from planner.service.jobs import file_reading
 from planner.service.jobs.file_reading import (
     FairQueue,
-    FileReader,
     compute_read_timeout_s,
     compute_reading_memory_limit_bytes,
 )
@@ -273,13 +271,3 @@ def test_a_key_of_many_parts_is_refused_at_once(real: tuple[TestClient, dict[str
     answer = client.post(f"/api/v1/{kind}", files={"file": ("deep.toml", text)}, headers=token)
     assert answer.status_code == 422 and "50000 parts" in answer.json()["error"]
     assert time.monotonic() - begin < 8.0
-
-
-@pytest.mark.slow
-def test_a_reader_that_is_closed_reads_again_when_it_is_asked(
-    real: tuple[TestClient, dict[str, str], FastAPI],
-) -> None:
-    reader: FileReader = real[2].state.reader
-    reader.close()
-    read = asyncio.run(reader.read("me", "summary field", {}, ["netherlands"], is_shared=True))
-    assert read["field"]["name"] == "netherlands"
