@@ -4,7 +4,9 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+import shapely
 
+from fields.geometry.field import Field
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
@@ -12,20 +14,15 @@ from planner.pipeline.worker_tasks import pack_context
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.sweep import estimate_task
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("first_layout")]
+
+PLOT = Field("plot", shapely.box(0, 0, 110, 100))
 
 
-@pytest.mark.parametrize(
-    ("field", "tractors", "values"),
-    [
-        ("netherlands", 1, {}),
-        ("netherlands", 8, {}),
-        ("netherlands", 4, {"strategies": ("interleaved",)}),
-    ],
-)
-def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(field: str, tractors: int, values: Any) -> None:
+@pytest.mark.parametrize(("tractors", "values"), [(1, {}), (8, {"strategies": ("split-field",)}), (4, {"strategies": ("interleaved",)})])
+def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(tractors: int, values: Any) -> None:
     """Also of eight tractors that wait for each other, and by another strategy than that of sketches."""
-    order = WorkOrder(PlanRequest(field, width_m=6.0, speed_mps=2.5, tractors=(tractors,), **values))
+    order = WorkOrder(PlanRequest(width_m=6.0, speed_mps=2.5, tractors=(tractors,), **values), PLOT)
     (estimate,) = estimate_task([order], pack_context(prepare_context(order)))
     driven = plan_order(order).ranking.best
     assert driven is not None and driven.strategy in values.get("strategies", (driven.strategy,))
@@ -36,8 +33,9 @@ def test_at_the_driven_speed_an_estimate_is_the_plan_to_take(field: str, tractor
 
 def test_at_other_speeds_estimates_tell_what_they_may_be_off_by() -> None:
     """The more tractors there are, the more of a plan depends on who meets whom."""
-    reference, found = WorkOrder(PlanRequest("iwamizawa", width_m=6.0, speed_mps=2.5, tractors=(1,))), list[float]()
-    orders = [WorkOrder(replace(reference.request, speed_mps=2.0, tractors=(tractors,))) for tractors in (1, 2, 3, 4)]
+    reference, found = WorkOrder(PlanRequest(width_m=6.0, speed_mps=2.5, tractors=(1,)), PLOT), list[float]()
+    requests = [replace(reference.request, speed_mps=2.0, tractors=(tractors,)) for tractors in (1, 2, 3, 4)]
+    orders = [WorkOrder(request, PLOT) for request in requests]
     for plan in estimate_task(orders, pack_context(prepare_context(reference))):
         assert plan.uncertainty_pct is not None
         found.append(plan.uncertainty_pct)
