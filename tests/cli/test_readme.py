@@ -73,6 +73,7 @@ def write_hill(field: Field, path: Path) -> None:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the commands name, and parts of samples; what a service has is there as well."""
+    from tests.truth.drives import circles, straight
     from tests.truth.model import make_logs
     from vehicle.model.tractor import BatteryParameters, load_tractor
     from vehicle.model.tractor_writer import format_tractor_toml
@@ -91,7 +92,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "electric.toml").write_text(format_tractor_toml(electric), encoding="utf-8")
     (place / "runs").mkdir()
     hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
-    for number, log in enumerate(make_logs(hidden, seed=3, origin=parcel.origin_m, rate_hz=10.0)):
+    drives = [straight(90.0, seconds=40.0), circles(1), circles(-1)]
+    for number, log in enumerate(make_logs(hidden, 3, drives, origin=parcel.origin_m, rate_hz=5.0)):
         log.to_csv(place / "runs" / f"{number}.csv", index=False)
         log.to_csv(place / "run.csv", index=False)
     return place
@@ -119,8 +121,9 @@ def test_command(line: str, folder: Path, headland: Run) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_short")
-def test_examples_in_python(capsys: pytest.CaptureFixture[str]) -> None:
-    """All blocks as one script, as a reader would go through them."""
+def test_examples_in_python(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """All blocks as one script, as a reader would go through them on a machine with one core."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
     blocks = re.findall(r"```python\n(.*?)```", read_page("python").text, flags=re.DOTALL)
     assert len(blocks) >= 5
     names: dict[str, object] = {"__name__": "__main__"}
@@ -144,12 +147,12 @@ def test_every_beginning_is_one_of_the_guide() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_short")
 @pytest.mark.parametrize("line", [
     pytest.param(line, marks=pytest.mark.matrix if line.startswith(SELDOM) else ())
     for line in list_guide_commands() if not line.startswith(LEFT_OUT)
 ])  # fmt: skip
-def test_guide_command(line: str, folder: Path, headland: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
+def test_guide_command(line: str, folder: Path, headland: Run) -> None:
     writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
     if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):
         for line in writing:
