@@ -59,26 +59,13 @@ def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: WorkOrder
 
 def test_the_name_is_that_of_the_content(task: WorkOrder) -> None:
     renamed = replace(task.field, name="two", crs="EPSG:32632", origin_m=(5.0, 6.0), remarks=("Hm.",))
-    assert hash_field_time_order(replace(task, field=renamed)) == hash_field_time_order(task)
-    assert hash_field_time_order(replace(task, request=replace(task.request, field="two"))) == hash_field_time_order(
-        task
-    )
+    for same in (replace(task, field=renamed), replace(task, request=replace(task.request, field="two"))):
+        assert hash_field_time_order(same) == hash_field_time_order(task)
     wider = replace(task, field=Field("one", shapely.box(0, 0, 40.001, 80)))
     more = replace(task, request=replace(task.request, tractors=(2,)))
     other = replace(task, tractor=load_tractor("mr1000a"))
     longer = replace(task, implement=Implement(length_m=0.8))
-    assert (
-        len(
-            {
-                hash_field_time_order(task),
-                hash_field_time_order(wider),
-                hash_field_time_order(more),
-                hash_field_time_order(other),
-                hash_field_time_order(longer),
-            }
-        )
-        == 5
-    )
+    assert len({hash_field_time_order(one) for one in (task, wider, more, other, longer)}) == 5
     assert hash_content("a", ["b"]) != hash_content("a", "b") and len(hash_code()) == 64
 
 
