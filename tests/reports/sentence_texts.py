@@ -12,14 +12,8 @@ from pathlib import Path
 from tests.test_structure import ROOT
 
 REFUSING_PACKAGES = (
-    "fields",
-    "planner/cli",
-    "planner/request",
-    "planner/farm",
-    "planner/day",
-    "planner/pipeline",
-    "vehicle/model",
-)
+    "fields", "planner/cli", "planner/request", "planner/farm", "planner/day", "planner/pipeline", "vehicle/model",
+)  # fmt: skip
 """Where refusals come from that users of the command line and of the page meet most."""
 TELLING_MODULES = (
     "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_places.py",
