@@ -155,8 +155,8 @@ def test_the_table_names_the_best_and_the_cheapest(headland: Run, once: Run, sma
 def test_files_are_written_and_valid(headland: Run, small: Path, tmp_path: Path) -> None:
     page, picture, plan_file = tmp_path / "p.html", tmp_path / "p.png", tmp_path / "p.json"
     page.write_text("older")
-    words = ("plan", small, "--local", *TWO, "--no-headland", "--html", page, "--png", picture, "--save", plan_file, "--json")
-    outcome = headland(*words)
+    files = ("--html", page, "--png", picture, "--save", plan_file)
+    outcome = headland("plan", small, "--local", *TWO, "--no-headland", *files, "--json")
     assert outcome.status == 0, outcome.err
     assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "p.png"]
     text = page.read_text()
