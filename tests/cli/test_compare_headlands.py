@@ -17,6 +17,8 @@ from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 QUICK = ("--local", "--tractors", "1", "--processes", "1", "--bearing", "90")
 WAYS = ("--corners", "square,round", "--headland-order", "last", "--headland-passes", "3")
 

@@ -15,8 +15,8 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 
 @pytest.fixture
-def facts(headland: Run, small: Path) -> dict[str, Any]:
-    outcome = headland("field", small, "--local", "--json", "--no-headland")
+def facts(once: Run, small: Path) -> dict[str, Any]:
+    outcome = once("field", small, "--local", "--json", "--no-headland")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
     return found

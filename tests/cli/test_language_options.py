@@ -1,5 +1,7 @@
 """Language and units on the command line: what programs read, and the exit status, are the same for every reader."""
 
+from pathlib import Path
+
 import pytest
 
 from tests.cli.conftest import Run
@@ -25,8 +27,8 @@ def test_programs_read_the_same_bytes(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["--json", pytest.param("--csv", marks=pytest.mark.matrix)])
-def test_a_plan_is_the_same_for_programs(headland: Run, brackets: Brackets, form: str) -> None:
-    words = ("plan", "netherlands", "--tractors", "1", "--strategies", "split-field", form)
+def test_a_plan_is_the_same_for_programs(headland: Run, brackets: Brackets, small: Path, form: str) -> None:
+    words = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", form)
     english, other = headland(*words), headland("--language", "de", "--units", "us", *words)
     assert (other.status, other.out) == (english.status, english.out)
 

@@ -23,7 +23,7 @@ SAVED = (
     ("robot", "--plan", "plan.json", "--fleet", "x", "--seconds", "0.01", "--url", "http://127.0.0.1:9"),
 )  # fmt: skip
 """Every command that reads a saved plan."""
-EVERY, SHARE = 12, 60  # of places and values together each command is given every so many
+EVERY, SHARE = 8, 100  # of places and values together each command is given every so many
 
 WORDS = (
     "", "9" * 10_000, "x" * 10_000, "x y " * 3000, "nan", "-inf", "1e400", "a\nb", "\x1b[2J", "\u2028", "\u202e", "..",

@@ -4,6 +4,7 @@ import os
 import re
 import shutil
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,7 @@ from tests.cli.examples import (
     list_readme_commands,
     run_as_written,
 )
+from tests.truth.drives import Drive, circles, default_programme, straight
 
 MAX_README_LINES = 150
 LEFT_OUT = (*SERVING, EXPERIMENTS, "headland setup")  # compiles everything where it is not yet
@@ -70,10 +72,25 @@ def write_hill(field: Field, path: Path) -> None:
     path.write_bytes(content)
 
 
+@cache
+def find_origin_m() -> tuple[float, float]:
+    """Where the parcel is whose part is the field; asked for before the sample gives way to its part."""
+    return read_field("netherlands").origin_m
+
+
+def write_runs(place: Path, drives: list[Drive], rate_hz: float) -> None:
+    """Logs of a tractor whose steering is off and whose wheels slip."""
+    from tests.truth.model import make_logs
+
+    hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
+    for number, log in enumerate(make_logs(hidden, 3, drives, origin=find_origin_m(), rate_hz=rate_hz)):
+        log.to_csv(place / "runs" / f"{number}.csv", index=False)
+        log.to_csv(place / "run.csv", index=False)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the commands name, and parts of samples; what a service has is there as well."""
-    from tests.truth.model import make_logs
     from vehicle.model.tractor import BatteryParameters, load_tractor
     from vehicle.model.tractor_writer import format_tractor_toml
 
@@ -90,10 +107,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     electric = load_tractor("eg105").model_copy(update={"drive": "electric", "battery": battery})
     (place / "electric.toml").write_text(format_tractor_toml(electric), encoding="utf-8")
     (place / "runs").mkdir()
-    hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
-    for number, log in enumerate(make_logs(hidden, seed=3, origin=parcel.origin_m, rate_hz=10.0)):
-        log.to_csv(place / "runs" / f"{number}.csv", index=False)
-        log.to_csv(place / "run.csv", index=False)
+    write_runs(place, [straight(90.0, seconds=40.0), circles(1), circles(-1)], rate_hz=5.0)
     return place
 
 
@@ -119,8 +133,9 @@ def test_command(line: str, folder: Path, headland: Run) -> None:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("in_short")
-def test_examples_in_python(capsys: pytest.CaptureFixture[str]) -> None:
-    """All blocks as one script, as a reader would go through them."""
+def test_examples_in_python(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """All blocks as one script, as a reader would go through them on a machine with one core."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
     blocks = re.findall(r"```python\n(.*?)```", read_page("python").text, flags=re.DOTALL)
     assert len(blocks) >= 5
     names: dict[str, object] = {"__name__": "__main__"}
@@ -144,14 +159,16 @@ def test_every_beginning_is_one_of_the_guide() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("in_short")
 @pytest.mark.parametrize("line", [
     pytest.param(line, marks=pytest.mark.matrix if line.startswith(SELDOM) else ())
     for line in list_guide_commands() if not line.startswith(LEFT_OUT)
 ])  # fmt: skip
-def test_guide_command(line: str, folder: Path, headland: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder)
+def test_guide_command(line: str, folder: Path, headland: Run) -> None:
     writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
     if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):
         for line in writing:
             run_as_written(line, folder, headland)
+    if line.startswith("headland diagnose runs"):
+        write_runs(folder, default_programme(), rate_hz=10.0)  # a soil is saved where the slip is certain
     run_as_written(line, folder, headland)

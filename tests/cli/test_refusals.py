@@ -143,7 +143,6 @@ def test_an_unknown_command(headland: Run, folder: Path) -> None:
 @pytest.mark.slow
 def test_in_a_process_of_its_own(headland_process: Run) -> None:
     assert_refused(headland_process("plan", "--tractors", "51"), "51 tractors")
-    assert_refused(headland_process("field", "nowhere.geojson"), "no field file")
 
 
 def test_an_earlier_result_stays_when_the_run_fails(headland: Run, folder: Path) -> None:

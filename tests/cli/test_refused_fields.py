@@ -22,16 +22,10 @@ from tests.drawn_fields import feature, line, point, rectangle, ring, write_feat
 pytestmark = pytest.mark.usefixtures("first_layout")
 
 FIELD_FILES = [
-    ("text", "is not JSON"),
-    ("bow", "crosses itself"),
-    ("flat", "'flat'"),
-    ("degrees", "look like degrees; leave out --local"),
-    ("tiny", "headland"),
-    ("narrow", "working width of 3 m"),
-    ("several", "holds 2 fields; choose one"),
-    ("ground", "'lava'"),
-    ("missing", "no field file"),
-]
+    ("text", "is not JSON"), ("bow", "crosses itself"), ("flat", "'flat'"),
+    ("degrees", "look like degrees; leave out --local"), ("tiny", "headland"), ("narrow", "working width of 3 m"),
+    ("several", "holds 2 fields; choose one"), ("ground", "'lava'"), ("missing", "no field file"),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("command", ["plan", "field"])

@@ -59,26 +59,13 @@ def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: WorkOrder
 
 def test_the_name_is_that_of_the_content(task: WorkOrder) -> None:
     renamed = replace(task.field, name="two", crs="EPSG:32632", origin_m=(5.0, 6.0), remarks=("Hm.",))
-    assert hash_field_time_order(replace(task, field=renamed)) == hash_field_time_order(task)
-    assert hash_field_time_order(replace(task, request=replace(task.request, field="two"))) == hash_field_time_order(
-        task
-    )
+    for same in (replace(task, field=renamed), replace(task, request=replace(task.request, field="two"))):
+        assert hash_field_time_order(same) == hash_field_time_order(task)
     wider = replace(task, field=Field("one", shapely.box(0, 0, 40.001, 80)))
     more = replace(task, request=replace(task.request, tractors=(2,)))
     other = replace(task, tractor=load_tractor("mr1000a"))
     longer = replace(task, implement=Implement(length_m=0.8))
-    assert (
-        len(
-            {
-                hash_field_time_order(task),
-                hash_field_time_order(wider),
-                hash_field_time_order(more),
-                hash_field_time_order(other),
-                hash_field_time_order(longer),
-            }
-        )
-        == 5
-    )
+    assert len({hash_field_time_order(one) for one in (task, wider, more, other, longer)}) == 5
     assert hash_content("a", ["b"]) != hash_content("a", "b") and len(hash_code()) == 64
 
 
@@ -132,19 +119,14 @@ def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sources = {
-        "planner/work.py": "from vehicle import drive\nfrom planner.ways import lead\n",
-        "planner/__init__.py": "",
+        "planner/work.py": "from vehicle import drive\nfrom planner.ways import lead\n", "planner/__init__.py": "",
         "planner/ways/__init__.py": "from planner.ways.far import lead\n",
-        "planner/ways/far.py": "from strategies.registry import all\n",
-        "planner/ways/other.py": "",
-        "planner/service/api.py": "import planner.work\n",
-        "vehicle/__init__.py": "",
-        "vehicle/drive.py": "def go():\n    import fields.place\n",
-        "fields/place.py": "import numpy\n",
+        "planner/ways/far.py": "from strategies.registry import all\n", "planner/ways/other.py": "",
+        "planner/service/api.py": "import planner.work\n", "vehicle/__init__.py": "",
+        "vehicle/drive.py": "def go():\n    import fields.place\n", "fields/place.py": "import numpy\n",
         "strategies/registry.py": "from importlib import import_module\nimport_module('one')\n",
-        "strategies/one.py": "",
-        "strategies/data.toml": "",
-    }
+        "strategies/one.py": "", "strategies/data.toml": "",
+    }  # fmt: skip
     for name, text in sources.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -165,16 +147,10 @@ def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() 
     root = Path(__file__).parents[2]
     used = {path.relative_to(root).as_posix() for path in _find_imported_files(root, "planner.day.field_times")}
     assert used >= {
-        "planner/day/field_times.py",
-        "planner/evaluation/candidates/evaluate.py",
-        "planner/risk/leg_graph.py",
-        "vehicle/sim/loop.py",
-        "strategies/interleaved.py",
-        "fields/formats/gpx.py",
-        "strategies/programmes/order_search.py",
-        "fields/layout/swaths.py",
-        "planner/__init__.py",
-    }
+        "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py", "planner/risk/leg_graph.py",
+        "vehicle/sim/loop.py", "strategies/interleaved.py", "fields/formats/gpx.py",
+        "strategies/programmes/order_search.py", "fields/layout/swaths.py", "planner/__init__.py",
+    }  # fmt: skip
     assert not [path for path in used if path.startswith(("planner/service", "planner/commands", "planner/day/solve"))]
 
 

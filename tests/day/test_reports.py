@@ -72,28 +72,10 @@ def result() -> DayResult:
 def test_keys_and_values(result: DayResult) -> None:
     data = json.loads(format_day_json(result))
     assert list(data) == [
-        "jobs",
-        "not_done",
-        "gap_pct",
-        "advice",
-        "machines",
-        "cost",
-        "paid_cost",
-        "risked_cost",
-        "finish_probability",
-        "currency",
-        "samples",
-        "seed",
-        "start_s",
-        "end_s",
-        "remarks",
-        "questions",
-        "shortfalls",
-        "certainty_pct",
-        "p50_done_s",
-        "p95_done_s",
-        "summary",
-    ]
+        "jobs", "not_done", "gap_pct", "advice", "machines", "cost", "paid_cost", "risked_cost", "finish_probability",
+        "currency", "samples", "seed", "start_s", "end_s", "remarks", "questions", "shortfalls", "certainty_pct",
+        "p50_done_s", "p95_done_s", "summary",
+    ]  # fmt: skip
     keys = [field.name for field in fields(DayJob)]
     assert all(list(job) == keys for job in data["jobs"])
     for key in keys:
@@ -103,14 +85,8 @@ def test_keys_and_values(result: DayResult) -> None:
         {"field": "far", "area_ha": 1.0, "cost": 80.0, "reason": "doing it costs 3.10 more than leaving it"}
     ]
     assert data["machines"][1] == {
-        "name": "two",
-        "words": "B",
-        "leaves_s": None,
-        "home_s": None,
-        "km": 0.0,
-        "road_cost": 0.0,
-        "p50_home_s": None,
-    }
+        "name": "two", "words": "B", "leaves_s": None, "home_s": None, "km": 0.0, "road_cost": 0.0, "p50_home_s": None,
+    }  # fmt: skip
 
 
 def test_csv_has_a_row_per_field(result: DayResult) -> None:
@@ -144,12 +120,8 @@ def test_in_a_notebook_a_day_has_its_jobs_as_in_the_json(result: DayResult) -> N
 
 def test_clock_times() -> None:
     assert [format_time_of_day(seconds) for seconds in (0.0, 59.9, 86_399.0, 90_000.0, None)] == [
-        "00:00",
-        "00:01",
-        "00:00+1",
-        "01:00+1",
-        "-",
-    ]
+        "00:00", "00:01", "00:00+1", "01:00+1", "-",
+    ]  # fmt: skip
 
 
 def test_pictures_and_page_repeat(result: DayResult) -> None:

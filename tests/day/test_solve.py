@@ -109,7 +109,7 @@ def test_routes_find_what_the_search_has_missed() -> None:
 
 @pytest.mark.slow
 def test_too_many_routes_leave_a_gap_that_holds(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = at_random(5, fields=10, fleets=2)
+    problem = at_random(5, fields=9, fleets=2)
     best = solve_day(problem)
     assert best == solve_day(problem) and best.gap_pct == 0.0
     monkeypatch.setattr("planner.day.optimization.solver.MAX_LABELS", 20)

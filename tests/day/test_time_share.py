@@ -11,7 +11,7 @@ import planner.evaluation.time_share as shares
 from fields import write_field
 from fields.geometry.field import Field
 from planner.cli.common.progress import StageBar
-from planner.day.field_times import compute_field_time, compute_field_times
+from planner.day.field_times import FieldTime, compute_field_time, compute_field_times
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.evaluation.preparation import prepare_context
@@ -49,6 +49,15 @@ def build_task(width_m: float = 40.0) -> WorkOrder:
     return WorkOrder(REQUEST, field, load_tractor("eg105"), Implement())
 
 
+@pytest.fixture(scope="module")
+def free() -> tuple[FieldTime, int]:
+    """The plan that no limit gives, and the questions that it takes."""
+    with pytest.MonkeyPatch.context() as patch:
+        counted = CountedClock()
+        patch.setattr(shares, "time", counted)
+        return compute_field_time(build_task(), 1e9), counted.questions
+
+
 def test_half_a_share_is_kept_for_what_follows(clock: CountedClock) -> None:
     share = TimeShare(4.0)
     with share.save_half():
@@ -64,17 +73,18 @@ def test_half_a_share_is_kept_for_what_follows(clock: CountedClock) -> None:
 
 class TestCut:
     @pytest.mark.slow
-    def test_enough_time_gives_the_plan_that_no_limit_gives(self, clock: CountedClock) -> None:
+    def test_enough_time_gives_the_plan_that_no_limit_gives(
+        self, clock: CountedClock, free: tuple[FieldTime, int]
+    ) -> None:
         """It lasts: the cache may keep it, whatever the machine."""
-        free, limited = (compute_field_time(build_task(), minutes) for minutes in (1e9, 1e6))
-        assert not free.cut_note and free.is_lasting
-        assert (limited.strategy, limited.time_s, limited.cut_note) == (free.strategy, free.time_s, "")
+        plan, limited = free[0], compute_field_time(build_task(), 1e6)
+        assert not plan.cut_note and plan.is_lasting
+        assert (limited.strategy, limited.time_s, limited.cut_note) == (plan.strategy, plan.time_s, "")
 
     @pytest.mark.slow
-    def test_the_best_plan_found_by_then_is_taken(self, clock: CountedClock) -> None:
+    def test_the_best_plan_found_by_then_is_taken(self, clock: CountedClock, free: tuple[FieldTime, int]) -> None:
         """Every share between none and enough: from some share on there is a plan, cut short, and said to be."""
-        compute_field_time(build_task(), 1e9)
-        needed_s = clock.questions
+        needed_s = free[1]
         cuts = [compute_field_time(build_task(), share * needed_s / MINUTE_S) for share in (0.02, 0.5, 0.99)]
         assert all(cut.cut_note and not cut.is_lasting for cut in cuts)
         assert cuts[0].graph is None and "min of computing" in cuts[0].reason

@@ -70,13 +70,8 @@ class LogSet:
         parts += [f"{name}:{','.join(list_clock_fields(clock))}" for name, clock in case.columns.items()]
         hidden, tractor = "+".join([*parts, *case.outside]), "" if self.tractor == "eg105" else self.tractor
         words = [
-            "varied" if self.is_varied else "",
-            self.reference,
-            case.kind,
-            hidden or "nothing",
-            self.label,
-            tractor,
-        ]
+            "varied" if self.is_varied else "", self.reference, case.kind, hidden or "nothing", self.label, tractor,
+        ]  # fmt: skip
         words += [case.programme, f"{case.rate_hz:g} Hz"]
         return " ".join([*filter(None, words), str(case.seed)])
 

@@ -15,7 +15,7 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log
 from vehicle.model.tractor import load_tractor
 
-RUNS = ("straight_090", "straight_270", "circles_right", "steps")
+RUNS = ("straight_090", "circles_right", "steps")
 
 
 def _draw(frame: pd.DataFrame) -> np.random.Generator:
@@ -98,7 +98,7 @@ def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) ->
 def test_positions_and_commands_alone_earn_no_name(tractor: str, seed: int) -> None:
     logs = [
         build_log(frame[["time_s", "easting_m", "northing_m", "steering_command_deg"]], frame.attrs["name"])
-        for frame in second_logs({}, seed, three_speeds_programme(), tractor)
+        for frame in second_logs({}, seed, three_speeds_programme()[1:5], tractor)
     ]
     found = diagnose_logs(logs, load_tractor(tractor), "soil")
     assert found.named == () and found.unexplained_share == 0.0

@@ -1,4 +1,4 @@
-"""A handful of sets of the second reference: two or three runs each, both tractors, one effect to be named in each.
+"""A handful of sets of the second reference: one to three runs each, both tractors, one effect to be named in each.
 
 All sets of many seeds are `python -m tests.benchmarks.diagnosis`.
 """
@@ -40,8 +40,8 @@ def test_another_steering_and_drive_line_are_no_causes(seed: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "tractor", "runs"),
-    [("steering_offset", "mr1000a", ("there", "back", "right")), ("steering_rate", "eg105", ("there", "steps")),
-     ("wheel_slip", "mr1000a", ("there", "left"))],
+    [("steering_offset", "mr1000a", ("there", "back", "right")), ("steering_rate", "eg105", ("steps",)),
+     ("wheel_slip", "mr1000a", ("left",))],
 )  # fmt: skip
 def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ...], seed: int) -> None:
     found = diagnosed(tractor, seed, runs, name)

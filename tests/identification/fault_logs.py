@@ -7,6 +7,8 @@ import pandas as pd
 
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import second_logs
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Log
 
 START_S, RUNS = 100.0, ("there", "back", "right", "left", "steps", "waves", "tool", "lines")
 
@@ -15,6 +17,12 @@ START_S, RUNS = 100.0, ("there", "back", "right", "left", "steps", "waves", "too
 def clean_frames() -> dict[str, pd.DataFrame]:
     """One clean set: eight runs of 56 s at 10 Hz, one of them with a path follower."""
     return {frame.attrs["name"]: frame for frame in second_logs({}, 61, three_speeds_programme())}
+
+
+@lru_cache(maxsize=1)
+def clean_logs() -> dict[str, Log]:
+    """The same as they are read."""
+    return {name: build_log(frame, name) for name, frame in clean_frames().items()}
 
 
 def rows_of(frame: pd.DataFrame, from_s: float, to_s: float | None) -> np.ndarray:

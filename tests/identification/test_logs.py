@@ -314,7 +314,7 @@ def test_a_wrong_convention_is_named_and_its_fix_mends_it(fix: LogConvention, na
     assert np.allclose(np.cos(np.radians(mended.heading_deg - plain.heading_deg)), 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", [*sorted(set(BENT))[:2], *seldom(*sorted(set(BENT))[2:])])
+@pytest.mark.parametrize("name", [*sorted(set(BENT))[:1], *seldom(*sorted(set(BENT))[1:])])
 @pytest.mark.parametrize(
     "drop", [("steering_deg",), ("speed_mps",), ("speed_mps", "speed_command_mps"), ("heading_deg",)]
 )
@@ -407,23 +407,22 @@ def test_fixes_undo_the_spoiling_exactly(fix: LogConvention) -> None:
         assert np.allclose(mended[name], frame[name], atol=1e-9), name
 
 
-SELDOM = {name for place, name in enumerate(sorted({**CLEAR_SIZES, **OUTSIDE})) if place % 3}
+KNOWN = {**CLEAR_SIZES, **OUTSIDE}
 CASES = [
-    *(
-        pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ())
-        for name in sorted({**CLEAR_SIZES, **OUTSIDE})
-    ),
-    "nothing",
-]
+    *(pytest.param(name, place // 3 % 3, marks=pytest.mark.matrix if place % 3 else ())
+      for place, name in enumerate(sorted(KNOWN))),
+    ("nothing", 0),
+]  # fmt: skip
+"""Effects, and the first of their runs."""
 
 
 def clean(log: Log) -> None:
     assert log.gated == () and log.ignored_columns == () and find_convention_errors(log) == []
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_no_effect_looks_like_a_wrong_convention(name: str) -> None:
-    """Rate, origin, slope, gaps and mirror are drawn."""
+@pytest.mark.parametrize(("name", "first"), CASES)
+def test_no_effect_looks_like_a_wrong_convention(name: str, first: int) -> None:
+    """Every third run of the programme; rate, origin, slope, gaps and mirror are drawn."""
     seed = draw_seed()
     rng = np.random.default_rng(seed)
     conditions = {
@@ -436,9 +435,9 @@ def test_no_effect_looks_like_a_wrong_convention(name: str) -> None:
         "drop": ((), ("steering_deg",), ("steering_command_deg",), ("speed_mps", "speed_command_mps"))[rng.integers(4)],
     }
     print(conditions)
-    known = {**CLEAR_SIZES, **OUTSIDE}
-    effects = {name: known[name]} if name in known else {}
-    for frame in make_logs(effects, seed, [*default_programme(), reversing()], **conditions):
+    effects = {name: KNOWN[name]} if name in KNOWN else {}
+    drives = [*default_programme(), reversing()]
+    for frame in make_logs(effects, seed, drives[first::3], **conditions):
         log = build_log(frame, frame.attrs["name"], check=frame.attrs["name"] != "reversing")
         if frame.attrs["name"] == "reversing":
             assert [one.rule for one in log.gated] == ["shuttle in neutral"] and find_convention_errors(log) == []
@@ -449,22 +448,22 @@ def test_no_effect_looks_like_a_wrong_convention(name: str) -> None:
 def test_two_effects_at_once_are_no_convention_either() -> None:
     effects = {"steering_offset": {"angle_deg": -2.0}, "cross_slope_drift": {"ratio": 0.06, "bearing_deg": 0.0},
                "steering_dead_time": {"time_s": 0.5}, "wheel_slip": {"ratio": 0.25}}  # fmt: skip
-    for index, drive in enumerate(default_programme()):
+    for index, drive in enumerate(default_programme()[::2]):
         clean(build_log(Truth(effects, 3).log(drive, index), drive.name))
 
 
 @pytest.mark.slow
-def test_an_hour_is_read_quickly(tmp_path: Path) -> None:
-    frame = pd.concat([runs()["steps"]] * 110, ignore_index=True)
+def test_half_an_hour_is_read_quickly(tmp_path: Path) -> None:
+    frame = pd.concat([runs()["steps"]] * 55, ignore_index=True)
     frame["time_s"] = np.arange(len(frame)) * 0.05
     frame["easting_m"] = np.arange(len(frame)) * 0.07
     frame["northing_m"] = 0.0
     frame["heading_deg"] = 90.0
-    path = saved(frame, tmp_path / "hour.csv")
-    start = time.perf_counter()
-    log = build_log(read_table(path), "hour", check=False)
+    path = saved(frame, tmp_path / "long.csv")
+    start = time.process_time()
+    log = build_log(read_table(path), "long", check=False)
     find_convention_errors(log)
-    assert log.rows_used > 60000 and time.perf_counter() - start < 6.0
+    assert log.rows_used > 30000 and time.process_time() - start < 3.0
 
 
 def test_a_jump_back_in_time_is_told_by_its_line_and_a_lost_half_by_its_run() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from tests.diagnosis.hiding import hidden
 from tests.identification.log_tables import refusal, runs, table
-from tests.truth.drives import Drive, circles, drive, stairs, straight, triangle
+from tests.truth.drives import Drive, circles, default_programme, drive, stairs, straight, triangle
 from tests.truth.model import Truth, make_logs
 from vehicle.identification.logs.column_quality import drop_constant_columns
 from vehicle.identification.logs.reader import build_log, list_remarks
@@ -28,7 +28,7 @@ def read(frame: pd.DataFrame) -> Log:
 def test_honest_sensors_are_left_alone() -> None:
     slow = {"wheel_slip": {"ratio": 0.12}, "cross_slope_drift": {"ratio": 0.04, "bearing_deg": 20.0}}
     for effects in ({}, slow, hidden(["steering_dead_time", "gnss_latency"]), hidden(["side_slip", "grip_drift"])):
-        for frame in (log_of(WEAVE, 7, **effects), *make_logs(effects, 7, rate_hz=10.0)[:12:3]):
+        for frame in (log_of(WEAVE, 7, **effects), *make_logs(effects, 7, default_programme()[:12:3], rate_hz=10.0)):
             log = read(frame)
             assert log.corrections == ()
             assert not any("off" in one.rule for one in log.gated)

@@ -7,6 +7,7 @@ import pytest
 from tests.examples import seldom
 from tests.identification.analytic_drives import circle, log
 from tests.identification.log_tables import refusal, runs
+from tests.truth.drives import default_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.model import make_logs
 from vehicle.identification.logs.reader import build_log
@@ -45,8 +46,9 @@ def test_logs_of_the_tractor_fit_it() -> None:
 @pytest.mark.parametrize("name", ["steering_gain", *seldom("steering_rate", "side_slip", "steering_dead_time")])
 def test_no_effect_makes_it_another_tractor(name: str) -> None:
     effects = {name: CLEAR_SIZES[name]}
+    drives = default_programme()[2:10]
     for drop in ((), ("steering_deg",)):
-        logs = [build_log(one, "run") for one in make_logs(effects, 4, rate_hz=5.0, drop=drop)[2:10]]
+        logs = [build_log(one, "run") for one in make_logs(effects, 4, drives, rate_hz=5.0, drop=drop)]
         assert explain_other_vehicle(logs, load_tractor("eg105"), "soil") == ""
 
 

@@ -14,7 +14,7 @@ from babel.messages.pofile import read_po, write_po
 from planner.farm.random_inputs import RANDOM_INPUTS
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from reports.plan.figures import COUNT_DROPS, FIGURES, SCREEN_DROPS, TABLE_DROPS
-from tests.reports.sentence_texts import build_key, iter_sentences
+from tests.reports.sentence_texts import build_key, iter_sentences, parse_module
 from tests.test_structure import ROOT
 
 CATALOGUES = ROOT / "reports" / "languages"
@@ -82,6 +82,7 @@ PRINTING = {
     "print_sentence": 1, "open_stage_bar": 1, "TableColumn": 2, "NumberLimits": 1,
 }  # fmt: skip
 """Functions whose first arguments are texts, and how many."""
+CALLS = re.compile(rf"\b(translate_count|{'|'.join(PRINTING)})\(")
 
 Text = str | tuple[str, str]
 """A text, or its forms for one and for many."""
@@ -135,8 +136,8 @@ def _iter_marked_texts() -> Iterator[Text]:
     """Literals that the code gives to functions that translate or print."""
     for package in ("planner", "reports"):
         for path in (ROOT / package).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-                yield from _read_call(node)
+            if CALLS.search(path.read_text(encoding="utf-8")):
+                yield from (text for node in ast.walk(parse_module(path)) for text in _read_call(node))
 
 
 def _iter_figure_texts() -> Iterator[str]:
@@ -148,6 +149,8 @@ def _iter_figure_texts() -> Iterator[str]:
 
 def _read_call(node: ast.AST) -> Iterator[Text]:
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+        return
+    if node.func.id not in ("translate_count", *PRINTING):
         return
     keys = [key for key in map(build_key, node.args[:2]) if key]
     if node.func.id == "translate_count" and len(keys) == 2:

@@ -79,20 +79,11 @@ def drive() -> PlanDrive:
 
 def _plan(rank: int, strategy: str, count: int, turn: str, time_s: float, **more: object) -> PlanResult:
     given: dict[str, object] = {
-        "tractor_time_s": time_s * count,
-        "cost": 0.011 * time_s * count / 10,
-        "meets_deadline": time_s <= 3600.0,
-        "worked_pct": 98.7,
-        "overlap_pct": 1.254,
-        "outside_m": 0.0,
-        "outside_along_m": 0.0,
-        "turning_s": 61.0 * count,
-        "waiting_s": 12.5 * (count - 1),
-        "reversals": 3 * count,
-        "measured": {"formation_pct": 12.5, "folding_s": None},
-        "min_clearance_m": math.inf if count == 1 else 2.345678912,
-        "collisions": 0,
-    }
+        "tractor_time_s": time_s * count, "cost": 0.011 * time_s * count / 10, "meets_deadline": time_s <= 3600.0,
+        "worked_pct": 98.7, "overlap_pct": 1.254, "outside_m": 0.0, "outside_along_m": 0.0, "turning_s": 61.0 * count,
+        "waiting_s": 12.5 * (count - 1), "reversals": 3 * count, "measured": {"formation_pct": 12.5, "folding_s": None},
+        "min_clearance_m": math.inf if count == 1 else 2.345678912, "collisions": 0,
+    }  # fmt: skip
     return PlanResult(strategy, count, turn, True, None, rank, time_s, **(given | more))  # type: ignore[arg-type]
 
 

@@ -6,19 +6,14 @@ They are in English where they are made, and translated where they are shown (`t
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 from tests.test_structure import ROOT
 
 REFUSING_PACKAGES = (
-    "fields",
-    "planner/cli",
-    "planner/request",
-    "planner/farm",
-    "planner/day",
-    "planner/pipeline",
-    "vehicle/model",
-)
+    "fields", "planner/cli", "planner/request", "planner/farm", "planner/day", "planner/pipeline", "vehicle/model",
+)  # fmt: skip
 """Where refusals come from that users of the command line and of the page meet most."""
 TELLING_MODULES = (
     "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_places.py",
@@ -76,9 +71,15 @@ def iter_sentences() -> Iterator[str]:
             yield from _iter_alarms(ROOT / name)
 
 
+@cache
+def parse_module(path: Path) -> ast.Module:
+    """The tree of a module, which several look through."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def _iter_alarms(path: Path) -> Iterator[str]:
     """Sentences anywhere in a module, but for its descriptions."""
-    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    waiting: list[ast.AST] = [parse_module(path)]
     while waiting:
         node = waiting.pop()
         key = build_key(node)
@@ -90,14 +91,16 @@ def _iter_alarms(path: Path) -> Iterator[str]:
 
 def _iter_refusals(path: Path) -> Iterator[str]:
     """What the errors of a module say."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    if "raise " not in path.read_text(encoding="utf-8"):
+        return
+    for node in ast.walk(parse_module(path)):
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
             yield from _iter_keys(node.exc.args[0], least_words=1)
 
 
 def _iter_told(path: Path) -> Iterator[str]:
     """Sentences in the functions of a module that tell something, and in its constants."""
-    module = ast.parse(path.read_text(encoding="utf-8"))
+    module = parse_module(path)
     for constant in module.body:
         if isinstance(constant, ast.Assign | ast.AnnAssign) and constant.value is not None:
             yield from _iter_keys(constant.value)

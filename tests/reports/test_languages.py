@@ -159,7 +159,7 @@ def test_first_screens_have_no_text_without_a_key(
 @pytest.mark.slow
 def test_screens_of_all_languages_print(brackets: Brackets) -> None:
     for build, arguments in SCREENS.values():
-        for width in (40, 80, 160):
+        for width in (40, 80):
             with use_reader(Reader("de", "us")):
                 text = print_text(build(*arguments), width)
             assert text.strip() and max(map(len, text.splitlines())) <= width

@@ -293,15 +293,15 @@ def test_the_front_shows_the_time_to_finish(leaving: PlanRanking) -> None:
 @pytest.mark.slow
 def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: PlanRanking) -> None:
     rng = np.random.default_rng(4)
-    rows, along = 190, np.arange(10.0, 410.0, 0.7)
+    rows, along = 95, np.arange(10.0, 410.0, 0.7)
     lines = [np.column_stack([along if k % 2 else along[::-1], np.full(len(along), 1.5 + 3 * k)]) for k in range(rows)]
     xy = np.vstack(lines) + rng.normal(0.0, 0.08, (rows * len(along), 2))
     seconds: dict[str, tuple[float, ...]] = dict.fromkeys(("turning", "waiting", "reversing"), (0.0,))
     seconds["working"] = (float(len(xy)),)
     tracks = np.array([[[10.0, 1.5 + 3 * k], [410.0, 1.5 + 3 * k]] for k in range(rows)])
-    boundary = np.array([[0.0, 0.0], [420.0, 0.0], [420.0, 570.0], [0.0, 570.0]])
+    boundary = np.array([[0.0, 0.0], [420.0, 0.0], [420.0, 285.0], [0.0, 285.0]])
     big = PlanDrive(
-        "24 ha", boundary, (), tracks, 3.0, 1.0, (xy,), (np.ones(len(xy), dtype=np.int64),), (1.0,), seconds
+        "12 ha", boundary, (), tracks, 3.0, 1.0, (xy,), (np.ones(len(xy), dtype=np.int64),), (1.0,), seconds
     )
     plans = [replace(ranking.plans[0], strategy=f"s{number}", rank=number + 1) for number in range(12)]
     many = {(plan.strategy, plan.tractors): big for plan in plans}

@@ -35,17 +35,11 @@ from reports.plan.shortfall_wording import group_refusals
 @pytest.mark.parametrize(
     ("seconds", "short", "thesis"),
     [
-        (0.0, "0:00:00", "0:00"),
-        (59.4, "0:00:59", "0:59"),
-        (59.5, "0:01:00", "1:00"),
-        (3599.6, "1:00:00", "60:00"),
-        (4475.0, "1:14:35", "74:35"),
-        (-90.0, "-0:01:30", "-1:30"),
-        (None, "-", "-"),
-        (float("nan"), "-", "-"),
+        (0.0, "0:00:00", "0:00"), (59.4, "0:00:59", "0:59"), (59.5, "0:01:00", "1:00"), (3599.6, "1:00:00", "60:00"),
+        (4475.0, "1:14:35", "74:35"), (-90.0, "-0:01:30", "-1:30"), (None, "-", "-"), (float("nan"), "-", "-"),
         (float("inf"), "-", "-"),
     ],
-)
+)  # fmt: skip
 def test_durations_by_hand(seconds: float | None, short: str, thesis: str) -> None:
     assert format_duration(seconds) == short
     assert format_minutes(seconds) == thesis

@@ -80,7 +80,7 @@ def test_draws_follow_the_table() -> None:
     """Pearson's chi-square over the cells; its mean is the degrees of freedom, its variance twice that."""
     table, count = load_default_error_table(), 200_000
     expected = (table[:, 3] - table[:, 2]) / table[-1, 3] * count
-    for key in make_error_keys(3, 4):
+    for key in make_error_keys(3, 2):
         drawn = draw_errors(int(key), count, table)
         cells = {(int(x), int(y)): row for row, (x, y) in enumerate(table[:, :2])}
         found = np.bincount([cells[int(x), int(y)] for x, y in drawn], minlength=len(table))

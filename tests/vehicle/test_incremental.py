@@ -47,13 +47,8 @@ def test_every_plan_is_driven_as_in_a_new_world(build: Any, eg105: Tractor, impl
     # 5 km/h are 83 m a minute: the hold is after 260 m, the slower legs after 200 m; then the first leg is another, and
     # the last plan has that of the last one that was done.
     assert began == [
-        0.0,
-        3 * SNAPSHOT_INTERVAL_S,
-        2 * SNAPSHOT_INTERVAL_S,
-        2 * SNAPSHOT_INTERVAL_S,
-        0.0,
-        2 * SNAPSHOT_INTERVAL_S,
-    ]
+        0.0, 3 * SNAPSHOT_INTERVAL_S, 2 * SNAPSHOT_INTERVAL_S, 2 * SNAPSHOT_INTERVAL_S, 0.0, 2 * SNAPSHOT_INTERVAL_S,
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("metres", "began_s"), [(60.0, 240.0), (72.0, 240.0), (85.0, 180.0), (140.0, 180.0)])

@@ -31,15 +31,10 @@ def test_effects_and_discrepancy_model_become_settings_and_fields(eg105: Tractor
     assert own.settings == {"steering_offset": {"angle_deg": 2.0}, DISCREPANCY_KEY: {"grip_by_speed": 0.1}}
     changed = {name: value for name, value in own.fields.items() if value != NEUTRAL_FIELDS[name]}
     assert changed == {
-        "affected": 1.0,
-        "offset": math.radians(2.0),
-        "discrepancy_model": 1.0,
-        "discrepancy_grip_by_speed": 0.1,
-        "discrepancy_slow": 0.5,
-        "discrepancy_fast": 2.5,
-        "discrepancy_left": math.radians(-20.0),
+        "affected": 1.0, "offset": math.radians(2.0), "discrepancy_model": 1.0, "discrepancy_grip_by_speed": 0.1,
+        "discrepancy_slow": 0.5, "discrepancy_fast": 2.5, "discrepancy_left": math.radians(-20.0),
         "discrepancy_right": math.radians(10.0),
-    }
+    }  # fmt: skip
 
 
 def test_a_discrepancy_model_that_is_off_is_ignored(eg105: Tractor) -> None:

@@ -22,7 +22,7 @@ from tests.fields.test_fuzz_forms import damaged, ends_well
 from tests.works.conftest import HEADER, binary, main_file
 from tests.works.test_other_forms import MAPPING, csv_lines, write_points
 
-CASES = int(os.environ.get("HEADLAND_TEST_CASES", "300"))
+CASES = int(os.environ.get("HEADLAND_TEST_CASES", "200"))
 """What is damaged is the same every time; HEADLAND_TEST_CASES damages more."""
 MEMORY = Path("/dev/shm")
 ROWS = 60

@@ -18,6 +18,8 @@ from planner.pipeline.going_on import OTHERS_ERROR_M, go_on
 from planner.request.plan_request import PlanRequest
 from tests.works.conftest import TRACK_M, TRACKS, WIDTH_M, lonlat
 
+pytestmark = pytest.mark.usefixtures("first_layout")
+
 DONE_M2 = TRACKS * TRACK_M * WIDTH_M
 
 
@@ -48,7 +50,8 @@ def test_time_logs_of_isoxml_and_imported_runs_are_done_alike(
         assert done is not None and done.area == pytest.approx(DONE_M2, rel=0.03)
     first, second = (context.layout.field.done for context in contexts)
     assert first is not None and second is not None and first.symmetric_difference(second).area < 0.01 * DONE_M2
-    status, out, _ = headland("plan", field, "--width", WIDTH_M, "--done", taskdata)
+    one = ("--tractors", 1, "--strategies", "split-field", "--processes", 1)
+    status, out, _ = headland("plan", field, "--width", WIDTH_M, "--done", taskdata, *one)
     assert status == 0 and "> recommended" in out
 
 

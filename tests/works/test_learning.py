@@ -5,6 +5,7 @@ import math
 import random
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,17 +47,18 @@ turn_cv = 0.5    # a guess
 """
 
 
-@pytest.fixture
-def runs(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Six runs of the drive by hand."""
-    stick = tmp_path / "TASKDATA"
+    place = tmp_path_factory.mktemp("six")
+    stick = place / "TASKDATA"
     stick.mkdir()
     names = [f"TLG{number:05d}" for number in range(1, 7)]
     (stick / "TASKDATA.XML").write_text(main_file("".join(f'<TLG A="{name}"/>' for name in names)))
     for name in names:
         (stick / f"{name}.xml").write_text(HEADER)
         (stick / f"{name}.bin").write_bytes(binary())
-    folder = tmp_path / "runs"
+    folder = place / "runs"
     folder.mkdir()
     for name, text in import_runs([str(stick)]).files.items():
         (folder / name).write_text(text)
@@ -70,8 +72,15 @@ def farm(tmp_path: Path) -> Path:
     return path
 
 
-def test_what_is_true_of_the_runs_is_learnt(runs: Path, farm: Path) -> None:
-    lesson = learn_farm_values([runs], farm)
+@pytest.fixture(scope="module")
+def lesson(runs: Path) -> Any:
+    """What the farm learns from them."""
+    path = runs.parent / "farm.toml"
+    path.write_text(FARM)
+    return learn_farm_values([runs], path)
+
+
+def test_what_is_true_of_the_runs_is_learnt(lesson: Any) -> None:
     learnt = {one.key: one for one in lesson.values}
     speed = learnt["implements.mower.speed_kmh"]
     assert speed.value == pytest.approx(3.6 * WORK_MPS, abs=0.01) and speed.low == speed.high == speed.value
@@ -83,16 +92,15 @@ def test_what_is_true_of_the_runs_is_learnt(runs: Path, farm: Path) -> None:
     assert learnt["uncertainty.turn_cv"].value == 0.0
 
 
-def test_the_turn_speed_makes_the_simulated_turn_last_as_long(runs: Path, farm: Path) -> None:
-    (turn,) = (one for one in learn_farm_values([runs], farm).values if one.key.endswith("turn_speed_kmh"))
+def test_the_turn_speed_makes_the_simulated_turn_last_as_long(lesson: Any) -> None:
+    (turn,) = (one for one in lesson.values if one.key.endswith("turn_speed_kmh"))
     # A turn lasts from the last row at work, one step before the end of the track.
     assert turn.measured.startswith(f"{TURN_S + 1:.1f} s per turn over 1 track")
     simulated = TurnSpeedFit(load_tractor("eg105"), Implement(width_m=WIDTH_M), WORK_MPS, 1)
     assert simulated.simulate_turn_seconds(float(turn.value) / 3.6) == pytest.approx(TURN_S + 1, abs=0.2)
 
 
-def test_every_other_byte_stays(runs: Path, farm: Path) -> None:
-    lesson = learn_farm_values([runs], farm)
+def test_every_other_byte_stays(lesson: Any) -> None:
     added = [line for line in lesson.text.splitlines() if line not in FARM.splitlines()]
     kept = [line for line in lesson.text.splitlines(keepends=True) if line in FARM.splitlines(keepends=True)]
     assert "".join(kept[: len(FARM.splitlines())]) == FARM
@@ -103,22 +111,21 @@ def test_every_other_byte_stays(runs: Path, farm: Path) -> None:
 
 
 @pytest.mark.slow
-def test_values_of_ones_own_stay_unless_asked(runs: Path, farm: Path) -> None:
-    first = learn_farm_values([runs], farm)
-    (turns,) = (one for one in first.values if one.key == "uncertainty.turn_cv")
-    assert turns.done == "kept 0.5" and "turn_cv = 0.5    # a guess" in first.text
-    farm.write_text(first.text)
+def test_values_of_ones_own_stay_unless_asked(runs: Path, farm: Path, lesson: Any) -> None:
+    (turns,) = (one for one in lesson.values if one.key == "uncertainty.turn_cv")
+    assert turns.done == "kept 0.5" and "turn_cv = 0.5    # a guess" in lesson.text
+    farm.write_text(lesson.text)
     again = learn_farm_values([runs], farm)
-    assert again.text == first.text  # what was learnt is learnt anew
+    assert again.text == lesson.text  # what was learnt is learnt anew
     forced = learn_farm_values([runs], farm, replace_given=True)
     assert tomllib.loads(forced.text)["uncertainty"]["turn_cv"] == 0.0
-    farm.write_text(first.text.replace("speed_kmh = 7.2 ", "speed_kmh = 8.0 "))
+    farm.write_text(lesson.text.replace("speed_kmh = 7.2 ", "speed_kmh = 8.0 "))
     (speed,) = (one for one in learn_farm_values([runs], farm).values if one.key == "implements.mower.speed_kmh")
     assert speed.done == "kept 8"
 
 
-def test_plans_use_and_cite_it(runs: Path, farm: Path) -> None:
-    farm.write_text(learn_farm_values([runs], farm).text)
+def test_plans_use_and_cite_it(farm: Path, lesson: Any) -> None:
+    farm.write_text(lesson.text)
     own = load_farm(farm)
     question = complete_request_by_farm(PlanRequest(field="iwamizawa"), own, implement_name="mower")
     assert question.request.speed_mps == pytest.approx(WORK_MPS)
@@ -136,11 +143,11 @@ def test_plans_use_and_cite_it(runs: Path, farm: Path) -> None:
     assert cited["uncertainty", "stop_s"] == "given"  # changed by hand, so the logs are no source of it
 
 
-def test_a_ranking_tells_what_its_farm_learnt(runs: Path, farm: Path) -> None:
+def test_a_ranking_tells_what_its_farm_learnt(farm: Path, lesson: Any) -> None:
     from planner.pipeline.planning import add_machine_names
     from reports.common.plan_results import PlanRanking
 
-    farm.write_text(learn_farm_values([runs], farm).text)
+    farm.write_text(lesson.text)
     question = complete_request_by_farm(PlanRequest(field="iwamizawa"), load_farm(farm), implement_name="mower")
     told = add_machine_names(PlanRanking("iwamizawa", 1.0, 1, ()), question.cost_terms)
     assert any(words.startswith("speed_kmh 7.2") for words in told.scenario["learned"])
@@ -217,14 +224,14 @@ def test_estimates_by_hand() -> None:
     assert found.high == pytest.approx(1.0) and found.low == pytest.approx(18.0 / (18.0 + z * z))
 
 
-def test_farm_files_of_all_kinds_are_kept_or_refused(runs: Path, farm: Path) -> None:
-    """A thousand damaged farm files: what comes out reads back with just the learnt values changed, or is refused."""
+def test_farm_files_of_all_kinds_are_kept_or_refused(farm: Path) -> None:
+    """Five hundred damaged farm files: what comes out reads back with just the learnt values changed, or is refused."""
     from planner.task_logs.farm_learning import _check_edit, _insert_learned_values
     from reports.task_logs.run_results import LearnedOutcome
     from tests.fields.test_fuzz_forms import damaged
 
     draw, good = random.Random(20270), 0
-    for _ in range(1_000):
+    for _ in range(500):
         text = damaged(FARM, draw)
         try:
             from planner.farm.inventory import parse_farm
@@ -244,12 +251,11 @@ def test_farm_files_of_all_kinds_are_kept_or_refused(runs: Path, farm: Path) -> 
             continue
         good += 1
         assert tomllib.loads(edited)["uncertainty"]["stop_s"] == 9.0
-    assert 20 < good < 980
+    assert 10 < good < 490
 
 
-def test_json_of_what_was_taught(runs: Path, farm: Path) -> None:
+def test_json_of_what_was_taught(lesson: Any) -> None:
     from reports.task_logs.report import format_learned_json
 
-    lesson = learn_farm_values([runs], farm)
     told = json.loads(format_learned_json(lesson.values, lesson.notes))
     assert [one["key"] for one in told["learned"]] == [one.key for one in lesson.values]

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.identification.fault_logs import clean_frames
+from tests.identification.fault_logs import clean_frames, clean_logs
 from tests.truth.drives import straight
 from tests.truth.second import Second
 from vehicle.identification.diagnosis.corrections import mark_stale_columns_of_set
@@ -104,8 +104,7 @@ def test_a_command_at_rest_is_no_older_than_a_moving_one() -> None:
 
 
 def test_a_heading_of_every_row_is_no_held_one() -> None:
-    logs = [build_log(frame, name) for name, frame in clean_frames().items()]
-    assert describe_columns(mark_stale_columns_of_set(logs), []) == ()
+    assert describe_columns(mark_stale_columns_of_set(list(clean_logs().values())), []) == ()
 
 
 def test_a_correction_of_all_runs_is_told_of_all_and_one_of_some_by_the_first() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.identification.fault_logs import START_S, clean_frames, degrade, freeze, ignore_commands, rows_of
+from tests.identification.fault_logs import START_S, clean_frames, clean_logs, degrade, freeze, ignore_commands, rows_of
 from tests.truth.drives import drive, stairs, steps, three_speeds_programme
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
 from tests.truth.second import second_logs
@@ -28,11 +28,12 @@ from vehicle.model.tractor import Tractor, load_tractor
 
 
 def build_logs(changed: dict[str, pd.DataFrame]) -> list[Log]:
-    return [build_log(frame, name) for name, frame in (clean_frames() | changed).items()]
+    return list((clean_logs() | {name: build_log(frame, name) for name, frame in changed.items()}).values())
 
 
 def build_unread_logs(changed: dict[str, pd.DataFrame], monkeypatch: pytest.MonkeyPatch) -> list[Log]:
     """Logs of which the reader has not looked for faults of columns."""
+    assert not any(log.faults for log in clean_logs().values())
     monkeypatch.setattr("vehicle.identification.logs.reader.find_column_faults", lambda columns, name: [])
     return build_logs(changed)
 

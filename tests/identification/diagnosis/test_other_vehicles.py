@@ -1,6 +1,7 @@
 """How the vehicle of logs turns, on kinematic truth: front wheels, rear wheels, or a joint (tests.truth.joints)."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import pandas as pd
@@ -25,17 +26,23 @@ FILE_ANTENNA_M = 1.1
 TURNS = (3.0, -3.0, 12.0, -12.0, 20.0, -20.0, 6.0, -16.0, 0.0)
 
 
-def list_drives() -> list[Drive]:
+def list_drives(hold_s: float = 5.0) -> tuple[Drive, ...]:
     """Steps at walking pace and faster, and bends at two speeds."""
-    paces = stairs((12.0, 0.8), (12.0, 2.0), (12.0, 0.8), (12.0, 2.0))
-    return [
-        steps(TURNS, 5.0, "slow_steps", 0.9),
-        steps(TURNS[::-1], 5.0, "fast_steps", 2.0),
-        drive("bends", 48.0, stairs((24.0, 14.0), (24.0, -14.0)), paces),
-    ]
+    pace_s = 2.4 * hold_s
+    paces = stairs((pace_s, 0.8), (pace_s, 2.0), (pace_s, 0.8), (pace_s, 2.0))
+    return (
+        steps(TURNS, hold_s, "slow_steps", 0.9),
+        steps(TURNS[::-1], hold_s, "fast_steps", 2.0),
+        drive("bends", 4.0 * pace_s, stairs((2.0 * pace_s, 14.0), (2.0 * pace_s, -14.0)), paces),
+    )
 
 
-def make_logs(vehicle: Jointed, sensed: bool = True, drives: list[Drive] | None = None) -> list[Log]:
+SHORT = list_drives(10.0 / 3.0)
+"""Long enough for a diagnosis of what is easily seen."""
+
+
+@lru_cache(maxsize=4)
+def make_logs(vehicle: Jointed, sensed: bool = True, drives: tuple[Drive, ...] = ()) -> list[Log]:
     runs = [drive_jointed(vehicle, run, number, sensed) for number, run in enumerate(drives or list_drives())]
     return [build_log(run, run.attrs["name"], wheelbase_m=vehicle.base_m) for run in runs]
 
@@ -70,7 +77,7 @@ def turn_compass(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
 
 @pytest.mark.slow
 def test_what_a_compass_does_has_a_hint_and_no_name() -> None:
-    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number) for number, run in enumerate(list_drives())]
+    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number) for number, run in enumerate(SHORT)]
     logs = [build_log(turn_compass(run, 20.0), run.attrs["name"], wheelbase_m=2.4) for run in runs]
     found = diagnose_logs(logs, make_file(2.4), "soil")
     assert "cross_slope_drift" not in found.named and "cross_slope_drift" not in found.tractor.effects
@@ -113,7 +120,7 @@ def test_a_model_car_at_the_speed_of_a_tractor_shows_nothing() -> None:
 
 
 def test_straight_drives_show_nothing() -> None:
-    straight = [drive(f"straight_{number}", 60.0, stairs((60.0, 0.0)), 1.5) for number in range(2)]
+    straight = tuple(drive(f"straight_{number}", 60.0, stairs((60.0, 0.0)), 1.5) for number in range(2))
     assert find_other_turning(make_logs(Jointed(JOINT, 2.4, 2.0), drives=straight), make_file(2.4, 2.0)) is None
 
 
@@ -129,7 +136,7 @@ def test_effects_of_the_wheel_sensor_keep_their_names() -> None:
 
 
 def diagnose(vehicle: Jointed, file_antenna_m: float) -> tuple[Diagnosis, OtherTurning | None]:
-    logs, tractor = make_logs(vehicle), make_file(vehicle.base_m, file_antenna_m)
+    logs, tractor = make_logs(vehicle, drives=SHORT), make_file(vehicle.base_m, file_antenna_m)
     return diagnose_logs(logs, tractor, "soil"), find_other_turning(logs, tractor)
 
 

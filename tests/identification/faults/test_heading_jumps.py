@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.identification.fault_logs import START_S, clean_frames
+from tests.identification.fault_logs import START_S, clean_frames, clean_logs
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
 from vehicle.identification.faults.level_steps import HEADING_JUMP, correct_heading_jumps
 from vehicle.identification.logs.reader import build_log
@@ -55,6 +55,6 @@ def test_what_does_not_jump_once_is_left_as_it_is(kind: str, name: str) -> None:
 
 
 def test_clean_runs_have_none_and_need_no_heading() -> None:
-    logs = [build_log(frame, name) for name, frame in clean_frames().items()]
+    logs = list(clean_logs().values())
     without = [build_log(frame.drop(columns="heading_deg"), name) for name, frame in clean_frames().items()]
     assert correct_heading_jumps(logs) == logs and correct_heading_jumps(without) == without

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.identification.fault_logs import RUNS, START_S, clean_frames
+from tests.identification.fault_logs import RUNS, START_S, clean_frames, clean_logs
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
 from vehicle.identification.faults.level_steps import STEERING_JUMP, mark_level_step
 from vehicle.identification.logs.reader import build_log
@@ -28,8 +28,9 @@ def step(frame: pd.DataFrame, at_s: float, size_deg: float) -> np.ndarray:
 
 def mark(changed: dict[str, pd.DataFrame], dropped: tuple[str, ...] = ()) -> tuple[list[Log], list[LogFault]]:
     """Logs that were searched for a step, with faults."""
-    frames = clean_frames() | changed
-    logs = mark_level_step([build_log(frame.drop(columns=list(dropped)), name) for name, frame in frames.items()])
+    frames = clean_frames() | changed if dropped else changed
+    built = {name: build_log(frame.drop(columns=list(dropped)), name) for name, frame in frames.items()}
+    logs = mark_level_step(list((clean_logs() | built).values()))
     return logs, [fault for log in logs for fault in log.faults]
 
 
@@ -56,7 +57,7 @@ def test_a_step_is_found_with_its_time_and_size(
     marked = next(log for log in logs if log.name == "lines")
     assert float(marked.time_s[marked.used].max()) - START_S < 28.0
     assert [log.rows_used for log in logs if log.name != "lines"] == [
-        build_log(frame, name).rows_used for name, frame in clean_frames().items() if name != "lines"
+        log.rows_used for name, log in clean_logs().items() if name != "lines"
     ]
 
 

@@ -1,13 +1,17 @@
 """Steering columns under each other's names are refused with the fix; right names are never doubted."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from tests.identification.fault_logs import clean_frames
 from tests.identification.log_tables import refusal
-from tests.truth.cases import ColumnClock, TruthCase
+from tests.truth.cases import TruthCase
+from tests.truth.second import second_logs
 from tests.truth.third import make_third_logs
+from tests.truth.third_drives import PROGRAMMES
 from vehicle.identification.logs.conventions import find_swapped_steering
 from vehicle.identification.logs.reader import build_log, read_logs
 from vehicle.identification.logs.readings import LogConvention
@@ -51,15 +55,19 @@ def test_logs_that_do_not_show_it_are_not_doubted() -> None:
     assert not is_doubted(clean_frames()["steps"].drop(columns="steering_deg"))
 
 
-MORE_SETS = (("closed", 10.0), *((name, rate_hz) for name in ("three_speeds", "mixed") for rate_hz in (5.0, 10.0)))
+@pytest.mark.parametrize(("programme", "rate_hz"), [("closed", 5.0), ("one_sided", 10.0)])
+def test_swapped_logs_of_few_steps_are_told(programme: str, rate_hz: float) -> None:
+    frames = second_logs({}, 51, PROGRAMMES[programme](), rate_hz=rate_hz)
+    assert any(is_doubted(frame.rename(columns=NAMES)) for frame in frames)
+    assert not any(is_doubted(frame) for frame in frames)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("programme", "rate_hz"),
-    [("closed", 5.0), ("one_sided", 10.0), ("ordered_angles", 10.0)]
-    + [pytest.param(*each, marks=pytest.mark.matrix) for each in MORE_SETS],
-)
+SETS = (*((name, rate_hz) for name in ("three_speeds", "mixed", "closed") for rate_hz in (5.0, 10.0)),
+        ("one_sided", 10.0), ("ordered_angles", 10.0))  # fmt: skip
+
+
+@pytest.mark.matrix
+@pytest.mark.parametrize(("programme", "rate_hz"), SETS)
 def test_any_set_of_swapped_logs_is_told(programme: str, rate_hz: float) -> None:
     """Small steps of the angle, as these last two have them, do not show at 5 Hz which column jumps."""
     for seed in (51, 52):
@@ -68,21 +76,26 @@ def test_any_set_of_swapped_logs_is_told(programme: str, rate_hz: float) -> None
         assert not any(is_doubted(frame) for frame in frames)
 
 
-@pytest.mark.slow
+COMMAND, WHEEL = "steering_command_deg", "steering_deg"
+
+
+def move(frame: pd.DataFrame, column: str, rows: int) -> pd.DataFrame:
+    """The frame with a column that comes so many rows later."""
+    return frame.assign(**{column: frame[column].shift(rows).bfill().ffill()})
+
+
+def hold(frame: pd.DataFrame, column: str, rows: int) -> pd.DataFrame:
+    """The frame with a column that is read once in so many rows."""
+    return frame.assign(**{column: frame[column].to_numpy()[np.arange(len(frame)) // rows * rows]})
+
+
 @pytest.mark.parametrize(
-    "programme",
-    ["closed", *(pytest.param(name, marks=pytest.mark.matrix) for name in ("three_speeds", "mixed", "default"))],
-)
-@pytest.mark.parametrize(
-    "columns",
+    "change",
     [
-        {"steering_command": ColumnClock(offset_s=0.5)},
-        {"steering_command": ColumnClock(offset_s=0.5), "steering": ColumnClock(hold_s=1.0)},
-        {"steering": ColumnClock(offset_s=-0.5)},
-        {"steering": ColumnClock(hold_s=2.0, hold_jitter=0.1)},
-        {"steering_command": ColumnClock(hold_s=2.0)},
+        lambda frame: move(frame, COMMAND, 5), lambda frame: hold(move(frame, COMMAND, 5), WHEEL, 10),
+        lambda frame: move(frame, WHEEL, -5), lambda frame: hold(frame, WHEEL, 20),
+        lambda frame: hold(frame, COMMAND, 20),
     ],
-)
-def test_clocks_and_sparse_columns_are_no_swap(columns: dict[str, ColumnClock], programme: str) -> None:
-    frames = make_third_logs(TruthCase("clean", 53, columns=columns, programme=programme))
-    assert not any(is_doubted(frame) for frame in frames)
+)  # fmt: skip
+def test_late_and_sparse_columns_are_no_swap(change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:
+    assert not [name for name, frame in clean_frames().items() if is_doubted(change(frame))]
