@@ -59,13 +59,13 @@ from pathlib import Path
 import numpy as np
 from planner.cli.main import main
 from planner.fleet.session.fleet_twins import warm_up
-from tests.truth.drives import three_speeds_programme
+from tests.truth.drives import default_programme, three_speeds_programme
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
 warm_up()
 second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
 here = Path.cwd()
-for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):
+for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, 3, default_programme()[:8])):
     log.to_csv(here / f"{{number}}.csv", index=False)
 sys.argv = ["headland", "diagnose", *map(str, sorted(here.glob("*.csv"))), "--json"]
 main()

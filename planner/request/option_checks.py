@@ -66,13 +66,18 @@ def check_speeds(speed_mps: float, least_mps: float | None, greatest_mps: float 
 def check_layout(request: Any) -> None:
     """Raise RequestError for wishes on headland and tracks of a PlanRequest that exclude each other.
 
-    A headland is left or worked, and given in metres or in passes; tracks have one kind of bearing, within a full
-    circle, and along contours none of their own, and a worked headland.
+    A headland is left or worked, and given in metres or in passes; where it is left nobody comes in through an entrance.
+    Tracks have one kind of bearing, within a full circle, and along contours none of their own, and a worked headland.
     """
     if request.no_headland and request.headland_order is not None:
         raise RequestError(
             f"{mark_parameter('no_headland')} leaves the headland, and {mark_parameter('headland_order')} says when to "
             "work it; leave out one of them."
+        )
+    if request.no_headland and request.entrance is not None:
+        raise RequestError(
+            f"{mark_parameter('no_headland')} plans work on tracks alone, and {mark_parameter('entrance')} says where "
+            "tractors come in; leave out one of them."
         )
     if request.headland_passes is not None and (request.no_headland or request.headland_m):
         is_left = request.no_headland

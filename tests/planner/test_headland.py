@@ -144,6 +144,7 @@ def test_samples_are_worked_whole(name: str, tractors: int) -> None:
         ({"corners": "sharp"}, "corners 'sharp' is unknown"),
         ({"headland_order": "never"}, "headland_order 'never' is unknown"),
         ({"no_headland": True, "headland_order": "first"}, "no_headland leaves the headland"),
+        ({"no_headland": True, "entrance": (4.6, 52.1)}, "no_headland plans work on tracks alone"),
         ({"headland_passes": 0}, "is 0; use 1 to 50"),
         ({"headland_passes": 51}, "is 51; use 1 to 50"),
         ({"headland_passes": 2, "no_headland": True}, "no_headland leaves the headland"),

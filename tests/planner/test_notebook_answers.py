@@ -23,6 +23,7 @@ from planner.service.sandbox.readings import read_day_form
 from reports.plan.figures import format_ranking_csv
 from tests.reports.test_notebook import EVIL, check_shown
 from tests.service.conftest import SMALL
+from tests.truth.drives import default_programme
 from tests.truth.model import make_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.missions.plan_file import parse_saved_plan
@@ -176,7 +177,7 @@ def test_a_saved_plan_remembers_the_time_that_was_given(answer: PlanningResult) 
 @pytest.mark.slow
 def test_a_replay_and_a_diagnosis_go_to_pandas_as_their_json(tmp_path: Path) -> None:
     logs = []
-    for number, table in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:2]):
+    for number, table in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, 3, default_programme()[:2])):
         logs.append(tmp_path / f"{number}.csv")
         table.to_csv(logs[-1], index=False)
     replayed, found = replay(logs[0]), diagnose(logs)
