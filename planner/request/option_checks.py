@@ -66,7 +66,7 @@ def check_speeds(speed_mps: float, least_mps: float | None, greatest_mps: float 
 def check_layout(request: Any) -> None:
     """Raise RequestError for wishes on headland and tracks of a PlanRequest that exclude each other.
 
-    A headland is left or worked, and given in metres or in passes; where it is left nobody comes in through an entrance.
+    A headland is left or worked, and given in metres or in passes; where it is left nobody comes in by an entrance.
     Tracks have one kind of bearing, within a full circle, and along contours none of their own, and a worked headland.
     """
     if request.no_headland and request.headland_order is not None:
