@@ -120,6 +120,7 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
         look: dict[str, Any] = {"marker": marker, "markersize": size, "markerfacecolor": "white"}
         for x, y, _ in find_stops(xy, status, drive.step_s, stop_status):
             axes.plot(x, y, markeredgecolor=colour, zorder=5, **look)
+    axes.plot(*xy[-1], marker="X", markersize=8, color=colour, markeredgecolor="white", linestyle="none", zorder=6.9)
     axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
     look = {"color": "white", "fontsize": 7, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 8}
     axes.annotate(str(number + 1), xy[0], **look)
@@ -169,7 +170,7 @@ _WIDEST_WITH_LISTS_INCHES = 11.0
 
 
 def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
-    """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
+    """The field and each tractor's path, to scale, north up, with start and end, entrance, scale bar and legend.
 
     Tracks and headland passes have their numbers, cells their outline, number and bearing, worked legs their direction
     and number, as many as have room. Leg lists are beside or below the map where they fit. Unworked ground is hatched,
@@ -217,8 +218,8 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
 def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
     """Everything on the ground, with scale and north arrow, but without title, legend and leg lists.
 
-    Hatching lies over unworked ground, with the area of its largest piece; every tractor has its path with its start
-    and stops, and its worked legs with direction and number.
+    Hatching lies over unworked ground, with the area of its largest piece; every tractor has its path with its start,
+    end and stops, and its worked legs with direction and number.
     """
     from matplotlib.collections import LineCollection, PolyCollection
 
@@ -359,6 +360,7 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
         (SERVICE_STATUS in driven, mark(marker="D", markerfacecolor="white", label=drive.service)),
         (FOLDING_STATUS in driven, mark(marker="H", markerfacecolor="white", label="fold or unfold")),
         (count, mark(marker="o", markerfacecolor="grey", label="start")),
+        (count, mark(marker="X", markerfacecolor="grey", label="end")),
         (drive.entrance, mark(marker="v", markerfacecolor=ink, label="entrance")),
         (drive.headland_passes, Patch(facecolor=odd_pass, edgecolor=even_pass, label="headland passes")),
         (drive.cells, line(color=ink, linewidth=1.0, linestyle="dashed", label="cells")),
