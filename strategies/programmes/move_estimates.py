@@ -69,7 +69,7 @@ class MoveEstimates:
     @cached_property
     def is_apart(self) -> Flags:
         """Whether nodes (2, n, n) lie in parts of the ground between which no passage is as wide as the machine, with
-        the implement up (0) and folded (1)."""
+        the implement up (0) and folded (1): all, where it does not fold."""
         middles = [line.get_pose(0, 0.5 * line.measure_path_m(0)) for line in self.lines]
         bars = np.array([shift_pose_ahead(pose, -self.site.rules.tool_m)[:2] for pose in middles]).reshape(-1, 2)
         is_apart = np.ones((2, len(self.ends), len(self.ends)), bool)

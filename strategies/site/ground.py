@@ -185,7 +185,7 @@ def measure_length_inside(a, rows, grid, frame, depth) -> float:  # type: ignore
 def label_parts(grid, least):  # type: ignore[no-untyped-def]
     """Numbers from 1 (ny, nx) of the parts of a grid where distances are `least` or more, 0 where they are not."""
     rows, columns = grid.shape
-    parts, waiting, number = np.zeros(grid.shape, np.int64), np.empty(grid.size, np.int64), 0
+    parts, waiting, number = np.zeros(grid.shape, np.int32), np.empty(grid.size, np.int32), 0
     for first in range(grid.size):
         if parts[first // columns, first % columns] or grid[first // columns, first % columns] < least:
             continue
