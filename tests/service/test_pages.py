@@ -117,7 +117,8 @@ def test_a_plan_is_asked_for_in_the_words_of_the_service_and_no_second_of_its_pr
     made.polls = 0
     seen = page.evaluate(LONGEST_SILENCE)
     asked = {"field": NASTY, "width": 3.5, "deadline": "17:00", "tractors": "1-3", "tractor": "eg105"}
-    assert made.requests == [("plans", asked | {"strategies": "split-field,interleaved"})]
+    plans = [request for request in made.requests if request[0] == "plans"]
+    assert plans == [("plans", asked | {"strategies": "split-field,interleaved"})]
     assert seen["first"] < 1000 and seen["silence"] < 1000, seen
     shares = [each for each in seen["words"] if re.fullmatch(r"Simulating plans: [12] of 3, (33|67)\xa0%", each)]
     assert "Checking what was asked" in seen["words"] and shares, seen
@@ -153,9 +154,9 @@ def test_a_field_is_drawn_by_keys_and_uploaded(watched: WatchedPage, pages: tupl
     page.wait_for_selector("text=4 corners, 0.50\xa0ha")
     page.click("text=Use this field")
     page.wait_for_function("() => document.querySelector('select[name=fields]').value === 'myfield'")
-    kind, text = made.requests[0]
-    ring = json.loads(text)["features"][0]["geometry"]["coordinates"][0]
-    assert kind == "fields" and ring == [[0, 0], [100, 0], [100, 50], [0, 50], [0, 0]]
+    (drawing,) = (sent for kind, sent in made.requests if kind == "fields")  # the page also asks for estimates
+    ring = json.loads(drawing)["features"][0]["geometry"]["coordinates"][0]
+    assert ring == [[0, 0], [100, 0], [100, 50], [0, 50], [0, 0]]
     assert page.is_checked("input[name=local]"), "a drawing without a place is in metres"
     watched.well()
 

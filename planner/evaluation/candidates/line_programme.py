@@ -464,7 +464,7 @@ def list_left_remarks(programme: Programme, context: PlanningContext) -> tuple[R
     count = "1 line of work is" if len(left) == 1 else f"{len(left)} lines of work are"
     x_m, y_m = np.mean(max(left, key=lambda line: line.own_m2).paths[0], axis=0).tolist()
     where = f"{'in all, the largest ' if len(left) > 1 else ''}{describe_position(x_m, y_m, context)}"
-    text = f"{count} left ({left_m2:.0f} m2 {where}): not worth the drive for this machine"
+    text = f"{count} left ({left_m2:.0f} m2 {where}): out of reach of this machine, or not worth the drive"
     return (
         Remark(Stake.WORK, text),
         Remark(Stake.WORK, "a smaller turning radius or a narrower implement may help"),
