@@ -147,8 +147,8 @@ def _list_folder_members(folder: Path, max_depth: int) -> dict[str, str]:
 
 
 def _is_system_artefact(path: PurePosixPath) -> bool:
-    """Whether a file is an artefact of the system: .name or __MACOSX."""
-    return path.name.startswith(".") or "__MACOSX" in path.parts
+    """Whether a file, or a folder it is in, is an artefact of the system: .name or __MACOSX."""
+    return any(part.startswith(".") or part == "__MACOSX" for part in path.parts)
 
 
 def _read_limited(path: Path) -> bytes:

@@ -43,3 +43,10 @@ def test_every_document_of_a_kmz_is_read(tmp_path: Path) -> None:
         tmp_path / "farm.kmz", files__a_kml=KML.format(name="East", x=16), doc_kml=KML.format(name="West", x=15)
     )
     assert [one.key for one in list_fields(place)] == ["West", "East"]
+
+
+def test_hidden_folders_are_not_searched(tmp_path: Path) -> None:
+    (tmp_path / ".stversions").mkdir()
+    (tmp_path / ".stversions" / "old.kml").write_text(KML.format(name="Old", x=15))
+    (tmp_path / "new.kml").write_text(KML.format(name="New", x=16))
+    assert read_field(tmp_path).name == "New"
