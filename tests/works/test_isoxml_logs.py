@@ -9,7 +9,8 @@ import pytest
 
 from fields.errors import HeadlandError
 from planner.pipeline.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
-from planner.task_logs.formats.isoxml_logs import format_isoxml_time, parse_time_log
+from planner.task_logs.formats.isoxml_logs import TLG_EPOCH, parse_time_log
+from planner.task_logs.formats.log_format import format_time
 from planner.task_logs.log_import import import_runs, read_task_logs
 from planner.task_logs.runs.phases import classify_phases, summarise_run
 from planner.task_logs.runs.run_files import load_imported_run
@@ -126,6 +127,15 @@ def test_rows_without_a_place_or_out_of_order_are_counted(taskdata: Path) -> Non
         assert any(words in note for note in run.notes), run.notes
 
 
+def test_a_run_starts_at_its_first_row_with_a_place(taskdata: Path) -> None:
+    time_s, xy, works = drive()
+    places = lonlat(xy)
+    places[:30] = 0.0  # the receiver has no position yet
+    (taskdata / "TLG00001.bin").write_bytes(encode_records(time_s, places, values(time_s, xy, works)))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.time_s[0] == 0.0 and run.start.endswith("T08:00:30")
+
+
 def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     time_s, xy, works = drive()
     late = time_s + 57_500.0  # from 23:58:20 on
@@ -198,9 +208,9 @@ def test_run_files_read_back_and_diagnosis_refuses_them_for_what_they_lack(taskd
 
 
 def test_moments() -> None:
-    assert format_isoxml_time(0.0) == "1980-01-01T00:00:00"
-    assert format_isoxml_time(86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
-    assert format_isoxml_time(1e18) == ""
+    assert format_time(TLG_EPOCH, 0.0) == "1980-01-01T00:00:00"
+    assert format_time(TLG_EPOCH, 86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
+    assert format_time(TLG_EPOCH, 1e18) == ""
 
 
 def test_logged_heights_are_read_in_metres(taskdata: Path) -> None:

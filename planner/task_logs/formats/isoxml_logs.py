@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from datetime import date, timedelta
+from datetime import datetime
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -41,7 +41,7 @@ _POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", 
 """Parts of a position in a record, with the kind of their number (struct)."""
 DEGREES_PER_UNIT = 1e-7
 METRES_PER_MM = 1.0 / KILO
-TLG_EPOCH = date(1980, 1, 1)
+TLG_EPOCH = datetime(1980, 1, 1)
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
 COUNTER_DDIS = {
@@ -137,16 +137,6 @@ def _parse_records(data: bytes, struct_format: str, column_count: int) -> tuple[
     return table, np.array(rows, dtype=np.float64).reshape(len(rows), column_count), len(data) - place
 
 
-def format_isoxml_time(seconds: float) -> str:
-    """Seconds since 1980 as "2020-01-02T17:30:20"; "" if out of range."""
-    day, rest_s = divmod(round(seconds), DAY_S)
-    try:
-        when = TLG_EPOCH + timedelta(days=day)
-    except OverflowError:
-        return ""
-    return f"{when.isoformat()}T{rest_s // 3600:02d}:{rest_s // 60 % 60:02d}:{rest_s % 60:02d}"
-
-
 @dataclass(frozen=True)
 class _ValuePresentation:
     """Conversion of a value for display by its device: (number + offset) x scale, and its unit."""
@@ -213,8 +203,6 @@ def _read_run(
         rows = count_noun(len(log.time_s), "record")
         notes.append(f"{count_noun(log.lost_bytes, 'byte')} after {rows} skipped: not a complete record")
     is_working = _find_work_state(log, notes)
-    speed = _find_speed_mps(log, values)
-    time_s = _unwrap_midnight(log.time_s, notes)
     lonlat = np.column_stack([log.lon_deg, log.lat_deg])
     lonlat[log.fix_status == 0] = np.nan
     columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
@@ -223,16 +211,15 @@ def _read_run(
         name=name,
         log_format="ISOXML",
         lonlat=lonlat,
-        time_s=time_s,
-        speed_mps=speed,
+        time_s=_unwrap_midnight(log.time_s, notes),
+        speed_mps=_find_speed_mps(log, values),
         is_working=is_working,
         width_m=float(max(widths)) * METRES_PER_MM if widths else None,
         counters=_compute_counter_rises(log),
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
     )
-    start = float(time_s[0]) if len(time_s) else 0.0
-    return replace(remove_unusable_rows(run), start=format_isoxml_time(start))
+    return remove_unusable_rows(run, TLG_EPOCH)
 
 
 def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime, timedelta
 
 import numpy as np
 
@@ -20,10 +21,11 @@ MIN_ROWS = 10
 LogFormat = FileFormat[LogContents]
 
 
-def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
+def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> LoggedRun:
     """The run without unusable rows, its time from 0; notes give the number of dropped rows by reason.
 
-    Raises LogError if fewer than MIN_ROWS rows remain.
+    `epoch` is when the times of the run were 0; None if unknown, as is its start then. Raises LogError if fewer than
+    MIN_ROWS rows remain.
     """
     lon, lat = run.lonlat.T
     has_position = np.isfinite(run.lonlat).all(axis=1) & (np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)
@@ -47,8 +49,17 @@ def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
         run,
         lonlat=run.lonlat[rows],
         time_s=run.time_s[rows] - run.time_s[rows[0]],
+        start="" if epoch is None else format_time(epoch, float(run.time_s[rows[0]])),
         speed_mps=None if run.speed_mps is None else run.speed_mps[rows],
         is_working=None if run.is_working is None else run.is_working[rows],
         elevation_m=None if run.elevation_m is None else run.elevation_m[rows],
         notes=(*run.notes, *notes),
     )
+
+
+def format_time(epoch: datetime, seconds: float) -> str:
+    """A time as "2020-01-02T17:30:20"; "" if out of range."""
+    try:
+        return (epoch + timedelta(seconds=round(seconds))).isoformat()
+    except OverflowError:
+        return ""
