@@ -207,6 +207,11 @@ def test_run_files_read_back_and_diagnosis_refuses_them_for_what_they_lack(taskd
         read_log(log)
 
 
+def test_names_of_files_keep_letters_that_are_not_ascii(taskdata: Path) -> None:
+    (taskdata / "TASKDATA.XML").write_text(main_file().replace("Long acre", "Højgård Straße"), encoding="utf-8")
+    assert "2026-05-04_Hojgard-Strasse_TLG00001.csv" in import_runs([str(taskdata)]).files
+
+
 def test_moments() -> None:
     assert format_time(TLG_EPOCH, 0.0) == "1980-01-01T00:00:00"
     assert format_time(TLG_EPOCH, 86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
