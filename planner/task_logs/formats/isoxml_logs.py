@@ -18,7 +18,7 @@ import numpy as np
 
 from fields.errors import FieldError
 from fields.formats import isoxml
-from fields.formats.archive import ArchiveMembers, is_archive
+from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
 from fields.units import DAY_S, KILO, MPS_PER_KMH
@@ -147,16 +147,13 @@ class _ValuePresentation:
 
 
 def _read_isoxml_logs(path: str, label: str) -> LogContents:
-    place = Path(path)
-    is_container = place.is_dir() or is_archive(place)
-    if not is_container and place.name.lower() != isoxml.TASKDATA_FILE:
+    members = open_folder_or_archive(path)
+    if members.path != Path(path) and Path(path).name.lower() != isoxml.TASKDATA_FILE:
         raise LogError(f"{label} is a single file of task data; name its folder, or the TASKDATA.XML in it.")
-    members = ArchiveMembers(place) if is_container else ArchiveMembers(place.parent, 0)
-    taskdata_files = members.find_paths_by_name(isoxml.TASKDATA_FILE) if is_container else [place.name]
     runs: list[LoggedRun] = []
     notes: list[str] = []
-    for taskdata_file in taskdata_files:  # each with its own limit of bytes
-        runs += _read_runs(ArchiveMembers(place) if is_container else members, taskdata_file, label, notes)
+    for taskdata_file in members.find_paths_by_name(isoxml.TASKDATA_FILE):  # each with its own limit of bytes
+        runs += _read_runs(open_folder_or_archive(path), taskdata_file, label, notes)
     if not runs and not notes:
         raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
     return LogContents(tuple(runs), tuple(notes))

@@ -45,16 +45,10 @@ def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> Logge
         count = count_noun(len(rows), "row")
         raise LogError(f"only {count} of {len(run.time_s)} usable; a run needs {MIN_ROWS} with time and position.")
     notes = [f"{count_noun(count, 'row')} {why} skipped" for count, why in dropped if count]
-    return replace(
-        run,
-        lonlat=run.lonlat[rows],
-        time_s=run.time_s[rows] - run.time_s[rows[0]],
-        start="" if epoch is None else format_time(epoch, float(run.time_s[rows[0]])),
-        speed_mps=None if run.speed_mps is None else run.speed_mps[rows],
-        is_working=None if run.is_working is None else run.is_working[rows],
-        elevation_m=None if run.elevation_m is None else run.elevation_m[rows],
-        notes=(*run.notes, *notes),
-    )
+    run = run.select_rows(rows)
+    first_s = float(run.time_s[0])
+    start = "" if epoch is None else format_time(epoch, first_s)
+    return replace(run, time_s=run.time_s - first_s, start=start, notes=(*run.notes, *notes))
 
 
 def format_time(epoch: datetime, seconds: float) -> str:

@@ -55,21 +55,19 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     time_s = _parse_times(columns)
     metadata = _read_metadata(members, name, stem)
     notes = [encoding_note] if encoding_note else []
-    works = _find_work_state(columns, notes)
-    elevation_m = _find_elevation_m(columns, metadata, notes)
-    order = np.argsort(time_s, kind="stable")
+    works, elevation_m = _find_work_state(columns, notes), _find_elevation_m(columns, metadata, notes)
     run = LoggedRun(
         name=stem,
         log_format="Shapefile",
-        lonlat=lonlat[order],
-        time_s=time_s[order],
-        is_working=None if works is None else works[order],
+        lonlat=lonlat,
+        time_s=time_s,
+        is_working=works,
         width_m=_compute_median_width_m(columns, metadata, notes),
         field=str(metadata.get("FieldName") or stem),
         notes=tuple(notes),
-        elevation_m=None if elevation_m is None else elevation_m[order],
+        elevation_m=elevation_m,
     )
-    return remove_unusable_rows(run, UNIX_EPOCH)
+    return remove_unusable_rows(run.select_rows(np.argsort(time_s, kind="stable")), UNIX_EPOCH)
 
 
 def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Array, str]:

@@ -70,6 +70,11 @@ class LoggedRun(RunRecord):
     is_working: Mask | None = None
     outline: tuple[Array, ...] = ()
 
+    def select_rows(self, rows: npt.NDArray[np.int64]) -> LoggedRun:
+        """The run with these rows, in this order."""
+        columns = {name: getattr(self, name) for name in ("lonlat", "time_s", "speed_mps", "is_working", "elevation_m")}
+        return replace(self, **{name: column[rows] for name, column in columns.items() if column is not None})
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProjectedRun(RunRecord):
