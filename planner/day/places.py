@@ -62,7 +62,7 @@ class DayPlace:
 
 
 def locate_fields(day: DayFile, fields: Sequence[Field]) -> tuple[DayPlace, ...]:
-    """The places of the fields, in order; raises RequestError for two fields with the same name, or that of the yard."""
+    """The places of the fields, in order; raises RequestError for two fields of one name, and for that of the yard."""
     places = []
     for day_field, field in zip(day.fields, fields, strict=True):
         lon_lat = None
