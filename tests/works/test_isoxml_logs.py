@@ -1,5 +1,6 @@
 """Time logs of ISOXML: a drive that is known comes back, whole or cut off, from folders and zips."""
 
+import re
 import struct
 import zipfile
 from pathlib import Path
@@ -205,6 +206,15 @@ def test_run_files_read_back_and_diagnosis_refuses_them_for_what_they_lack(taskd
     assert one.by_kind_s == pytest.approx(other.by_kind_s) and one.lifts == other.lifts
     with pytest.raises(LogError, match="has no column steering_command_deg or steering_deg"):
         read_log(log)
+
+
+@pytest.mark.parametrize("change", [(r'C="([\d.]+)" D="([\d.]+)"/>', r'C="\2" D="\1"/>'), (' C="48', ' C="98')])
+def test_an_outline_that_lies_elsewhere_distorts_no_run(taskdata: Path, change: tuple[str, str]) -> None:
+    placed_m = import_runs([str(taskdata)]).runs[0].figures.placed_m
+    (taskdata / "TASKDATA.XML").write_text(re.sub(*change, main_file()))
+    (run,) = import_runs([str(taskdata)]).runs
+    assert run.figures.placed_m == pytest.approx(placed_m)
+    assert any("outline of its field is not used" in note for note in run.notes)
 
 
 def test_names_of_files_keep_letters_that_are_not_ascii(taskdata: Path) -> None:
