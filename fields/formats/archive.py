@@ -6,7 +6,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from fields.errors import FieldError
 from fields.text_files import MAX_BYTES, explain_error, quote_path
@@ -116,7 +116,7 @@ def _list_archive_members(archive: zipfile.ZipFile, path: Path) -> dict[str, str
     names = {}
     for entry in files:
         parts = PurePosixPath(entry.filename.replace("\\", "/"))
-        if parts.is_absolute() or ".." in parts.parts or ":" in entry.filename:
+        if parts.is_absolute() or ".." in parts.parts or PureWindowsPath(entry.filename).drive:
             raise FieldError(
                 f"{quote_path(path)} contains {quote_path(entry.filename)}, a path outside the archive; pack it again "
                 "with relative paths."

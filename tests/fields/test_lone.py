@@ -32,6 +32,13 @@ def test_a_zipped_geojson_is_the_same_field(tmp_path: Path) -> None:
     assert read_field(tmp_path.parent / tmp_path.name, name=alone.name).boundary.equals(alone.boundary)
 
 
+def test_a_folder_of_an_archive_may_have_a_colon_in_its_name(tmp_path: Path) -> None:
+    place = tmp_path / "farm.zip"
+    with zipfile.ZipFile(place, "w") as packed:
+        packed.writestr("North: 3:4/field.kml", KML.format(name="North", x=15))
+    assert read_field(place).name == "North"
+
+
 def test_of_several_none_is_guessed(tmp_path: Path) -> None:
     place = archive(tmp_path / "two.zip", a_kml=KML.format(name="A", x=15), b_geojson="{}")
     with pytest.raises(FieldError, match=r"holds 2 field files \(a\.kml, b\.geojson\); unpack it and name one of them"):
