@@ -204,6 +204,14 @@ def test_what_a_work_state_says(tmp_path: Path, cell: str, at_work: bool) -> Non
     assert run.is_working is not None and (run.is_working == at_work).all()
 
 
+def test_a_speed_below_zero_is_that_of_reverse_and_no_standstill(tmp_path: Path) -> None:
+    lines = csv_lines().replace(",7.200000000,", ",-7.200000000,")
+    (tmp_path / "log.csv").write_text(lines)
+    (tmp_path / "map.toml").write_text(MAPPING)
+    (run,) = read_task_logs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml")).runs
+    np.testing.assert_allclose(project_run(run).speed_mps, 2.0)
+
+
 def test_a_work_state_in_other_words_is_refused(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(plain_lines(list(range(90)), "arbeitet"))
     with pytest.raises(LogError, match="works 'arbeitet' in line 2; write 1, true, on or yes"):

@@ -135,7 +135,7 @@ def project_run(run: LoggedRun) -> ProjectedRun:
         crs=crs,
         xy=xy,
         heading_deg=compute_course_deg(xy),
-        speed_mps=np.clip(speed, 0.0, FASTEST_MPS),
+        speed_mps=np.minimum(np.abs(speed), FASTEST_MPS),  # some devices log it below 0 in reverse
         is_working=np.zeros(len(xy), dtype=np.bool_) if run.is_working is None else run.is_working,
         has_work_state=run.is_working is not None,
         has_logged_speed=run.speed_mps is not None,
