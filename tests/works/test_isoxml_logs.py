@@ -3,6 +3,7 @@
 import re
 import struct
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,21 @@ def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     (run,) = read_task_logs(str(taskdata)).runs
     np.testing.assert_array_equal(run.time_s, time_s)
     assert any("midnight" in note for note in run.notes)
+
+
+@pytest.mark.parametrize(("rows", "day"), [(range(5), 0), ((100,), 0), (range(200, 211), 65_535)])
+def test_rows_whose_day_the_receiver_did_not_know_last_no_years(taskdata: Path, rows: Iterable[int], day: int) -> None:
+    data, place, starts = bytearray(binary()), 0, []
+    while place < len(data):
+        starts.append(place)
+        place += 16 + 5 * data[place + 15]
+    for row in rows:
+        struct.pack_into("<H", data, starts[row] + 4, day)
+    (taskdata / "TLG00001.bin").write_bytes(bytes(data))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.time_s[-1] <= drive()[0][-1] and run.start.startswith("2026-05-04T08:00:0")
+    assert [note for note in run.notes if "midnight" in note] == []
+    assert any("without a time skipped" in note for note in run.notes)
 
 
 def test_speeds_of_makers_by_what_their_device_shows(taskdata: Path) -> None:

@@ -182,9 +182,10 @@ def plain_lines(stamps: list[object], works: str = "1") -> str:
 )
 def test_the_start_of_a_csv_file_is_that_of_its_first_usable_row(tmp_path: Path, form: str) -> None:
     stamps: list[object] = [f"{START + timedelta(seconds=second):{form}}" for second in range(60)]
-    (tmp_path / "log.csv").write_text(plain_lines(["no time", *stamps[1:]]))
-    (run,) = read_task_logs(str(tmp_path / "log.csv")).runs
-    assert (run.start, run.time_s[0], run.time_s[-1]) == ("2017-11-29T16:21:33", 0.0, 58.0)
+    for first in ("no time", "1970-01-01T00:00:07"):
+        (tmp_path / "log.csv").write_text(plain_lines([first, *stamps[1:]]))
+        (run,) = read_task_logs(str(tmp_path / "log.csv")).runs
+        assert (run.start, run.time_s[0], run.time_s[-1]) == ("2017-11-29T16:21:33", 0.0, 58.0)
 
 
 @pytest.mark.parametrize("form", ["151197%M%S000", "%Y%m%d%H%M%S", "%H%M%S", "%H:%M:%S"])

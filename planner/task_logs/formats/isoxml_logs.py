@@ -22,7 +22,7 @@ from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
 from fields.units import DAY_S, KILO, MPS_PER_KMH
-from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, find_dated_rows, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
     ACTIVE_S,
@@ -199,7 +199,7 @@ def _read_run(
     if log.lost_bytes:
         rows = count_noun(len(log.time_s), "record")
         notes.append(f"{count_noun(log.lost_bytes, 'byte')} after {rows} skipped: not a complete record")
-    is_working = _find_work_state(log, notes)
+    is_working, time_s = _find_work_state(log, notes), _correct_days(log.time_s, notes)
     lonlat = np.column_stack([log.lon_deg, log.lat_deg])
     lonlat[log.fix_status == 0] = np.nan
     columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
@@ -208,11 +208,11 @@ def _read_run(
         name=name,
         log_format="ISOXML",
         lonlat=lonlat,
-        time_s=_unwrap_midnight(log.time_s, notes),
+        time_s=time_s,
         speed_mps=_find_speed_mps(log, values),
         is_working=is_working,
         width_m=float(max(widths)) * METRES_PER_MM if widths else None,
-        counters=_compute_counter_rises(log),
+        counters=_compute_counter_rises(log, time_s),
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
     )
@@ -229,12 +229,15 @@ def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
     return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
 
 
-def _unwrap_midnight(time_s: Array, notes: list[str]) -> Array:
-    """Times of a terminal that does not count the day at midnight, corrected with a note."""
-    jumps_back = np.diff(time_s, prepend=time_s[:1]) < -43_200.0
+def _correct_days(time_s: Array, notes: list[str]) -> Array:
+    """Times, NaN where the terminal did not know the day; one that does not count it at midnight is corrected."""
+    has_day = find_dated_rows(time_s)
+    corrected_s, known_s = np.full(len(time_s), np.nan), time_s[has_day]
+    jumps_back = np.diff(known_s, prepend=known_s[:1]) < -0.5 * DAY_S
     if jumps_back.any():
         notes.append("the log does not count the day at midnight; this was corrected")
-    return np.asarray(time_s + 86_400.0 * np.cumsum(jumps_back))
+    corrected_s[has_day] = known_s + float(DAY_S) * np.cumsum(jumps_back)
+    return corrected_s
 
 
 def _find_work_state(log: TimeLog, notes: list[str]) -> Mask | None:
@@ -262,12 +265,12 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
     return None
 
 
-def _compute_counter_rises(log: TimeLog) -> dict[str, float]:
+def _compute_counter_rises(log: TimeLog, time_s: Array) -> dict[str, float]:
     """The rises of totals over the log; of several elements the largest."""
     totals = {}
     for name, (ddi, unit) in COUNTER_DDIS.items():
         rises = [
-            _sum_counter_rises(log.time_s, column * unit, MAX_RISE_PER_S[name])
+            _sum_counter_rises(time_s, column * unit, MAX_RISE_PER_S[name])
             for column in log.values[:, log.find_ddi_columns(ddi)].T
         ]
         known_rises = [one for one in rises if one is not None]
@@ -286,7 +289,7 @@ def _sum_counter_rises(time_s: Array, column: Array, max_per_s: float) -> float 
     if not len(rows):
         return None
     first = float(column[rows[0]])
-    starts_in_log = 0.0 <= first <= max_per_s * (float(time_s[rows[0]] - time_s[0]) + 1.0)
+    starts_in_log = 0.0 <= first <= max_per_s * (float(time_s[rows[0]] - time_s[np.isfinite(time_s)][0]) + 1.0)
     return float(np.maximum(np.diff(column[rows]), 0.0).sum()) + starts_in_log * first
 
 

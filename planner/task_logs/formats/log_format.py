@@ -9,13 +9,15 @@ import numpy as np
 
 from fields.raw_document import FileFormat
 from fields.text_files import count_noun
-from planner.task_logs.runs.run_records import LogContents, LoggedRun
+from fields.units import DAY_S
+from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.gating import find_jumps
 from vehicle.identification.logs.series import find_decreasing_entries
 from vehicle.model.gnss import project_to_metres
 
 MIN_ROWS = 10
+MAX_LOG_DAYS = 30  # of one log; a time farther from the others is wrong
 
 
 LogFormat = FileFormat[LogContents]
@@ -31,7 +33,7 @@ def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> Logge
     has_position = np.isfinite(run.lonlat).all(axis=1) & (np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)
     has_position &= (np.abs(lat) > 1e-6) | (np.abs(lon) > 1e-6)  # receivers without a position log 0, 0
     dropped = [(int((~has_position).sum()), "without a position")]
-    rows = np.flatnonzero(has_position & np.isfinite(run.time_s))
+    rows = np.flatnonzero(has_position & find_dated_rows(run.time_s))
     dropped.append((int(has_position.sum()) - len(rows), "without a time"))
     is_late = find_decreasing_entries(run.time_s[rows])
     rows = rows[~is_late]
@@ -49,6 +51,14 @@ def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> Logge
     first_s = float(run.time_s[0])
     start = "" if epoch is None else format_time(epoch, first_s)
     return replace(run, time_s=run.time_s - first_s, start=start, notes=(*run.notes, *notes))
+
+
+def find_dated_rows(time_s: Array) -> Mask:
+    """Whether the time of each row (n,) is known; a receiver that does not know the day logs the first of its epoch."""
+    known_s = np.sort(time_s[np.isfinite(time_s)])
+    if not len(known_s):
+        return np.zeros(len(time_s), dtype=np.bool_)
+    return np.asarray(np.abs(time_s - known_s[len(known_s) // 2]) < MAX_LOG_DAYS * DAY_S)
 
 
 def format_time(epoch: datetime, seconds: float) -> str:
