@@ -103,9 +103,8 @@ def _drop_slivers(shape: shapely.Geometry) -> list[shapely.Polygon]:
 def _extract_rings(pieces: Sequence[shapely.Polygon]) -> tuple[Points, ...]:
     """The outer ring of every piece, followed by its inner rings in the opposite direction."""
     rings = []
-    for piece in pieces:
-        oriented = shapely.orient_polygons(piece) if hasattr(shapely, "orient_polygons") else shapely.normalize(piece)
-        rings += [np.array(ring.coords)[:, :2] for ring in (oriented.exterior, *oriented.interiors)]
+    for piece in map(shapely.orient_polygons, pieces):
+        rings += [np.array(ring.coords)[:, :2] for ring in (piece.exterior, *piece.interiors)]
     return tuple(rings)
 
 
