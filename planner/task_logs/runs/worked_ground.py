@@ -81,10 +81,9 @@ def _build_tool_strips(line: Array, width_m: float) -> Iterator[shapely.Geometry
 
 def _find_overlap(strips: Sequence[shapely.Geometry]) -> shapely.Geometry:
     """Ground in two or more strips; narrow overlaps of consecutive pieces of one path are dropped later."""
-    tree = shapely.STRtree(strips)
-    first, second = tree.query(strips, predicate="intersects")
-    pairs = first < second
     shapes = np.array(strips, dtype=np.object_)
+    first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    pairs = first < second
     shared = [extract_polygons(overlap) for overlap in intersect(shapes[first[pairs]], shapes[second[pairs]])]
     return unite_areas(np.array(shared, dtype=np.object_)) if shared else shapely.MultiPolygon()
 
