@@ -76,7 +76,8 @@ def set_value(text: str, section: str, number: int | None, key: str, value: str,
 
 def _find_section_lines(lines: list[str], section: str, number: int | None) -> tuple[int | None, int]:
     """The line of a section's heading (None if missing) and the line of the next heading."""
-    heading = re.compile(rf"^\s*\[{re.escape(section)}\]" if number is None else rf"^\s*\[\[{re.escape(section)}\]\]")
+    name = rf"\s*[\"']?{re.escape(section)}[\"']?\s*"
+    heading = re.compile(rf"^\s*\[{name}\]" if number is None else rf"^\s*\[\[{name}\]\]")
     places = [place for place, line in enumerate(lines) if heading.match(line)]
     index = 0 if number is None else number
     if index >= len(places):
@@ -118,7 +119,7 @@ def format_toml_value(value: Any) -> str:
     """A number, a text, or a list of these, in TOML syntax."""
     if isinstance(value, str):
         inside = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(letter if letter.isprintable() else f"\\u{ord(letter):04x}" for letter in inside) + '"'
+        return '"' + "".join(letter if letter.isprintable() else f"\\U{ord(letter):08x}" for letter in inside) + '"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(format_toml_value, value)) + "]"
     return repr(float(value)) if isinstance(value, float) else str(value)
