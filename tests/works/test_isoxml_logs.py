@@ -233,6 +233,13 @@ def test_an_outline_that_lies_elsewhere_distorts_no_run(taskdata: Path, change: 
     assert any("outline of its field is not used" in note for note in run.notes)
 
 
+@pytest.mark.parametrize("area", ["1e999", "-1", "0", "large"])
+def test_an_area_that_no_field_has_is_not_used(taskdata: Path, area: str) -> None:
+    (taskdata / "TASKDATA.XML").write_text(main_file().replace('D="3300"', f'D="{area}"'))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.outline_m2 is None and import_runs([str(taskdata)]).files
+
+
 def test_names_of_files_keep_letters_that_are_not_ascii(taskdata: Path) -> None:
     (taskdata / "TASKDATA.XML").write_text(main_file().replace("Long acre", "Højgård Straße"), encoding="utf-8")
     assert "2026-05-04_Hojgard-Strasse_TLG00001.csv" in import_runs([str(taskdata)]).files

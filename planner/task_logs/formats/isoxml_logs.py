@@ -7,6 +7,7 @@ number and a 32-bit integer. A value holds until its next change.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -328,7 +329,7 @@ def _add_partfield(run: LoggedRun, element: Element) -> LoggedRun:
         run,
         field=(element.get("C") or "").strip() or element.get("A", ""),
         outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element)),
-        outline_m2=area_m2 if area_m2 > 0.0 else None,
+        outline_m2=area_m2 if 0.0 < area_m2 < math.inf else None,
     )
 
 
