@@ -34,7 +34,7 @@ def write_field(field: Field, path: str | Path) -> None:
     """
     try:
         _copy_heights(field, Path(path).parent)
-        Path(path).write_text(build_field_geojson(field), encoding="utf-8")
+        Path(path).write_bytes(build_field_geojson(field).encode("utf-8", "replace"))  # names may hold half an emoji
     except OSError as error:
         raise FieldError(f"'{path}' cannot be written ({error.strerror}); choose another file.") from error
 

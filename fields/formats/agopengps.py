@@ -35,6 +35,7 @@ from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import count_noun
 
 FIELD_FILE, BOUNDARY_FILE, HEADLAND_FILE = "field.txt", "boundary.txt", "headland.txt"
+TRACK_FILE = "tracklines.txt"
 AB_MODE, CURVE_MODE = 2, 4
 AB_LINE_LENGTH_M = 100.0
 PLACEHOLDER_NAMES = ("FieldNew", "XML Derived", "KML Derived")
@@ -81,6 +82,8 @@ def _read_field_features(members: ArchiveMembers, field_file: str, label: str, n
             )
             for title, points in named_lines
         ]
+        if named_lines and file == TRACK_FILE:  # the same lines stay in the files of older versions of the program
+            break
     edges = _read_rings(members, field_file, HEADLAND_FILE, plane, "", [])  # rings without a headland have no points
     return [*features, *(build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges)]
 
@@ -193,7 +196,7 @@ def parse_numbers(line: str, min_count: int) -> list[float] | None:
 
 
 LINE_FILES = {
-    "tracklines.txt": _parse_track_lines,
+    TRACK_FILE: _parse_track_lines,
     "curvelines.txt": _parse_old_curves,
     "ablines.txt": _parse_old_ab_lines,
 }

@@ -6,7 +6,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from fields.errors import FieldError
 from fields.text_files import MAX_BYTES, explain_error, quote_path
@@ -116,7 +116,7 @@ def _list_archive_members(archive: zipfile.ZipFile, path: Path) -> dict[str, str
     names = {}
     for entry in files:
         parts = PurePosixPath(entry.filename.replace("\\", "/"))
-        if parts.is_absolute() or ".." in parts.parts or ":" in entry.filename:
+        if parts.is_absolute() or ".." in parts.parts or PureWindowsPath(entry.filename).drive:
             raise FieldError(
                 f"{quote_path(path)} contains {quote_path(entry.filename)}, a path outside the archive; pack it again "
                 "with relative paths."
@@ -147,8 +147,8 @@ def _list_folder_members(folder: Path, max_depth: int) -> dict[str, str]:
 
 
 def _is_system_artefact(path: PurePosixPath) -> bool:
-    """Whether a file is an artefact of the system: .name or __MACOSX."""
-    return path.name.startswith(".") or "__MACOSX" in path.parts
+    """Whether a file, or a folder it is in, is an artefact of the system: .name or __MACOSX."""
+    return any(part.startswith(".") or part == "__MACOSX" for part in path.parts)
 
 
 def _read_limited(path: Path) -> bytes:

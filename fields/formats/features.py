@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Any
@@ -32,7 +32,8 @@ POINT_TYPES = ("Point", "MultiPoint")
 LINE_TYPES = ("LineString", "MultiLineString")
 POLYGON_TYPES = ("Polygon", "MultiPolygon")
 MAX_ROLE_CHARS = 30
-GEOMETRY_TYPES = (*POINT_TYPES, *LINE_TYPES, *POLYGON_TYPES, "GeometryCollection")
+COLLECTION_TYPE = "GeometryCollection"
+GEOMETRY_TYPES = (*POINT_TYPES, *LINE_TYPES, *POLYGON_TYPES, COLLECTION_TYPE)
 
 
 def build_feature(geometry_type: str, coordinates: object, properties: dict[str, Any]) -> Feature:
@@ -58,6 +59,7 @@ def build_document(
     """
     shapes: dict[str, list[RawShape]] = defaultdict(list)
     unused: Counter[str] = Counter()
+    features = [part for feature in features for part in _split_collection(feature)]
     for feature in features:
         role = _classify_feature(feature)
         shapes[role] += _split_into_parts(feature, role, label) if role else []
@@ -81,6 +83,16 @@ def build_document(
         unassigned=tuple(shapes[UNASSIGNED]),
         notes=notes,
     )
+
+
+def _split_collection(feature: Feature) -> Iterator[Feature]:
+    """A feature, or one for every member of its geometry collection, such as an area and the point of its label."""
+    members = get_member_object(feature, "geometry").get("geometries")
+    if not isinstance(members, list) or feature["geometry"].get("type") != COLLECTION_TYPE or not members:
+        yield feature
+        return
+    for member in members:
+        yield from _split_collection({**feature, "geometry": member})
 
 
 def _split_into_parts(feature: Feature, role: str, label: str) -> list[RawShape]:
@@ -138,7 +150,7 @@ def _classify_feature(feature: Feature) -> str:
     if geometry_type == "Point" and role in (ENTRANCE, REFILL):
         return str(role)
     means_obstacle = role == OBSTACLE or (isinstance(role, str) and find_word_meaning(role).use == OBSTACLE)
-    if means_obstacle and geometry_type in GEOMETRY_TYPES and geometry_type != "GeometryCollection":
+    if means_obstacle and geometry_type in GEOMETRY_TYPES and geometry_type != COLLECTION_TYPE:
         return OBSTACLE if role == OBSTACLE or geometry_type in POLYGON_TYPES else UNASSIGNED
     if geometry_type in LINE_TYPES and properties.get("edge") is not None:
         return BOUNDARY_EDGE

@@ -14,7 +14,7 @@ import re
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -99,6 +99,9 @@ MAX_FEATURES = 100_000
 NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
 """Columns with the name of a feature; the first one that is not empty counts."""
 WGS84 = "EPSG:4326"
+LATIN1 = "ISO-8859-1"
+ENCODINGS = ("UTF-8", None, LATIN1)
+"""Of texts, in this order: many Shapefiles are in UTF-8 and do not say so; else what the file says; else any bytes."""
 IN_MEMORY_PREFIX = "pyogrio_"
 """Beginning of the names of layers in files given as bytes."""
 
@@ -204,14 +207,13 @@ def _read_table(place: Path | bytes, layer: int, name: str, with_heights: bool, 
     from pyogrio.raw import read
 
     options = {"layer": layer, "force_2d": not with_heights, "max_features": max_features}
-    is_latin1 = False
-    try:
-        meta, _, shapes, columns = read(place, **options)
-    except UnicodeDecodeError:
-        meta, _, shapes, columns = read(place, **options, encoding="ISO-8859-1")
-        is_latin1 = True
+    for encoding in ENCODINGS:
+        with suppress(UnicodeDecodeError):
+            meta, _, shapes, columns = read(place, **options, encoding=encoding)
+            break
     fields = [str(one).lower() for one in meta["fields"]]
     columns_by_name = dict(zip(fields, columns, strict=True))
+    is_latin1 = encoding == LATIN1
     return LayerTable(name, meta["crs"], shapes if shapes is not None else [], columns_by_name, is_latin1)
 
 

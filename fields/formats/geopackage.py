@@ -32,9 +32,8 @@ MAX_TABLES = 10_000
 
 
 def _read_geopackage(path: str, label: str) -> FieldDocument:
-    if read_start(path, len(SQLITE_MAGIC), "a GeoPackage", FieldError) != SQLITE_MAGIC:
-        return parse_geopackage(read_bytes(path, "a GeoPackage", FieldError), label)
-    if os.path.getsize(path) <= MAX_BYTES and not _has_pending_journal(path):
+    is_database = read_start(path, len(SQLITE_MAGIC), "a GeoPackage", FieldError) == SQLITE_MAGIC
+    if not is_database or (os.path.getsize(path) <= MAX_BYTES and not _has_pending_journal(path)):
         return parse_geopackage(read_bytes(path, "a GeoPackage", FieldError), label)
     with _convert_sqlite_errors(label), closing(_open_database(Path(path))) as database:
         _refuse_active_content(database, label)

@@ -51,8 +51,10 @@ def close_boundary_polygon(feature: Feature) -> Feature:
     # The track up to where it is nearest to its start again, without the overlap at its end
     places = np.array(points)[:, :2]
     steps = np.hypot(*np.diff(places, axis=0).T)
-    travelled_m = np.concatenate([[0.0], np.cumsum(steps)])
-    late = np.flatnonzero(travelled_m >= MIN_CLOSING_SHARE * travelled_m[-1])
+    travelled_deg = np.concatenate([[0.0], np.cumsum(steps)])
+    if travelled_deg[-1] == 0.0:  # the receiver stood still
+        return feature
+    late = np.flatnonzero(travelled_deg >= MIN_CLOSING_SHARE * travelled_deg[-1])
     distance_deg = np.hypot(*(places[late] - places[0]).T)
     points = points[: int(late[int(np.argmin(distance_deg))]) + 1]
     track = shapely.LineString(points)

@@ -236,14 +236,18 @@ def _parse_position(point: Element) -> list[float] | None:
 
 
 def _read_points(element: Element) -> list[Feature]:
-    """Point features: the entrance, obstacles, and flags that are named like either."""
+    """Point features: the entrance, obstacles, and flags that are named like either; one of several entrances is chosen
+    by the user.
+    """
     features = []
+    entrances = [point for point in element.findall("PNT") if point.get("A") == ENTRANCE_TYPE]
     for point in element.findall("PNT"):
         place, kind, name = _parse_position(point), point.get("A"), point.get("B") or ""
         if place is None:
             continue
         if kind == ENTRANCE_TYPE:
-            features.append(build_feature("Point", place, {"role": "entrance"}))
+            choice = {"role": ENTRANCE} if len(entrances) == 1 else {"kind": ENTRANCE, "name": name or ENTRANCE}
+            features.append(build_feature("Point", place, choice))
         elif kind == OBSTACLE_POINT_TYPE:
             features.append(build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": name}))
         elif kind in FLAG_TYPES and find_word_meaning(name).use in (OBSTACLE, ENTRANCE, REFILL):

@@ -40,7 +40,6 @@ from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from strategies.names import STRATEGY_NAMES, list_strategy_names
 from vehicle.model.validation_messages import describe_validation_errors
 
-YARD = "yard"
 EXAMPLE = "example"
 SUN = "sun"
 MAX_ROAD_KM = 1000.0
@@ -339,9 +338,6 @@ def _find_day_contradictions(day: DayFile, farm: FarmFile) -> Iterator[str]:
         return
     yield from _find_duplicates([fleet.name for fleet in day.fleets], "fleets have")
     yield from _find_duplicates([field.name for field in day.fields if field.name], "fields have")
-    for field in day.fields:
-        if field.name == YARD:
-            yield f"a field is called {YARD!r}, which is the name of the yard; give it another name"
     known = list_strategy_names()
     for name in day.strategies:
         if name not in known:

@@ -13,12 +13,13 @@ import numpy.typing as npt
 from fields.geometry.field import Field
 from fields.geometry.geodesy import measure_distance_m, project
 from fields.units import DAY_S, KILO, MINUTE_S
-from planner.day.input_file import YARD, DayFile, DayRoad
+from planner.day.input_file import DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import MAX_ROAD_KM, locate_road_end
 from reports.day.results import MapPlace
 
+YARD = "yard"
 ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
 Array = npt.NDArray[np.float64]
 LonLat = tuple[float, float]
@@ -61,7 +62,7 @@ class DayPlace:
 
 
 def locate_fields(day: DayFile, fields: Sequence[Field]) -> tuple[DayPlace, ...]:
-    """The places of the fields, in order; raises RequestError for two fields with the same name."""
+    """The places of the fields, in order; raises RequestError for two fields of one name, and for that of the yard."""
     places = []
     for day_field, field in zip(day.fields, fields, strict=True):
         lon_lat = None
@@ -72,6 +73,10 @@ def locate_fields(day: DayFile, fields: Sequence[Field]) -> tuple[DayPlace, ...]
             lon_lat = lon, lat
         places.append(DayPlace(field.name, lon_lat))
     names = [place.name for place in places]
+    if YARD in names:
+        raise RequestError(
+            f"A field of the day is called {YARD!r}, which is the name of the yard; give it another with name = '...'."
+        )
     duplicate = next((name for name in names if names.count(name) > 1), None)
     if duplicate is not None:
         raise RequestError(f"Two fields of the day are called {duplicate!r}; give each a unique name.")

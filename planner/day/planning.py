@@ -375,25 +375,23 @@ def _build_fleet_day(solved: _SolvedDay, fleet: int) -> FleetDay:
 def _list_not_done(solved: _SolvedDay) -> list[tuple[UnworkedField, NotDoneReason]]:
     """Skipped fields, each with its reason."""
     prepared, problem, routes = solved.prepared, solved.problem, solved.solution.routes
-    worked_fields = {field for route in routes for field in route}
     names = [fleet.name for fleet in prepared.day.fleets]
     skipped = []
-    for number, field in enumerate(prepared.fields):
-        if number not in worked_fields:
-            refusals = [plan.reason for row in solved.table if (plan := row[number]) is not None]
-            reason = explain_not_done(problem, routes, number, refusals, names)
-            left_ha = find_left_ha(field, (row[number] for row in solved.table))
-            skipped.append((UnworkedField(field.name, left_ha, problem.skip_cost[number], reason.reason), reason))
+    for number in problem.list_skipped_fields(routes):
+        field, plans = prepared.fields[number], [row[number] for row in solved.table]
+        refusals = [plan.reason for plan in plans if plan is not None]
+        reason = explain_not_done(problem, routes, number, refusals, names)
+        left_ha = find_left_ha(field, plans)
+        skipped.append((UnworkedField(field.name, left_ha, problem.skip_cost[number], reason.reason), reason))
     return skipped
 
 
 def _estimate_cost(solved: _SolvedDay) -> float:
     """The expected cost of the day by its samples: work, travel, losses by rain, skipped fields."""
     problem, routes = solved.problem, solved.solution.routes
-    worked_fields = {field for route in routes for field in route}
     travel_cost = sum(problem.compute_travel_cost(fleet, route) for fleet, route in enumerate(routes))
     sampled_cost = sum(float(chain.work_cost.sum() + chain.lost_cost.sum()) for chain in solved.fleet_samples)
-    skip_cost = sum(cost for field, cost in enumerate(problem.skip_cost) if field not in worked_fields)
+    skip_cost = sum(problem.skip_cost[field] for field in problem.list_skipped_fields(routes))
     return travel_cost + sampled_cost + skip_cost
 
 

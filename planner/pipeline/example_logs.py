@@ -138,7 +138,7 @@ def _build_values(truth: SimulatedLog, width_m: float) -> Numbers:
 
 def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
     """The binary file of a time log: a record per row with the changed values (n, columns)."""
-    day = (START_DATE_AND_S[0] - TLG_EPOCH).days
+    day = (START_DATE_AND_S[0] - TLG_EPOCH.date()).days
     rows, previous = [], np.full(values.shape[1], -1)
     for seconds, (lon, lat), current in zip(time_s.tolist(), lonlat.tolist(), values, strict=True):
         days, second_of_day = divmod(START_DATE_AND_S[1] + seconds, DAY_S)

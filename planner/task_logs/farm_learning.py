@@ -76,7 +76,8 @@ def set_value(text: str, section: str, number: int | None, key: str, value: str,
 
 def _find_section_lines(lines: list[str], section: str, number: int | None) -> tuple[int | None, int]:
     """The line of a section's heading (None if missing) and the line of the next heading."""
-    heading = re.compile(rf"^\s*\[{re.escape(section)}\]" if number is None else rf"^\s*\[\[{re.escape(section)}\]\]")
+    name = rf"\s*[\"']?{re.escape(section)}[\"']?\s*"
+    heading = re.compile(rf"^\s*\[{name}\]" if number is None else rf"^\s*\[\[{name}\]\]")
     places = [place for place, line in enumerate(lines) if heading.match(line)]
     index = 0 if number is None else number
     if index >= len(places):
@@ -118,7 +119,7 @@ def format_toml_value(value: Any) -> str:
     """A number, a text, or a list of these, in TOML syntax."""
     if isinstance(value, str):
         inside = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(letter if letter.isprintable() else f"\\u{ord(letter):04x}" for letter in inside) + '"'
+        return '"' + "".join(letter if letter.isprintable() else f"\\U{ord(letter):08x}" for letter in inside) + '"'
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(format_toml_value, value)) + "]"
     return repr(float(value)) if isinstance(value, float) else str(value)
@@ -187,8 +188,9 @@ def learn_farm_values(
     farm_file = load_farm(farm)
     text = read_text(farm, "a farm file (TOML)", RequestError)
     runs = load_imported_runs(paths)
-    farm_implement, matching_runs, notes = _choose_implement(farm_file, runs, implement)
+    farm_implement, matching_runs = _choose_implement(farm_file, runs, implement)
     observations = RunObservations(matching_runs, farm_implement.width_m)
+    notes: list[str] = []
     if not observations.runs:
         raise RequestError("No run has the work state of its implement, so nothing can be learned; give logs with it.")
     if len(observations.runs) < len(runs):
@@ -205,8 +207,8 @@ def learn_farm_values(
 
 def _choose_implement(
     farm_file: FarmFile, runs: Sequence[ProjectedRun], name: str | None
-) -> tuple[FarmImplement, list[ProjectedRun], list[str]]:
-    """The implement of the runs, the runs with its width, and remarks."""
+) -> tuple[FarmImplement, list[ProjectedRun]]:
+    """The implement of the runs, and the runs with its width."""
     if "implements" not in farm_file.model_fields_set:
         raise RequestError("The farm file has no implement; add the implement of the logs under [[implements]].")
     widths = [run.width_m for run in runs if run.width_m]
@@ -230,7 +232,7 @@ def _choose_implement(
         raise RequestError(
             f"No run was logged with the width of the implement {chosen.name!r}, {chosen.width_m:g} m; give logs of it."
         )
-    return chosen, matching_runs, []
+    return chosen, matching_runs
 
 
 def _is_same_width(first_m: float, second_m: float) -> bool:

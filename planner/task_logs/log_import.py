@@ -51,9 +51,7 @@ def read_task_logs(path: str, mapping: str | None = None) -> LogContents:
     form = detect_log_format(path)
     if mapping is not None and form is not csv_logs.LOG_FORMAT:
         raise LogError(f"A mapping is for CSV files, but {quote_path(path)} is {form.name}; leave it out.")
-    contents = (
-        csv_logs.read_csv_log(path, mapping) if form is csv_logs.LOG_FORMAT else form.read(path, quote_path(path))
-    )
+    contents = form.read(path, quote_path(path)) if mapping is None else csv_logs.read_csv_log(path, mapping)
     if not contents.runs:
         reason = f" ({contents.notes[0].rstrip('.')})" if contents.notes else ""
         raise LogError(f"{quote_path(path)} has no readable run{reason}; copy the folder again.")

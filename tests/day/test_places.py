@@ -1,6 +1,7 @@
 """Where fields are and how far apart."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,6 +49,13 @@ def test_fields_are_where_they_are_or_where_they_are_put() -> None:
     assert (inside.min(axis=0) < found[1].lon_lat).all() and (found[1].lon_lat < inside.max(axis=0)).all()
     yard = locate_yard(day, farm)
     assert yard is not None and yard.lon_lat == (4.55, 52.11), "that of the day before that of the farm"
+
+
+def test_a_field_called_like_the_yard_is_refused_also_if_its_file_names_it() -> None:
+    day, _ = parse_day(read_example_day_text(), "day.toml")
+    fields = [read_field(each.file, name=each.name) for each in day.fields]
+    with pytest.raises(RequestError, match="is called 'yard', which is the name of the yard"):
+        locate_fields(day, [*fields[:2], replace(fields[2], name="yard")])
 
 
 def test_the_map_is_in_metres_with_north_up() -> None:

@@ -42,6 +42,14 @@ def test_files_of_older_versions(tmp_path: Path) -> None:
     assert lines["Old bend"].line.length == pytest.approx(30.0, rel=1e-3)
 
 
+def test_lines_that_older_versions_left_behind_are_not_read_again(tmp_path: Path) -> None:
+    folder = agopengps(tmp_path)
+    (folder / "ABLines.txt").write_text("AB north,0.0,6.0,0.0\nDeleted since,90.0,10.0,20.0\n")
+    assert [one.name for one in read_field(folder).guidance_lines] == ["AB north", "Bend"]
+    (folder / "TrackLines.txt").write_text("$TrackLines\n")
+    assert [one.name for one in read_field(folder).guidance_lines] == ["AB north", "Deleted since"]
+
+
 def test_a_ring_cut_short_is_told(tmp_path: Path) -> None:
     folder = agopengps(tmp_path)
     text = (folder / "Boundary.txt").read_text().replace("False\n4\n40", "False\n9\n40")

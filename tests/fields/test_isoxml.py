@@ -33,6 +33,13 @@ def test_a_partfield_with_a_hole_a_line_a_gate_and_obstacles(tmp_path: Path) -> 
     assert field.remarks == ()
 
 
+def test_of_several_gates_none_is_guessed(tmp_path: Path) -> None:
+    gates = "".join('<PNT A="3" B="North" C="{:.9f}" D="{:.9f}"/>'.format(*place(0, north)) for north in (50, 90))
+    field = read(tmp_path, partfield(polygon() + gates))
+    assert field.entrance is None and not field.obstacles
+    assert "Which is the entrance is unclear: 'North', 'North'; choose one with --entrance LON,LAT." in field.remarks
+
+
 def test_version_3_has_its_lines_beside_the_polygons(tmp_path: Path) -> None:
     line = f'<LSG A="5" B="Old line" C="3000">{points((0, 0), (300, 0))}</LSG>'
     field = read(tmp_path, partfield(line + polygon()), version=3)

@@ -32,6 +32,13 @@ def test_a_zipped_geojson_is_the_same_field(tmp_path: Path) -> None:
     assert read_field(tmp_path.parent / tmp_path.name, name=alone.name).boundary.equals(alone.boundary)
 
 
+def test_a_folder_of_an_archive_may_have_a_colon_in_its_name(tmp_path: Path) -> None:
+    place = tmp_path / "farm.zip"
+    with zipfile.ZipFile(place, "w") as packed:
+        packed.writestr("North: 3:4/field.kml", KML.format(name="North", x=15))
+    assert read_field(place).name == "North"
+
+
 def test_of_several_none_is_guessed(tmp_path: Path) -> None:
     place = archive(tmp_path / "two.zip", a_kml=KML.format(name="A", x=15), b_geojson="{}")
     with pytest.raises(FieldError, match=r"holds 2 field files \(a\.kml, b\.geojson\); unpack it and name one of them"):
@@ -43,3 +50,10 @@ def test_every_document_of_a_kmz_is_read(tmp_path: Path) -> None:
         tmp_path / "farm.kmz", files__a_kml=KML.format(name="East", x=16), doc_kml=KML.format(name="West", x=15)
     )
     assert [one.key for one in list_fields(place)] == ["West", "East"]
+
+
+def test_hidden_folders_are_not_searched(tmp_path: Path) -> None:
+    (tmp_path / ".stversions").mkdir()
+    (tmp_path / ".stversions" / "old.kml").write_text(KML.format(name="Old", x=15))
+    (tmp_path / "new.kml").write_text(KML.format(name="New", x=16))
+    assert read_field(tmp_path).name == "New"

@@ -25,6 +25,7 @@ class TestForms:
             feature(polygon(SQUARE_M)),
             collection(feature(polygon(SQUARE_M))),
             collection(feature({"type": "MultiPolygon", "coordinates": [[SQUARE_M]]}), feature(None)),
+            feature({"type": "GeometryCollection", "geometries": [polygon(SQUARE_M)]}),
         ],
     )
     def test_every_form_gives_the_same_field(self, saved: Any, content: Any) -> None:
@@ -294,6 +295,10 @@ class TestRoundTrip:
         assert (again.crs, again.origin_m) == (field.crs, field.origin_m)
         assert again.entrance == pytest.approx((x, y), abs=1e-6)
         assert again.ground_zones[0].polygon.hausdorff_distance(field.ground_zones[0].polygon) < 1e-6
+
+    def test_half_an_emoji_in_a_name(self, tmp_path: Path) -> None:
+        write_field(Field("North \ud83d", shapely.box(0, 0, 90, 90)), tmp_path / "f.geojson")
+        assert read_field(tmp_path / "f.geojson").name == "North ?"
 
     def test_unwritable_place(self, tmp_path: Path) -> None:
         with pytest.raises(FieldError, match="cannot be written"):

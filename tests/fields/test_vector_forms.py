@@ -157,6 +157,34 @@ def test_a_track_that_does_not_come_back(tmp_path: Path) -> None:
         read_field(tmp_path / "walk.gpx")
 
 
+def test_a_track_of_a_receiver_that_stood_still_is_no_boundary(tmp_path: Path) -> None:
+    corners = shapely.get_coordinates(in_degrees(OUTLINE.exterior))
+    tracks = [corners, np.repeat(corners[:1], 6, axis=0)]
+    ways = ("".join(f'<trkpt lat="{y:.8f}" lon="{x:.8f}"/>' for x, y in points) for points in tracks)
+    body = "".join(f"<trk><trkseg>{way}</trkseg></trk>" for way in ways)
+    (tmp_path / "walk.gpx").write_text(f'<gpx version="1.1" creator="t">{body}</gpx>')
+    assert read_field(tmp_path / "walk.gpx").workable_region.area == pytest.approx(60_000, rel=1e-3)
+
+
+def test_a_boundary_with_the_point_of_its_label_is_a_boundary(tmp_path: Path) -> None:
+    ring = " ".join(f"{x},{y},0" for x, y in shapely.get_coordinates(in_degrees(OUTLINE.exterior)))
+    label = in_degrees(shapely.Point(CORNER + 20.0))
+    (tmp_path / "label.kml").write_text(
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><name>North</name><MultiGeometry>'
+        f"<Point><coordinates>{label.x},{label.y}</coordinates></Point><Polygon><outerBoundaryIs><LinearRing>"
+        f"<coordinates>{ring}</coordinates></LinearRing></outerBoundaryIs></Polygon></MultiGeometry></Placemark></kml>"
+    )
+    field = read_field(tmp_path / "label.kml")
+    assert field.workable_region.area == pytest.approx(60_000, rel=1e-3) and not field.obstacles
+
+
+@pytest.mark.parametrize("encoding", ["UTF-8", "ISO-8859-1"])
+def test_names_of_a_shapefile_without_a_code_page(tmp_path: Path, encoding: str) -> None:
+    write(tmp_path / "north.shp", [OUTLINE], ["Grüne Höhe"], encoding=encoding)
+    (tmp_path / "north.cpg").unlink()
+    assert read_field(tmp_path / "north.shp").name == "Grüne Höhe"
+
+
 def test_four_hundred_fields_in_a_file(tmp_path: Path) -> None:
     shapes = [
         shapely.transform(OUTLINE, lambda points, east=400.0 * i: points + np.array([east, 0.0])) for i in range(400)

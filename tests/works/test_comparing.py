@@ -54,6 +54,13 @@ def test_ground_by_hand() -> None:
     assert shapely.union_all([shapely.Polygon(ring) for ring in found.overlaps]).area == pytest.approx(100.0, abs=1.0)
 
 
+def test_a_run_that_never_works_leaves_all_ground() -> None:
+    run = straight(3.0)
+    idle = replace(run, is_working=np.zeros(len(run.xy), dtype=bool))
+    found = measure_coverage([idle], shapely.box(0.0, 0.0, 30.0, 100.0), WIDTH_M, 0.0)
+    assert (found.worked_m2, found.overlap_m2, found.missed_m2, found.overlaps) == (0.0, 0.0, 3000.0, ())
+
+
 def test_the_tool_is_behind_the_antenna() -> None:
     field = shapely.box(0.0, -50.0, 6.0, 150.0)
     found = measure_coverage([straight(3.0)], field, WIDTH_M, 2.0)

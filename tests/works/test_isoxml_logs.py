@@ -1,7 +1,9 @@
 """Time logs of ISOXML: a drive that is known comes back, whole or cut off, from folders and zips."""
 
+import re
 import struct
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,8 @@ import pytest
 
 from fields.errors import HeadlandError
 from planner.pipeline.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
-from planner.task_logs.formats.isoxml_logs import format_isoxml_time, parse_time_log
+from planner.task_logs.formats.isoxml_logs import TLG_EPOCH, parse_time_log
+from planner.task_logs.formats.log_format import format_time
 from planner.task_logs.log_import import import_runs, read_task_logs
 from planner.task_logs.runs.phases import classify_phases, summarise_run
 from planner.task_logs.runs.run_files import load_imported_run
@@ -126,6 +129,15 @@ def test_rows_without_a_place_or_out_of_order_are_counted(taskdata: Path) -> Non
         assert any(words in note for note in run.notes), run.notes
 
 
+def test_a_run_starts_at_its_first_row_with_a_place(taskdata: Path) -> None:
+    time_s, xy, works = drive()
+    places = lonlat(xy)
+    places[:30] = 0.0  # the receiver has no position yet
+    (taskdata / "TLG00001.bin").write_bytes(encode_records(time_s, places, values(time_s, xy, works)))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.time_s[0] == 0.0 and run.start.endswith("T08:00:30")
+
+
 def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     time_s, xy, works = drive()
     late = time_s + 57_500.0  # from 23:58:20 on
@@ -138,6 +150,21 @@ def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     (run,) = read_task_logs(str(taskdata)).runs
     np.testing.assert_array_equal(run.time_s, time_s)
     assert any("midnight" in note for note in run.notes)
+
+
+@pytest.mark.parametrize(("rows", "day"), [(range(5), 0), ((100,), 0), (range(200, 211), 65_535)])
+def test_rows_whose_day_the_receiver_did_not_know_last_no_years(taskdata: Path, rows: Iterable[int], day: int) -> None:
+    data, place, starts = bytearray(binary()), 0, []
+    while place < len(data):
+        starts.append(place)
+        place += 16 + 5 * data[place + 15]
+    for row in rows:
+        struct.pack_into("<H", data, starts[row] + 4, day)
+    (taskdata / "TLG00001.bin").write_bytes(bytes(data))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.time_s[-1] <= drive()[0][-1] and run.start.startswith("2026-05-04T08:00:0")
+    assert [note for note in run.notes if "midnight" in note] == []
+    assert any("without a time skipped" in note for note in run.notes)
 
 
 def test_speeds_of_makers_by_what_their_device_shows(taskdata: Path) -> None:
@@ -197,10 +224,31 @@ def test_run_files_read_back_and_diagnosis_refuses_them_for_what_they_lack(taskd
         read_log(log)
 
 
+@pytest.mark.parametrize("change", [(r'C="([\d.]+)" D="([\d.]+)"/>', r'C="\2" D="\1"/>'), (' C="48', ' C="98')])
+def test_an_outline_that_lies_elsewhere_distorts_no_run(taskdata: Path, change: tuple[str, str]) -> None:
+    placed_m = import_runs([str(taskdata)]).runs[0].figures.placed_m
+    (taskdata / "TASKDATA.XML").write_text(re.sub(*change, main_file()))
+    (run,) = import_runs([str(taskdata)]).runs
+    assert run.figures.placed_m == pytest.approx(placed_m)
+    assert any("outline of its field is not used" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("area", ["1e999", "-1", "0", "large"])
+def test_an_area_that_no_field_has_is_not_used(taskdata: Path, area: str) -> None:
+    (taskdata / "TASKDATA.XML").write_text(main_file().replace('D="3300"', f'D="{area}"'))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.outline_m2 is None and import_runs([str(taskdata)]).files
+
+
+def test_names_of_files_keep_letters_that_are_not_ascii(taskdata: Path) -> None:
+    (taskdata / "TASKDATA.XML").write_text(main_file().replace("Long acre", "Højgård Straße"), encoding="utf-8")
+    assert "2026-05-04_Hojgard-Strasse_TLG00001.csv" in import_runs([str(taskdata)]).files
+
+
 def test_moments() -> None:
-    assert format_isoxml_time(0.0) == "1980-01-01T00:00:00"
-    assert format_isoxml_time(86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
-    assert format_isoxml_time(1e18) == ""
+    assert format_time(TLG_EPOCH, 0.0) == "1980-01-01T00:00:00"
+    assert format_time(TLG_EPOCH, 86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
+    assert format_time(TLG_EPOCH, 1e18) == ""
 
 
 def test_logged_heights_are_read_in_metres(taskdata: Path) -> None:

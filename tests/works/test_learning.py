@@ -195,10 +195,18 @@ def test_values_put_into_text() -> None:
     assert set_value(text, "a", None, "x", "3.0", "c") == text.replace("x = 1 # one", "x = 3.0  # c")
     assert set_value(text, "a", None, "z", "3.0", "c") == text.replace("# one\r\n", "# one\r\nz = 3.0  # c\r\n")
     assert set_value(text, "c", None, "z", "3.0", "c") == text + "\r\n[c]\r\nz = 3.0  # c\r\n"
+    for heading in ("[ a ]\n", '["a"]\n', " [a]\n"):
+        assert set_value(heading, "a", None, "z", "3.0", "c") == f"{heading}z = 3.0  # c\n"
+    assert set_value("[[ b ]]\n", "b", 0, "z", "3.0", "c") == "[[ b ]]\nz = 3.0  # c\n"
     block = append_block(text, "learned", {"key": 'a "b"\\', "runs": ["x", "y"], "low": 1.0})
     assert tomllib.loads(block)["learned"] == [{"key": 'a "b"\\', "runs": ["x", "y"], "low": 1.0}]
     assert remove_blocks(block, "learned", {'a "b"\\'}) == text
     assert remove_blocks(block, "learned", {"other"}) == block
+
+
+def test_texts_come_back_from_a_farm_file() -> None:
+    for words in ("a \U000e0001 b", 'tab\t"quoted"', "line\nend"):
+        assert tomllib.loads(append_block("", "learned", {"key": words}))["learned"][0]["key"] == words
 
 
 @pytest.mark.slow

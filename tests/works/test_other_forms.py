@@ -62,6 +62,16 @@ def test_the_metadata_say_the_field_and_the_unit_of_the_width(tmp_path: Path) ->
     assert read_task_logs(str(path)).runs[0].width_m == pytest.approx(WIDTH_M)
 
 
+@pytest.mark.parametrize(("unit", "width_m", "words"), [("", WIDTH_M, "in feet"), ("yd", None, "'yd' is unknown")])
+def test_a_width_without_its_unit_is_told(tmp_path: Path, unit: str, width_m: float | None, words: str) -> None:
+    path = write_points(tmp_path)
+    told = {"DataAttributes": [{"Name": "SWATHWIDTH", "Unit": unit}]}
+    (tmp_path / "points-Deere-Metadata.json").write_text(json.dumps(told))
+    (run,) = read_task_logs(str(path)).runs
+    assert run.width_m == (None if width_m is None else pytest.approx(width_m))
+    assert any(words in note for note in run.notes)
+
+
 @pytest.mark.parametrize(("unit", "unit_m"), [("ft", 0.3048), ("m", 1.0), ("", None)])
 def test_heights_of_a_shapefile_need_their_unit(tmp_path: Path, unit: str, unit_m: float | None) -> None:
     path = write_points(tmp_path, Elevation=np.linspace(690.0, 700.0, int(drive()[2].sum())))
@@ -159,6 +169,54 @@ def test_a_mapping_that_is_wrong_says_where(tmp_path: Path, change: tuple[str, s
     with pytest.raises(LogError) as refusal:
         read_task_logs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml"))
     assert words in str(refusal.value)
+
+
+def plain_lines(stamps: list[object], works: str = "1") -> str:
+    places = lonlat(drive()[1])[: len(stamps)].tolist()
+    rows = [f"{stamp},{lon:.9f},{lat:.9f},{works}" for stamp, (lon, lat) in zip(stamps, places, strict=True)]
+    return "\n".join(["time,lon,lat,works", *rows])
+
+
+@pytest.mark.parametrize(
+    "form", ["%Y-%m-%dT%H:%M:%S", "%Y/%m/%d %H:%M:%S", "%d.%m.%Y %H:%M:%S", "%m/%d/%Y %I:%M:%S %p"]
+)
+def test_the_start_of_a_csv_file_is_that_of_its_first_usable_row(tmp_path: Path, form: str) -> None:
+    stamps: list[object] = [f"{START + timedelta(seconds=second):{form}}" for second in range(60)]
+    for first in ("no time", "1970-01-01T00:00:07"):
+        (tmp_path / "log.csv").write_text(plain_lines([first, *stamps[1:]]))
+        (run,) = read_task_logs(str(tmp_path / "log.csv")).runs
+        assert (run.start, run.time_s[0], run.time_s[-1]) == ("2017-11-29T16:21:33", 0.0, 58.0)
+
+
+@pytest.mark.parametrize("form", ["151197%M%S000", "%Y%m%d%H%M%S", "%H%M%S", "%H:%M:%S"])
+def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, form: str) -> None:
+    stamps: list[object] = [f"{START + timedelta(seconds=second):{form}}" for second in range(90)]
+    (tmp_path / "log.csv").write_text(plain_lines(stamps))
+    with pytest.raises(LogError, match=r"the time column begins with .*; write seconds, or 2020-01-02T17:30:20"):
+        read_task_logs(str(tmp_path / "log.csv"))
+
+
+@pytest.mark.parametrize(
+    ("cell", "at_work"), [("1.00", True), ("255", True), ("TRUE", True), ("0.0", False), ("", False)]
+)
+def test_what_a_work_state_says(tmp_path: Path, cell: str, at_work: bool) -> None:
+    (tmp_path / "log.csv").write_text(plain_lines(list(range(90)), cell))
+    (run,) = read_task_logs(str(tmp_path / "log.csv")).runs
+    assert run.is_working is not None and (run.is_working == at_work).all()
+
+
+def test_a_speed_below_zero_is_that_of_reverse_and_no_standstill(tmp_path: Path) -> None:
+    lines = csv_lines().replace(",7.200000000,", ",-7.200000000,")
+    (tmp_path / "log.csv").write_text(lines)
+    (tmp_path / "map.toml").write_text(MAPPING)
+    (run,) = read_task_logs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml")).runs
+    np.testing.assert_allclose(project_run(run).speed_mps, 2.0)
+
+
+def test_a_work_state_in_other_words_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text(plain_lines(list(range(90)), "arbeitet"))
+    with pytest.raises(LogError, match="works 'arbeitet' in line 2; write 1, true, on or yes"):
+        read_task_logs(str(tmp_path / "log.csv"))
 
 
 def test_what_is_no_log_is_told(tmp_path: Path) -> None:

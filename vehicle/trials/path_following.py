@@ -192,12 +192,6 @@ class StepResponse:
         is_measured = self.trace.compute_path()[:, 1] < FIRST_PATH_M + self.second_m
         return bool(find_slewing(self.trace)[is_measured].any())
 
-    @property
-    def overshoot_cm(self) -> float:
-        """Largest distance of the controlled point beyond path 2, in centimetres."""
-        sign = 1.0 if self.offset_cm > 0 else -1.0
-        return float(max(0.0, (100.0 * sign * self.trace.compute_path()[:, 0]).max() - abs(self.offset_cm)))
-
     def compute_difference_cm(self, response: StepResponse) -> tuple[float, float]:
         """Largest and mean distance (cm) of this path from another, from the first turn to the last 15 m."""
         place = self.trace.compute_path()

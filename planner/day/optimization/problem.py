@@ -118,10 +118,14 @@ class DayProblem:
         depot, prices = self.field_count, self.travel_cost[fleet]
         return sum(prices[a][b] for a, b in zip((depot, *route), (*route, depot), strict=True))
 
+    def list_skipped_fields(self, routes: Sequence[Route]) -> list[int]:
+        """The fields that are on no route, in order."""
+        worked_fields = {field for route in routes for field in route}
+        return [field for field in range(self.field_count) if field not in worked_fields]
+
     def compute_day_cost(self, routes: Sequence[Route]) -> float | None:
         """Expected cost of a day with skipped fields; None if a route is not feasible."""
-        worked_fields = {field for route in routes for field in route}
-        total = sum(self.skip_cost[field] for field in range(self.field_count) if field not in worked_fields)
+        total = sum(self.skip_cost[field] for field in self.list_skipped_fields(routes))
         for fleet, route in enumerate(routes):
             cost = self.compute_route_cost(fleet, route)
             if cost is None:

@@ -371,7 +371,7 @@ def search_routes(problem: DayProblem, *, seed: int = 1, effort: int = RULES.eff
     for iteration in range(iterations):
         removed = _choose_removed_fields(problem, current, random)
         partial_routes = tuple(tuple(field for field in route if field not in removed) for route in current)
-        pending = {field for field in all_fields if not any(field in route for route in partial_routes)}
+        pending = problem.list_skipped_fields(partial_routes)
         candidate = repair_routes(problem, partial_routes, pending, use_regret=bool(random.random() < 0.5))
         cost = _compute_cost_or_inf(problem, candidate)
         allowance = RULES.worsening_share * abs(_compute_cost_or_inf(problem, best)) * (1.0 - iteration / iterations)

@@ -16,18 +16,19 @@ Without a mapping, columns are found by usual names.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fields.text_files import CellTable, quote_path, read_table
+from fields.text_files import CellTable, parse_number, quote_path, read_table
 from planner.errors import shorten_value, suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
-from planner.task_logs.formats.point_shapefiles import parse_timestamp
-from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun
+from planner.task_logs.formats.point_shapefiles import UNIX_EPOCH, parse_timestamp
+from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.table import read_mapping_file, read_name
 
@@ -43,7 +44,10 @@ USUAL_COLUMNS: dict[str, tuple[str, ...]] = {
 }
 """Usual names of columns, in lower case."""
 REQUIRED_COLUMNS = ("time", "longitude", "latitude")
-TRUE_TEXTS = frozenset(("1", "1.0", "true", "on", "yes", "working", "down"))
+TRUE_TEXTS = ("true", "on", "yes", "working", "down")
+FALSE_TEXTS = ("", "false", "off", "no", "not working", "up", "nan", "null", "none", "n/a", "-")
+MAX_SECONDS = 1e10  # in the year 2286, since 1970
+TIME_HINT = "write seconds, or 2020-01-02T17:30:20"
 
 
 def read_csv_log(path: str, mapping: str | None) -> LogContents:
@@ -54,23 +58,19 @@ def read_csv_log(path: str, mapping: str | None) -> LogContents:
     columns, values = (_find_usual_columns(table), {}) if mapping is None else read_mapping_file(mapping)
     if mapping is not None:
         _check_mapping(columns, values, table, f"The mapping {quote_path(mapping)}")
-    time_s, start = _parse_times(table, columns["time"])
-    is_working = None
-    if "works" in columns:
-        is_working = np.array([cell.lower() in TRUE_TEXTS for cell in table.list_cells(columns["works"])])
+    time_s, epoch = _parse_times(table, columns["time"])
     run = LoggedRun(
         name=Path(path).stem,
         log_format="CSV",
         lonlat=np.column_stack([table.list_numbers(columns[name]) for name in ("longitude", "latitude")]),
         time_s=time_s,
         speed_mps=_find_numbers(table, columns, "speed_mps"),
-        is_working=is_working,
+        is_working=_parse_work_state(table, columns["works"]) if "works" in columns else None,
         width_m=float(values["width_m"]) if "width_m" in values else None,
-        start=start,
         field=str(values.get("field", "")) or Path(path).stem,
         elevation_m=_find_numbers(table, columns, "elevation_m"),
     )
-    return LogContents((remove_unusable_rows(run),))
+    return LogContents((remove_unusable_rows(run, epoch),))
 
 
 def _find_usual_columns(table: CellTable) -> dict[str, str]:
@@ -108,16 +108,39 @@ def _check_mapping(columns: Mapping[str, str], values: Mapping[str, Any], table:
         raise LogError(f"{label}: width_m is {shorten_value(width)}; use 0.1 to 100 m.")
 
 
-def _parse_times(table: CellTable, column: str) -> tuple[Array, str]:
-    """Seconds (n,), and the first date and time as text unless the cells are seconds."""
-    seconds, cells = np.array(table.list_numbers(column)), table.list_cells(column)
+def _parse_work_state(table: CellTable, column: str) -> Mask:
+    """Whether the implement works (n,), not where a cell is empty; raises LogError for a cell that says neither."""
+    works = []
+    for row, cell in enumerate(map(str.lower, table.list_cells(column))):
+        number = parse_number(cell)
+        if math.isnan(number) and cell not in (*TRUE_TEXTS, *FALSE_TEXTS):
+            raise LogError(
+                f"{table.describe_cell(row, column)}; write 1, true, on or yes while the implement works, and 0, "
+                "false, off or no otherwise."
+            )
+        works.append(cell in TRUE_TEXTS or number > 0.0)
+    return np.array(works)
+
+
+def _parse_times(table: CellTable, column: str) -> tuple[Array, datetime | None]:
+    """Seconds (n,), and when they were 0; None if the cells are seconds. Raises LogError for other numbers."""
+    seconds, first = np.array(table.list_numbers(column)), shorten_value(table.get_cell(0, column))
     if np.isfinite(seconds).mean() > 0.5:
-        return seconds, ""
-    stamps = np.array([parse_timestamp(cell) for cell in cells])
-    known_stamps = stamps[np.isfinite(stamps)]
-    if not len(known_stamps):
-        raise LogError(f"the time column begins with {shorten_value(cells[0])}; write seconds, or 2020-01-02T17:30:20.")
-    return stamps - known_stamps[0], datetime.fromtimestamp(float(known_stamps[0]), UTC).strftime("%Y-%m-%dT%H:%M:%S")
+        known = seconds[np.isfinite(seconds)]
+        if np.abs(known).max() > MAX_SECONDS or _are_times_of_day(known):
+            raise LogError(f"the time column begins with {first}, which is not in seconds; {TIME_HINT}.")
+        return seconds, None
+    stamps = np.array([parse_timestamp(cell) for cell in table.list_cells(column)])
+    if not np.isfinite(stamps).any():
+        raise LogError(f"the time column begins with {first}; {TIME_HINT}.")
+    return stamps, UNIX_EPOCH
+
+
+def _are_times_of_day(numbers: Array) -> bool:
+    """Whether numbers are hours, minutes and seconds in one, as 173020: neither of these says more than 59."""
+    whole = np.floor(numbers)
+    is_dense = np.ptp(whole) > 100.0 and float(np.median(np.diff(whole))) < 40.0  # seconds would say 60 to 99 too
+    return bool(is_dense and whole.min() >= 0.0 and max((whole % 100.0).max(), (whole // 100.0 % 100.0).max()) < 60.0)
 
 
 def _find_numbers(table: CellTable, columns: Mapping[str, str], name: str) -> Array | None:

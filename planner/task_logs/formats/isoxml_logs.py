@@ -7,10 +7,11 @@ number and a 32-bit integer. A value holds until its next change.
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from datetime import date, timedelta
+from datetime import datetime
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -18,11 +19,11 @@ import numpy as np
 
 from fields.errors import FieldError
 from fields.formats import isoxml
-from fields.formats.archive import ArchiveMembers, is_archive
+from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
 from fields.units import DAY_S, KILO, MPS_PER_KMH
-from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, find_dated_rows, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
     ACTIVE_S,
@@ -41,7 +42,7 @@ _POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", 
 """Parts of a position in a record, with the kind of their number (struct)."""
 DEGREES_PER_UNIT = 1e-7
 METRES_PER_MM = 1.0 / KILO
-TLG_EPOCH = date(1980, 1, 1)
+TLG_EPOCH = datetime(1980, 1, 1)
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
 COUNTER_DDIS = {
@@ -137,16 +138,6 @@ def _parse_records(data: bytes, struct_format: str, column_count: int) -> tuple[
     return table, np.array(rows, dtype=np.float64).reshape(len(rows), column_count), len(data) - place
 
 
-def format_isoxml_time(seconds: float) -> str:
-    """Seconds since 1980 as "2020-01-02T17:30:20"; "" if out of range."""
-    day, rest_s = divmod(round(seconds), DAY_S)
-    try:
-        when = TLG_EPOCH + timedelta(days=day)
-    except OverflowError:
-        return ""
-    return f"{when.isoformat()}T{rest_s // 3600:02d}:{rest_s // 60 % 60:02d}:{rest_s % 60:02d}"
-
-
 @dataclass(frozen=True)
 class _ValuePresentation:
     """Conversion of a value for display by its device: (number + offset) x scale, and its unit."""
@@ -157,16 +148,13 @@ class _ValuePresentation:
 
 
 def _read_isoxml_logs(path: str, label: str) -> LogContents:
-    place = Path(path)
-    is_container = place.is_dir() or is_archive(place)
-    if not is_container and place.name.lower() != isoxml.TASKDATA_FILE:
+    members = open_folder_or_archive(path)
+    if members.path != Path(path) and Path(path).name.lower() != isoxml.TASKDATA_FILE:
         raise LogError(f"{label} is a single file of task data; name its folder, or the TASKDATA.XML in it.")
-    members = ArchiveMembers(place) if is_container else ArchiveMembers(place.parent, 0)
-    taskdata_files = members.find_paths_by_name(isoxml.TASKDATA_FILE) if is_container else [place.name]
     runs: list[LoggedRun] = []
     notes: list[str] = []
-    for taskdata_file in taskdata_files:  # each with its own limit of bytes
-        runs += _read_runs(ArchiveMembers(place) if is_container else members, taskdata_file, label, notes)
+    for taskdata_file in members.find_paths_by_name(isoxml.TASKDATA_FILE):  # each with its own limit of bytes
+        runs += _read_runs(open_folder_or_archive(path), taskdata_file, label, notes)
     if not runs and not notes:
         raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
     return LogContents(tuple(runs), tuple(notes))
@@ -212,9 +200,7 @@ def _read_run(
     if log.lost_bytes:
         rows = count_noun(len(log.time_s), "record")
         notes.append(f"{count_noun(log.lost_bytes, 'byte')} after {rows} skipped: not a complete record")
-    is_working = _find_work_state(log, notes)
-    speed = _find_speed_mps(log, values)
-    time_s = _unwrap_midnight(log.time_s, notes)
+    is_working, time_s = _find_work_state(log, notes), _correct_days(log.time_s, notes)
     lonlat = np.column_stack([log.lon_deg, log.lat_deg])
     lonlat[log.fix_status == 0] = np.nan
     columns = log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
@@ -224,15 +210,14 @@ def _read_run(
         log_format="ISOXML",
         lonlat=lonlat,
         time_s=time_s,
-        speed_mps=speed,
+        speed_mps=_find_speed_mps(log, values),
         is_working=is_working,
         width_m=float(max(widths)) * METRES_PER_MM if widths else None,
-        counters=_compute_counter_rises(log),
+        counters=_compute_counter_rises(log, time_s),
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
     )
-    start = float(time_s[0]) if len(time_s) else 0.0
-    return replace(remove_unusable_rows(run), start=format_isoxml_time(start))
+    return remove_unusable_rows(run, TLG_EPOCH)
 
 
 def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
@@ -245,12 +230,15 @@ def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
     return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
 
 
-def _unwrap_midnight(time_s: Array, notes: list[str]) -> Array:
-    """Times of a terminal that does not count the day at midnight, corrected with a note."""
-    jumps_back = np.diff(time_s, prepend=time_s[:1]) < -43_200.0
+def _correct_days(time_s: Array, notes: list[str]) -> Array:
+    """Times, NaN where the terminal did not know the day; one that does not count it at midnight is corrected."""
+    has_day = find_dated_rows(time_s)
+    corrected_s, known_s = np.full(len(time_s), np.nan), time_s[has_day]
+    jumps_back = np.diff(known_s, prepend=known_s[:1]) < -0.5 * DAY_S
     if jumps_back.any():
         notes.append("the log does not count the day at midnight; this was corrected")
-    return np.asarray(time_s + 86_400.0 * np.cumsum(jumps_back))
+    corrected_s[has_day] = known_s + float(DAY_S) * np.cumsum(jumps_back)
+    return corrected_s
 
 
 def _find_work_state(log: TimeLog, notes: list[str]) -> Mask | None:
@@ -278,12 +266,12 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
     return None
 
 
-def _compute_counter_rises(log: TimeLog) -> dict[str, float]:
+def _compute_counter_rises(log: TimeLog, time_s: Array) -> dict[str, float]:
     """The rises of totals over the log; of several elements the largest."""
     totals = {}
     for name, (ddi, unit) in COUNTER_DDIS.items():
         rises = [
-            _sum_counter_rises(log.time_s, column * unit, MAX_RISE_PER_S[name])
+            _sum_counter_rises(time_s, column * unit, MAX_RISE_PER_S[name])
             for column in log.values[:, log.find_ddi_columns(ddi)].T
         ]
         known_rises = [one for one in rises if one is not None]
@@ -302,7 +290,7 @@ def _sum_counter_rises(time_s: Array, column: Array, max_per_s: float) -> float 
     if not len(rows):
         return None
     first = float(column[rows[0]])
-    starts_in_log = 0.0 <= first <= max_per_s * (float(time_s[rows[0]] - time_s[0]) + 1.0)
+    starts_in_log = 0.0 <= first <= max_per_s * (float(time_s[rows[0]] - time_s[np.isfinite(time_s)][0]) + 1.0)
     return float(np.maximum(np.diff(column[rows]), 0.0).sum()) + starts_in_log * first
 
 
@@ -341,7 +329,7 @@ def _add_partfield(run: LoggedRun, element: Element) -> LoggedRun:
         run,
         field=(element.get("C") or "").strip() or element.get("A", ""),
         outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element)),
-        outline_m2=area_m2 if area_m2 > 0.0 else None,
+        outline_m2=area_m2 if 0.0 < area_m2 < math.inf else None,
     )
 
 

@@ -3,33 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import datetime, timedelta
 
 import numpy as np
 
 from fields.raw_document import FileFormat
 from fields.text_files import count_noun
-from planner.task_logs.runs.run_records import LogContents, LoggedRun
+from fields.units import DAY_S
+from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.gating import find_jumps
 from vehicle.identification.logs.series import find_decreasing_entries
 from vehicle.model.gnss import project_to_metres
 
 MIN_ROWS = 10
+MAX_LOG_DAYS = 30  # of one log; a time farther from the others is wrong
 
 
 LogFormat = FileFormat[LogContents]
 
 
-def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
+def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> LoggedRun:
     """The run without unusable rows, its time from 0; notes give the number of dropped rows by reason.
 
-    Raises LogError if fewer than MIN_ROWS rows remain.
+    `epoch` is when the times of the run were 0; None if unknown, as is its start then. Raises LogError if fewer than
+    MIN_ROWS rows remain.
     """
     lon, lat = run.lonlat.T
     has_position = np.isfinite(run.lonlat).all(axis=1) & (np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)
     has_position &= (np.abs(lat) > 1e-6) | (np.abs(lon) > 1e-6)  # receivers without a position log 0, 0
     dropped = [(int((~has_position).sum()), "without a position")]
-    rows = np.flatnonzero(has_position & np.isfinite(run.time_s))
+    rows = np.flatnonzero(has_position & find_dated_rows(run.time_s))
     dropped.append((int(has_position.sum()) - len(rows), "without a time"))
     is_late = find_decreasing_entries(run.time_s[rows])
     rows = rows[~is_late]
@@ -43,12 +47,23 @@ def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
         count = count_noun(len(rows), "row")
         raise LogError(f"only {count} of {len(run.time_s)} usable; a run needs {MIN_ROWS} with time and position.")
     notes = [f"{count_noun(count, 'row')} {why} skipped" for count, why in dropped if count]
-    return replace(
-        run,
-        lonlat=run.lonlat[rows],
-        time_s=run.time_s[rows] - run.time_s[rows[0]],
-        speed_mps=None if run.speed_mps is None else run.speed_mps[rows],
-        is_working=None if run.is_working is None else run.is_working[rows],
-        elevation_m=None if run.elevation_m is None else run.elevation_m[rows],
-        notes=(*run.notes, *notes),
-    )
+    run = run.select_rows(rows)
+    first_s = float(run.time_s[0])
+    start = "" if epoch is None else format_time(epoch, first_s)
+    return replace(run, time_s=run.time_s - first_s, start=start, notes=(*run.notes, *notes))
+
+
+def find_dated_rows(time_s: Array) -> Mask:
+    """Whether the time of each row (n,) is known; a receiver that does not know the day logs the first of its epoch."""
+    known_s = np.sort(time_s[np.isfinite(time_s)])
+    if not len(known_s):
+        return np.zeros(len(time_s), dtype=np.bool_)
+    return np.asarray(np.abs(time_s - known_s[len(known_s) // 2]) < MAX_LOG_DAYS * DAY_S)
+
+
+def format_time(epoch: datetime, seconds: float) -> str:
+    """A time as "2020-01-02T17:30:20"; "" if out of range."""
+    try:
+        return (epoch + timedelta(seconds=round(seconds))).isoformat()
+    except OverflowError:
+        return ""

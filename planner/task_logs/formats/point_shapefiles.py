@@ -31,8 +31,9 @@ LATIN1_NOTE = "names do not match the declared encoding; they are read as Latin-
 RATE_COLUMNS = ("appliedrate", "vryieldvol", "wetmass", "drymass", "vryieldmas", "seedrate")
 MAX_DBF_NAME_LETTERS = 10  # longest column name of dBASE; some exports write longer ones
 UNIT_LENGTHS_M = {"ft": 0.3048, "m": 1.0, "in": 0.0254, "cm": 0.01}
-TIME_COLUMNS, ELEVATION_COLUMN = ("isotime", "time"), "elevation"
-TIME_FORMATS = ("%m/%d/%Y %I:%M:%S %p", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S")
+TIME_COLUMNS, ELEVATION_COLUMN, WIDTH_COLUMN = ("isotime", "time"), "elevation", "swathwidth"
+TIME_FORMATS = ("%m/%d/%Y %I:%M:%S %p", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S", "%d.%m.%Y %H:%M:%S")
+UNIX_EPOCH = datetime(1970, 1, 1)
 
 
 def _read_point_shapefiles(path: str, label: str) -> LogContents:
@@ -51,27 +52,22 @@ def _read_point_shapefiles(path: str, label: str) -> LogContents:
 def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     stem = PurePosixPath(name).stem
     columns, lonlat, encoding_note = _read_columns(members, name)
-    time_s, start = _parse_times(columns)
+    time_s = _parse_times(columns)
     metadata = _read_metadata(members, name, stem)
     notes = [encoding_note] if encoding_note else []
-    works = _find_work_state(columns, notes)
-    if len(time_s) and not np.isfinite(time_s).any():
-        raise LogError("its column IsoTime or Time has no valid time; export the points with their time.")
-    elevation_m = _find_elevation_m(columns, metadata, notes)
-    order = np.argsort(time_s, kind="stable")
+    works, elevation_m = _find_work_state(columns, notes), _find_elevation_m(columns, metadata, notes)
     run = LoggedRun(
         name=stem,
         log_format="Shapefile",
-        lonlat=lonlat[order],
-        time_s=time_s[order],
-        is_working=None if works is None else works[order],
-        width_m=_compute_median_width_m(columns, metadata),
-        start=start,
+        lonlat=lonlat,
+        time_s=time_s,
+        is_working=works,
+        width_m=_compute_median_width_m(columns, metadata, notes),
         field=str(metadata.get("FieldName") or stem),
         notes=tuple(notes),
-        elevation_m=None if elevation_m is None else elevation_m[order],
+        elevation_m=elevation_m,
     )
-    return remove_unusable_rows(run)
+    return remove_unusable_rows(run.select_rows(np.argsort(time_s, kind="stable")), UNIX_EPOCH)
 
 
 def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Array, str]:
@@ -90,21 +86,19 @@ def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequ
     return table.columns, lonlat, LATIN1_NOTE if table.is_latin1 else ""
 
 
-def _parse_times(columns: Mapping[str, Sequence[Any]]) -> tuple[Array, str]:
-    """Seconds (n,) since the first valid time, and that time as text."""
+def _parse_times(columns: Mapping[str, Sequence[Any]]) -> Array:
+    """Seconds (n,) since UNIX_EPOCH."""
     name = next((one for one in TIME_COLUMNS if one in columns), None)
     if name is None:
         raise LogError(f"it has no column IsoTime or Time (it has: {', '.join(columns)}); export the points with time.")
     stamps = np.array([parse_timestamp(value) for value in columns[name]])
-    known_stamps = stamps[np.isfinite(stamps)]
-    if not len(known_stamps):
+    if not np.isfinite(stamps).any():
         raise LogError(f"its column {name} has no time such as 2020-01-02T17:30:20; export the points with time.")
-    first = float(known_stamps.min())
-    return stamps - first, datetime.fromtimestamp(first, UTC).strftime("%Y-%m-%dT%H:%M:%S")
+    return stamps
 
 
 def parse_timestamp(value: Any) -> float:
-    """A date and time as seconds since 1970, in any of the formats of exports; NaN for anything else."""
+    """A date and time as seconds since UNIX_EPOCH, in any of the formats of exports; NaN for anything else."""
     text = str(value).strip()
     try:
         when = datetime.fromisoformat(text)
@@ -135,14 +129,21 @@ def _find_work_state(columns: Mapping[str, Sequence[Any]], notes: list[str]) -> 
     return np.asarray(values > 0.0)
 
 
-def _compute_median_width_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any]) -> float | None:
-    """The median of SWATHWIDTH in metres, by the unit in the metadata, in feet without it."""
-    if "swathwidth" not in columns:
-        return None
-    unit = _find_unit(metadata, "swathwidth") or "ft"
-    values = np.array([parse_number(value) for value in columns["swathwidth"]])
+def _compute_median_width_m(
+    columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any], notes: list[str]
+) -> float | None:
+    """The median of SWATHWIDTH in metres, by the unit in the metadata, in feet without it; None for another unit."""
+    values = np.array([parse_number(value) for value in columns.get(WIDTH_COLUMN, ())])
     values = values[np.isfinite(values) & (values > 0.0)]
-    return float(np.median(values)) * UNIT_LENGTHS_M.get(str(unit), UNIT_LENGTHS_M["ft"]) if len(values) else None
+    if not len(values):
+        return None
+    unit = _find_unit(metadata, WIDTH_COLUMN)
+    if not unit:
+        notes.append("the width is taken to be in feet, as its unit is not stated")
+    elif unit not in UNIT_LENGTHS_M:
+        notes.append(f"the width is not used, as its unit {unit!r} is unknown")
+        return None
+    return float(np.median(values)) * UNIT_LENGTHS_M[unit or "ft"]
 
 
 def _find_elevation_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any], notes: list[str]) -> Array | None:

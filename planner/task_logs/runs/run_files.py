@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.formats.guidance import simplify_to_ascii
 from fields.geometry.coordinates import MAX_COORDINATE
 from fields.text_files import quote_path, read_text
 from planner.task_logs.runs.run_records import COUNTERS, Array, ProjectedRun
@@ -44,8 +44,7 @@ def choose_file_stems(runs: Sequence[ProjectedRun]) -> list[str]:
 
 def _simplify_name(text: str) -> str:
     """A name reduced to letters, digits and dashes, for any file system."""
-    ascii_only = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    return re.sub(r"[^A-Za-z0-9]+", "-", ascii_only).strip("-")[:MAX_NAME_LENGTH].strip("-")
+    return re.sub(r"[^A-Za-z0-9]+", "-", simplify_to_ascii(text)).strip("-")[:MAX_NAME_LENGTH].strip("-")
 
 
 def format_log_csv(run: ProjectedRun) -> str:

@@ -22,6 +22,7 @@ COUNTERS = (ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S, AREA_M2, FUEL_L)
 """Totals that machines count, by their keys in the files of runs."""
 WGS84 = "EPSG:4326"
 COURSE_STEP_M = 0.3  # distance of positions for a course: ten times the scatter of receivers
+MAX_OUTLINE_DEG = 1.0  # between a run and the outline of its field; one farther off has its axes swapped, or is lost
 STANDING_MPS = 0.15  # about half a km/h; slower is standing
 
 
@@ -70,6 +71,11 @@ class LoggedRun(RunRecord):
     is_working: Mask | None = None
     outline: tuple[Array, ...] = ()
 
+    def select_rows(self, rows: npt.NDArray[np.int64]) -> LoggedRun:
+        """The run with these rows, in this order."""
+        columns = {name: getattr(self, name) for name in ("lonlat", "time_s", "speed_mps", "is_working", "elevation_m")}
+        return replace(self, **{name: column[rows] for name, column in columns.items() if column is not None})
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ProjectedRun(RunRecord):
@@ -103,8 +109,9 @@ class LogContents:
 
 
 def project_run(run: LoggedRun) -> ProjectedRun:
-    """The run in metres of its UTM zone; raises FieldError."""
-    place = run.outline[0][0] if run.outline else run.lonlat[0]
+    """The run in metres of the UTM zone of its field, without an outline that lies elsewhere; raises FieldError."""
+    is_near = bool(run.outline) and bool((np.abs(run.outline[0] - run.lonlat[0]) < MAX_OUTLINE_DEG).all())
+    place = run.outline[0][0] if is_near else run.lonlat[0]
     crs = find_utm_crs(float(place[0]), float(place[1]))
     xy = project(run.lonlat, WGS84, crs)
     speed_by_place = compute_speeds(run.time_s, xy)
@@ -117,7 +124,9 @@ def project_run(run: LoggedRun) -> ProjectedRun:
     if run.is_working is None:
         notes.append("no work state is logged")
     outline = shapely.Polygon()
-    if run.outline:
+    if run.outline and not is_near:
+        notes.append("the outline of its field is not used, as it lies far from the run")
+    if is_near:
         outer, *holes = (project(ring, WGS84, crs) for ring in run.outline)
         outline = find_largest_polygon(shapely.make_valid(shapely.Polygon(outer, holes)))
     shared = {one.name: getattr(run, one.name) for one in dataclasses.fields(RunRecord)}
@@ -126,7 +135,7 @@ def project_run(run: LoggedRun) -> ProjectedRun:
         crs=crs,
         xy=xy,
         heading_deg=compute_course_deg(xy),
-        speed_mps=np.clip(speed, 0.0, FASTEST_MPS),
+        speed_mps=np.minimum(np.abs(speed), FASTEST_MPS),  # some devices log it below 0 in reverse
         is_working=np.zeros(len(xy), dtype=np.bool_) if run.is_working is None else run.is_working,
         has_work_state=run.is_working is not None,
         has_logged_speed=run.speed_mps is not None,

@@ -81,10 +81,9 @@ def _build_tool_strips(line: Array, width_m: float) -> Iterator[shapely.Geometry
 
 def _find_overlap(strips: Sequence[shapely.Geometry]) -> shapely.Geometry:
     """Ground in two or more strips; narrow overlaps of consecutive pieces of one path are dropped later."""
-    tree = shapely.STRtree(strips)
-    first, second = tree.query(strips, predicate="intersects")
-    pairs = first < second
     shapes = np.array(strips, dtype=np.object_)
+    first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    pairs = first < second
     shared = [extract_polygons(overlap) for overlap in intersect(shapes[first[pairs]], shapes[second[pairs]])]
     return unite_areas(np.array(shared, dtype=np.object_)) if shared else shapely.MultiPolygon()
 
@@ -103,9 +102,8 @@ def _drop_slivers(shape: shapely.Geometry) -> list[shapely.Polygon]:
 def _extract_rings(pieces: Sequence[shapely.Polygon]) -> tuple[Points, ...]:
     """The outer ring of every piece, followed by its inner rings in the opposite direction."""
     rings = []
-    for piece in pieces:
-        oriented = shapely.orient_polygons(piece) if hasattr(shapely, "orient_polygons") else shapely.normalize(piece)
-        rings += [np.array(ring.coords)[:, :2] for ring in (oriented.exterior, *oriented.interiors)]
+    for piece in map(shapely.orient_polygons, pieces):
+        rings += [np.array(ring.coords)[:, :2] for ring in (piece.exterior, *piece.interiors)]
     return tuple(rings)
 
 

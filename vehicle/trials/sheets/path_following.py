@@ -86,7 +86,12 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         *(_describe_zigzag(drives, ahead) for ahead in LOOKAHEADS_M),
     )
     panels = tuple(
-        _build_zigzag_panel(drives, ahead, OMEGAS[-1], f"omega = 1/3, lookahead {ahead:g} m") for ahead in LOOKAHEADS_M
+        _build_wave_panel(
+            f"omega = 1/3, lookahead {ahead:g} m",
+            {name: drives[ahead, OMEGAS[-1], name] for name in SIMULATORS},
+            OMEGAS[-1],
+        )
+        for ahead in LOOKAHEADS_M
     )
     wheels = tuple(
         build_wheel_panel(f"Wheel angle, {name}, omega = 1/3, lookahead 3 m", drives[3.0, OMEGAS[-1], name].trace)
@@ -126,12 +131,11 @@ def _describe_zigzag(drives: dict[tuple[float, float, str], PathTracking], ahead
     return f"With a lookahead of {ahead:g} m they are {gap_list} cm apart at omega = 1/5, 1/4, 1/3. {stage}"
 
 
-def _build_zigzag_panel(
-    drives: dict[tuple[float, float, str], PathTracking], ahead: float, omega: float, title: str
-) -> PlotPanel:
+def _build_wave_panel(title: str, drives: dict[str, PathTracking], omega: float) -> PlotPanel:
+    """Driven paths by name beside the wave; the last one is as long as the wave is drawn."""
     lines = []
-    for number, name in enumerate(SIMULATORS):
-        place = drives[ahead, omega, name].trace.compute_path()
+    for number, (name, drive) in enumerate(drives.items()):
+        place = drive.trace.compute_path()
         lines.append(PlotLine(name, place[:, 1], -place[:, 0], number))
     x = np.linspace(0.0, float(place[:, 1].max()), 600)
     lines.append(PlotLine("path", x, AMPLITUDE_M * np.sin(omega * x), 3, True))
@@ -235,17 +239,14 @@ def _build_point_table(tractor: Tractor) -> TextTable:
 def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[PlotPanel, ...]:
     panels = []
     for ground in ("asphalt", "mud"):
-        lateral, heading, path_lines = [], [], []
+        lateral, heading = [], []
         for number, model in enumerate(("nonlinear", "linear")):
             result = results[ground, model]
             time = result.trace.time_s
             lateral.append(PlotLine(model, time, 100.0 * result.errors.lateral_m, number))
             heading.append(PlotLine(model, time, np.degrees(result.errors.heading_rad), number))
-            place = result.trace.compute_path()
-            path_lines.append(PlotLine(model, place[:, 1], -place[:, 0], number))
-        x = np.linspace(0.0, float(place[:, 1].max()), 600)
-        path_lines.append(PlotLine("path", x, AMPLITUDE_M * np.sin(math.pi / HALF_PERIOD_M * x), 3, True))
-        panels.append(PlotPanel(f"Paths on {ground}", "P_x (m)", "P_y (m)", tuple(path_lines), equal_axes=True))
+        drives = {model: results[ground, model] for model in ("nonlinear", "linear")}
+        panels.append(_build_wave_panel(f"Paths on {ground}", drives, math.pi / HALF_PERIOD_M))
         panels.append(build_time_panel(f"Lateral error on {ground}", "Lateral error (cm)", lateral))
         panels.append(build_time_panel(f"Heading error on {ground}", "Heading error (degrees)", heading))
     for model in ("nonlinear", "linear"):

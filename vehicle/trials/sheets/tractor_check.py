@@ -95,11 +95,10 @@ def drive_circles(tractor: Tractor) -> tuple[CircleTrial, ...]:
 def drive_lane_change(tractor: Tractor) -> LaneTrial:
     """A straight path, then a lane beside it, at the thesis's speed on soil."""
     seconds = PATH_LENGTH_M / CIRCLE_SPEED_MPS
-    plain = build_straight_mission(PATH_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
-    first = follow_mission(tractor, plain, seconds=seconds, position_errors=load_default_error_table()).compute_path()
+    path = build_straight_mission(PATH_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
+    first = follow_mission(tractor, path, seconds=seconds, position_errors=load_default_error_table()).compute_path()
     weaving = np.abs(first[first[:, 1] > 0.5 * PATH_LENGTH_M, 0])
     jump = (LANE_AT_M, LANE_M)
-    path = build_straight_mission(PATH_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
     path_driven = follow_mission(tractor, path, seconds=2.0 * seconds, jump=jump).compute_path()
     end = PATH_LENGTH_M - SETTLING_M
     far = np.nonzero((np.abs(path_driven[:, 0] - LANE_M) > LANE_TOLERANCE_M) & (path_driven[:, 1] < end))[0]
