@@ -30,7 +30,6 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import DoneSource, WorkOrder, match_plan_time
 from planner.farm.workday import Workday
-from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import (
     has_unknown_tank,
     read_done_ground,
@@ -180,18 +179,6 @@ def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
         note = f"The machines that go on are those of {plans[-1]}, the last of {len(plans)} plans."
         works[-1] = replace(works[-1], notes=(*works[-1].notes, note))
     return works
-
-
-def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
-    """What sources of done work hold: for each file its hash, with its key or the time at which a plan is left."""
-    found = list[tuple[str, str | None]]()
-    for source in sources:
-        match = match_plan_time(source)
-        file, _, key = source.partition("#")
-        path, part = (Path(file), key) if match is None else (Path(match["file"]), source[-8:])
-        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
-        found += [(part, hash_file(one)) for one in files]
-    return found
 
 
 @dataclass(frozen=True)

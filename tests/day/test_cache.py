@@ -18,7 +18,14 @@ from planner.day.field_times import (
 )
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
+from planner.pipeline.fingerprint import (
+    FILE_SUFFIXES,
+    PACKAGES,
+    _find_imported_files,
+    hash_code,
+    hash_content,
+    hash_sources,
+)
 from planner.pipeline.result_cache import ResultCache, find_cache_folder
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink
@@ -179,6 +186,16 @@ def test_a_file_is_never_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert not cache.write("name", {"a": 2})
     assert [path.name for path in tmp_path.iterdir()] == ["name.json"]
     assert json.loads((tmp_path / "name.json").read_text()) == {"a": 1}
+
+
+@pytest.mark.parametrize(("source", "beside"), [("TASKDATA.XML", "TLG00001.BIN"), ("work.shp", "work.dbf")])
+def test_what_files_beside_a_source_hold_counts(tmp_path: Path, source: str, beside: str) -> None:
+    hashes = []
+    for content in ("one", "two"):
+        (tmp_path / source).write_text("same", encoding="utf-8")
+        (tmp_path / beside).write_text(content, encoding="utf-8")
+        hashes.append(hash_sources([str(tmp_path / source)]))
+    assert hashes[0] != hashes[1] and len(hashes[0]) == 2
 
 
 @pytest.mark.parametrize("system", ["linux", "darwin", "win32"])
