@@ -166,17 +166,17 @@ def _check_without(order: WorkOrder) -> None:
 
 def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
     """What every source says is done; the machines are those of the last saved plan among them."""
-    plans, works = [one for one in order.done if match_plan_time(one)], list[DoneWork]()
-    for source in order.done:
+    plans, works = [number for number, one in enumerate(order.done) if match_plan_time(one)], list[DoneWork]()
+    for number, source in enumerate(order.done):
         if isinstance(source, DoneWork):
             works.append(source)
-        elif source in plans[:-1]:
+        elif number in plans[:-1]:
             ground_only = replace(order, without=(), from_road=True)
             works.append(replace(_read_source(source, context, ground_only), stands=(), notes=(), numbers=()))
         else:
             works.append(_read_source(source, context, order))
     if len(plans) > 1:
-        note = f"The machines that go on are those of {plans[-1]}, the last of {len(plans)} plans."
+        note = f"The machines that go on are those of {order.done[plans[-1]]}, the last of {len(plans)} plans."
         works[-1] = replace(works[-1], notes=(*works[-1].notes, note))
     return works
 

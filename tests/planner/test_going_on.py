@@ -303,6 +303,13 @@ def test_of_several_plans_the_last_has_the_machines(folder: Path, whole: Plannin
 
 
 @pytest.mark.slow
+def test_a_plan_given_twice_goes_on_like_one(folder: Path, whole: PlanningResult) -> None:
+    source = f"{folder}/plan.json@0:05"
+    going_on = plan(whole.context.request, done=[source, source], executor=SerialExecutor()).context.going_on
+    assert going_on is not None and len(going_on.stands) == 2 and going_on.numbers == (1, 2)
+
+
+@pytest.mark.slow
 def test_options_that_are_given_win_over_the_plan(folder: Path, whole: PlanningResult) -> None:
     values = {"field": "iwamizawa", "width": 3.0, "turn": "u"}
     given = GivenOptions(values, ["turn"], (f"{folder}/plan.json@0:05",), (2,))
