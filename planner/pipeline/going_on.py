@@ -133,11 +133,10 @@ def continue_order(order: WorkOrder) -> WorkOrder:
     continued = None if order.from_road else read_continued_plan(order.done, order.without)
     if continued is None:
         return order
-    order = replace(order, supply=continued.choose_supply(order.supply), layout=continued.layout)
     request = order.request
+    is_same = order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor)
+    order = continued.equip_order(order, keeps_tractor=is_same)
     given = {one.name for one in fields(request) if getattr(request, one.name) != one.default}
-    if order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
-        order = replace(order, tractor=continued.tractor, implement=order.implement or continued.implement)
     return replace(order, request=continued.complete_request(request, given | {"field", "local", "crs", "swap_axes"}))
 
 
@@ -200,20 +199,28 @@ class ContinuedPlan:
         """The request of this plan, with the `given` parameters of another in place of its own."""
         return replace(self.request, **{name: getattr(request, name) for name in given})
 
-    def choose_supply(self, given: Supply | None, *, is_from_farm: bool = False) -> Supply | None:
-        """What is carried: what is given, or what a farm's implement says, else what the plan says.
+    def equip_order(self, order: WorkOrder, *, keeps_tractor: bool, is_from_farm: bool = False) -> WorkOrder:
+        """An order on the layout of this plan, by its machines where it keeps the tractor.
 
-        Raises RequestError where none of them does and there is a tank.
+        They carry what is given, or what a farm's implement says, else what the plan says. Raises RequestError where
+        none of them does and there is a tank.
         """
-        if given is not None or is_from_farm:
-            return given
+        supply = order.supply
+        if supply is None and not is_from_farm:
+            self._check_tank_is_known()
+            supply = self.supply
+        order = replace(order, supply=supply, layout=self.layout)
+        if not keeps_tractor:
+            return order
+        return replace(order, tractor=self.tractor, implement=order.implement or self.implement)
+
+    def _check_tank_is_known(self) -> None:
         if self.has_unknown_tank:
             raise RequestError(
                 f"The implement of the plan {quote_path(self.file)} has a tank, and the plan does not say how large; "
                 f"add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
                 parameter="farm",
             )
-        return self.supply
 
 
 def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = ()) -> ContinuedPlan | None:
