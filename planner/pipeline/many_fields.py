@@ -282,7 +282,7 @@ def expand_field_names(
 
 def _iter_files(name: str) -> Iterator[str]:
     place, mark, key = name.partition("#")
-    if os.path.exists(name) or not glob.has_magic(place):
+    if os.path.exists(name) or os.path.exists(place) or not glob.has_magic(place):
         yield name
         return
     files = sorted(glob.glob(place))
