@@ -153,7 +153,7 @@ def _read_numbers(option: RequestOption, part: str) -> list[Any]:
     try:
         if found is None:
             return [option.type(part)]
-        first, last, step = (float(found[name] or 1.0) for name in ("first", "last", "step"))
+        first, last, step = (float(option.type(found[name] or 1)) for name in ("first", "last", "step"))
     except ValueError:
         raise RequestError(
             f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number; give numbers "
