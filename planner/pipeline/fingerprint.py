@@ -17,7 +17,7 @@ from typing import Any
 import shapely
 from pydantic import BaseModel
 
-from fields.documents.sources import list_field_files
+from fields.documents.sources import list_field_files, parse_field_reference
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
 from fields.formats.isoxml import TASKDATA_FILE
@@ -160,9 +160,9 @@ def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
     found = list[tuple[str, str | None]]()
     for source in sources:
         match = match_plan_time(source)
-        file, _, key = source.partition("#")
         if match is None:
-            found += [(key, hash_file(one)) for one in _list_source_files(Path(file))]
+            named = parse_field_reference(source)
+            found += [(named.key or "", hash_file(one)) for one in _list_source_files(Path(named.place))]
         else:
             found.append((match[0].rpartition("@")[2], hash_file(Path(match["file"]))))
     return found

@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 
 from fields.documents.reader import read_polygons
+from fields.documents.sources import parse_field_reference
 from fields.geometry.field import Field
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
 from fields.text_files import quote_path, read_text
@@ -143,7 +144,7 @@ def continue_order(order: WorkOrder) -> WorkOrder:
 def check_source_exists(source: str) -> None:
     """Refuse a source of done work that is no file."""
     match = match_plan_time(source)
-    name = source.partition("#")[0] if match is None else match["file"]
+    name = parse_field_reference(source).place if match is None else match["file"]
     if not name or not Path(name).exists():
         raise RequestError(
             f"There is no file {quote_path(name)}; {mark_parameter('done')} takes a file of worked ground, logs, or a "
@@ -303,7 +304,7 @@ def _read_source(source: str, context: PlanningContext, order: WorkOrder) -> Don
     check_source_exists(source)
     if match := match_plan_time(source):
         return _read_driven_plan(match, context, order)
-    path = Path(source.partition("#")[0])
+    path = Path(parse_field_reference(source).place)
     if path.suffix.lower() == ".json" and '"tractors"' in path.read_text(errors="replace")[:4000]:
         raise RequestError(
             f"{quote_path(source)} is a plan; say up to when it was driven, such as {path.name}@13:20.",

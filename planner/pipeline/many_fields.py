@@ -281,15 +281,15 @@ def expand_field_names(
 
 
 def _iter_files(name: str) -> Iterator[str]:
-    place, mark, key = name.partition("#")
-    if os.path.exists(name) or os.path.exists(place) or not glob.has_magic(place):
+    source = parse_field_reference(name)
+    place, key = source.place, "" if source.key is None else f"#{source.key}"
+    if os.path.exists(place) or not glob.has_magic(place):
         yield name
         return
     files = sorted(glob.glob(place))
     if not files:
         raise RequestError(f"No file matches {place!r}; check the folder and the extension.", parameter="field")
-    for file in files:
-        yield file + mark + key
+    yield from (file + key for file in files)
 
 
 def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, ...]]) -> Iterator[str]:

@@ -322,7 +322,8 @@ def test_options_that_are_given_win_over_the_plan(folder: Path, whole: PlanningR
 
 @pytest.mark.slow
 def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: PlanningResult) -> None:
-    half = write_field(folder / "worked.geojson", [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]])
+    (folder / "May #2").mkdir()
+    half = write_field(folder / "May #2" / "worked.geojson", [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]])
     answer = plan(whole.context.request, done=half, executor=SerialExecutor())
     assert answer.ranking.area_ha == pytest.approx(0.27)
     swept = unite_areas(compute_swept_area(answer.run, answer.context).ground)

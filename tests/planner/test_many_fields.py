@@ -122,8 +122,11 @@ def test_widths() -> None:
 
 
 def test_a_name_in_brackets_is_no_pattern_where_there_is_such_a_file(tmp_path: Path) -> None:
-    path = write_farm(tmp_path / "farm[1].geojson", north=(0, 70, 40), south=(200, 60, 50))
-    assert expand_field_names([f"{path}#*", str(path)], local=True) == (f"{path}#north", f"{path}#south", str(path))
+    (tmp_path / "a#b").mkdir()
+    path = write_farm(tmp_path / "a#b" / "farm[1].geojson", north=(0, 70, 40), south=(200, 60, 50))
+    both = f"{path}#north", f"{path}#south"
+    assert expand_field_names([f"{path}#*", str(path)], local=True) == (*both, str(path))
+    assert expand_field_names([f"{tmp_path}/a#b/farm*.geojson#*"], local=True) == both
 
 
 @pytest.mark.slow
