@@ -117,9 +117,7 @@ def prepare_context(
     check_fuel_is_known(request, physics, cost_terms is not None)
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
-    if request.part is not None:
-        with attach_parameter("field"):
-            field = cut_field_part(field, request.margin_m, measure_passage_m(tractor, implement), request.part)
+    field = cut_requested_part(field, request, tractor, implement)
     create = partial(
         PlanningContext,
         request=request,
@@ -146,6 +144,24 @@ def prepare_context(
     supplied = replace(context, supply=battery)
     supplied.site_cache.update(context.site_cache)
     return supplied
+
+
+def read_planned_field(order: WorkOrder) -> Field:
+    """The field of an order, or the part of it that is asked for; raises HeadlandError."""
+    request, field = order.request, read_requested_field(order.request, order.field)
+    tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
+    return cut_requested_part(field, request, tractor, size_implement(order.implement, request))
+
+
+def cut_requested_part(field: Field, request: PlanRequest, tractor: Tractor, implement: Implement) -> Field:
+    """The part of a field that a request asks for, as far as its machines get; the field without such a wish.
+
+    Raises FieldError if the field has no part of this number.
+    """
+    if request.part is None:
+        return field
+    with attach_parameter("field"):
+        return cut_field_part(field, request.margin_m, measure_passage_m(tractor, implement), request.part)
 
 
 def check_machine_and_soil(order: WorkOrder) -> None:
