@@ -1,6 +1,7 @@
 """What is kept of simulated field times."""
 
 import json
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -208,3 +209,13 @@ def test_every_system_has_its_folder(system: str, monkeypatch: pytest.MonkeyPatc
     assert system == "darwin" or tmp_path in find_cache_folder().parents
     monkeypatch.setenv("HEADLAND_CACHE", str(tmp_path / "own"))
     assert find_cache_folder() == tmp_path / "own"
+
+
+def test_a_user_without_a_home_has_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find_none() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("HEADLAND_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", find_none)
+    assert Path(tempfile.gettempdir()) in find_cache_folder().parents

@@ -213,5 +213,8 @@ def test_files_beyond_the_bound_are_removed(tmp_path: Path, monkeypatch: pytest.
     for number in range(4):
         cache.write(f"n{number}", {"text": "x" * 1000})
         os.utime(tmp_path / f"n{number}.json", (number, number))
+    (tmp_path / "a-gone.json").symlink_to(tmp_path / "gone")
+    list_all = Path.glob
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: sorted(list_all(folder, pattern)))
     cache.remove_oldest(2500)
     assert [cache.read(f"n{number}") is not None for number in range(4)] == [False, False, True, True]
