@@ -206,17 +206,11 @@ def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | 
         first = run_candidate(context, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
-    world = World(first.plan, extended, context.implement, seed=context.request.seed)
-    second = world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1]))
-    runs = [first, second]
+    machines = [extended]
     if extended.discrepancy_model is not None:
-        world = World(
-            first.plan,
-            extended.model_copy(update={"discrepancy_model": None}),
-            context.implement,
-            seed=context.request.seed,
-        )
-        runs.append(world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1])))
+        machines.append(extended.model_copy(update={"discrepancy_model": None}))
+    worlds = [World(first.plan, one, context.implement, seed=context.request.seed) for one in machines]
+    runs = [first, *(world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1])) for world in worlds)]
     times = [float(run.duration_s) if run.outcome == DONE else None for run in runs]
     lateral = [_measure_lateral_cm(context, run) for run in runs]
     gain = PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1])

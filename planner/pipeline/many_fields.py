@@ -76,7 +76,7 @@ def answer_question(
 ) -> ComparisonRow[Any]:
     """Answer one question in the current process; a refusal is as `describe_refusal` words it."""
     try:
-        result = plan_here(question.order, question.simulate_all)
+        result = plan_order(question.order, executor=SerialExecutor(), simulate_all=question.simulate_all)
     except HeadlandError as refusal:
         return ComparisonRow(question.field_name, question.label, refusal=describe_refusal(refusal))
     return ComparisonRow(
@@ -110,11 +110,6 @@ def draw_best_plan(result: PlanningResult) -> SmallMap | None:
         return None
     ground = find_driven_over_ground(run, result.context, compute_swept_area(run, result.context))
     return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
-
-
-def plan_here(order: WorkOrder, simulate_all: bool = False) -> PlanningResult:
-    """Plan a work order in the current process; raises HeadlandError."""
-    return plan_order(order, executor=SerialExecutor(), simulate_all=simulate_all)
 
 
 def iter_answers(
