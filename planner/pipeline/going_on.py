@@ -38,6 +38,7 @@ from planner.pipeline.outputs.saved_plans import (
     read_planned_layout,
     read_request,
     read_supply,
+    read_used,
     read_workday,
     rerun_plan,
 )
@@ -385,7 +386,8 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     corners = build_round_corners(legs, context.driving_rules.radius_m, context.request.width_m)
     ground = unite_areas(np.array([swept, *corners, *read_done_ground(saved)], dtype=np.object_))
     left = _list_machines_left(saved, order.without)
-    stands = {number: _find_stand(begun, number, context) for number in left}
+    used = read_used(saved)
+    stands = {number: _find_stand(begun, number, context, used[number]) for number in left}
     ranked = sorted(left, key=lambda number: stands[number] is None)
     placed = tuple(stand.move_by(*shift.tolist()) for number in ranked if (stand := stands[number]) is not None)
     numbers = tuple(number + 1 for number in ranked)
@@ -459,8 +461,9 @@ def cut_run(run: SimulationRun, elapsed_s: float) -> SimulationRun:
     return replace(run, time_s=run.time_s[:rows], record=run.record[:rows])
 
 
-def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> Stand | None:
-    """Where a tractor stands at the end of a run; None for one that is not on the field."""
+def _find_stand(run: SimulationRun, number: int, context: PlanningContext, used: float) -> Stand | None:
+    """Where a tractor stands at the end of a run, before which it had `used` some of its load; None for one that is not
+    on the field."""
     legs, numbers, poses = run.plan.missions[number].legs, run.get_leg_numbers(number), run.get_poses(number)
     at = int(numbers[-1])
     waits = legs[0].task.kind == ENTER and math.dist(poses[0, :2], poses[-1, :2]) < MOST_SHIFT_M
@@ -474,7 +477,7 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
     is_before = at > 0 and stands and begun_m < MOST_SHIFT_M  # neither folded nor served for the leg
     driven_m = 0.0 if is_before else float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
     driven = [*legs[:at], *list_driven_part(leg, driven_m)]
-    used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m)
+    used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m, used)
     is_folded = (legs[at - 1] if is_before else leg).folded
     return Stand(pose, used, list_places_ahead(legs[at:]), is_folded)
 
@@ -486,7 +489,8 @@ def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:
     return [leg if driven_m >= leg.length_m else replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
 
 
-def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
-    """What legs have used of a load since it was filled last."""
-    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
-    return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0
+def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float, used: float = 0.0) -> float:
+    """What is used of a load since it was filled last: by legs, and `used` before them."""
+    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=None)
+    used, legs = (used, legs) if served is None else (0.0, legs[served:])
+    return used + supply.compute_legs_need(legs, width_m) if legs else used

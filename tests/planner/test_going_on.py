@@ -385,6 +385,7 @@ def test_a_load_is_counted_from_the_last_stop() -> None:
     assert sum_used(legs, supply, 4.0) == pytest.approx(0.1 * 30.0 * 4.0)
     assert sum_used(legs[:1], supply, 4.0) == pytest.approx(0.1 * 50.0 * 4.0)
     assert sum_used([], supply, 4.0) == 0.0
+    assert [sum_used(some, supply, 4.0, 7.0) for some in (legs, legs[:1], [])] == pytest.approx([12.0, 27.0, 7.0])
 
 
 def test_of_strategies_that_deal_alike_one_goes_on_that_keeps_the_clearance() -> None:

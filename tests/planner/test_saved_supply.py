@@ -65,6 +65,8 @@ def test_a_plan_with_a_tank_goes_on_with_what_is_left_in_it_and_says_so_again(
     assert 0 < count_refills(answer) < count_refills(whole)
     answer.save(folder / "again.json")
     assert read_supply(parse_saved_plan((folder / "again.json").read_text(encoding="utf-8"))) == CARRIED
+    last = plan(whole.context.request, done=f"{folder}/again.json@0:00:05", executor=SerialExecutor())
+    assert last.context.going_on.stands[0].used == pytest.approx(stand.used, abs=10.0), "of the first load still"
     given = GivenOptions({"field": whole.context.request.field, "local": True}, ["local"], (source,))
     assert given.build_order(given.build_request()).supply == CARRIED
 
@@ -101,6 +103,14 @@ def test_a_garbled_supply_is_told(folder: Path, whole: PlanningResult, wrong: di
     source = change_plan(folder, lambda machines: machines["supply"].update(wrong))
     with pytest.raises(HeadlandError, match="supply in the scenario of the plan is garbled; save the plan again"):
         read_continued_plan([source])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wrong", [[-1.0], ["much"], 3])
+def test_a_garbled_use_is_told(folder: Path, whole: PlanningResult, wrong: Any) -> None:
+    source = change_plan(folder, lambda machines: machines.update(used=wrong))
+    with pytest.raises(HeadlandError, match="machines in the scenario of the plan are garbled; save the plan again"):
+        plan(whole.context.request, done=source, executor=SerialExecutor())
 
 
 @pytest.mark.slow
