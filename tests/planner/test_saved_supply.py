@@ -1,22 +1,25 @@
-"""What the implement of a plan carries is saved with it, and goes on with it."""
+"""What machines of a plan are and carry is saved with it, and goes on with it."""
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from planner.errors import HeadlandError
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
 from planner.pipeline.going_on import read_continued_plan
-from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_supply
+from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_supply, simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from strategies.rules.supply import Supply
 from vehicle.missions.plan import REFILL
 from vehicle.missions.plan_file import parse_saved_plan
+from vehicle.model.tractor import Implement, load_tractor
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -118,3 +121,24 @@ def test_the_place_of_a_supply_is_read_as_it_was_saved(folder: Path, whole: Plan
     change_plan(folder, lambda machines: machines["supply"].update(served_at="place", place=[3, 4.5], collects=True))
     supply = read_supply(parse_saved_plan((folder / "changed.json").read_text(encoding="utf-8")))
     assert supply == Supply(200.0, 0.1, 40.0, True, "place", (3.0, 4.5))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("told_by", ["request", "soil", "tractor", "implement"])
+def test_a_saved_plan_is_driven_again_by_the_machines_that_drove_it(
+    folder: Path, whole: PlanningResult, told_by: str
+) -> None:
+    """Those of Python, and what a soil does to a tractor, no name tells: they are saved value by value."""
+    request, objects = replace(whole.context.request, refill=None), dict[str, Any]()
+    if told_by == "soil":
+        (folder / "soils.csv").write_text("name,ground,moisture_pct,wheel_slip\nnorth,soil,20,0.2\n", encoding="utf-8")
+        request = replace(request, soil=f"{folder}/soils.csv#north", moisture_pct=20.0)
+    elif told_by == "tractor":
+        objects = {"tractor": load_tractor("eg105").model_copy(update={"name": "mine"})}
+    elif told_by == "implement":
+        objects = {"implement": Implement(hitch_m=3.0, length_m=2.0)}
+    answer = plan(request, executor=SerialExecutor(), **objects)
+    again = simulate_saved_plan(answer.save(folder / "machines.json"))
+    assert np.array_equal(again.run.record, answer.run.record)
+    assert read_machines(again.saved, again.request) == (answer.context.tractor, answer.context.implement)
+    assert (MACHINES_KEY in again.saved.scenario) == (told_by != "request")

@@ -141,10 +141,10 @@ def rerun_plan(saved: SavedPlan, request: PlanRequest) -> SimulationRun:
 
 
 def export_machines(context: PlanningContext) -> dict[str, Any]:
-    """The machines of a farm, with a tank, or of a plan that went on, which no name in the request identifies; empty
+    """The machines of a farm, with a tank, or of a plan that went on, and others that the request does not tell; empty
     without. A battery is told by its tractor."""
     supply = None if isinstance(context.supply, BatterySupply) else context.supply
-    if context.cost_terms is None and context.going_on is None and supply is None:
+    if context.cost_terms is None and context.going_on is None and supply is None and _are_machines_told(context):
         return {}
     implement = {
         name: value
@@ -155,6 +155,16 @@ def export_machines(context: PlanningContext) -> dict[str, Any]:
     used = () if context.going_on is None else [stand.used for stand in context.going_on.stands]
     machines |= {USED_KEY: used} if any(used) else {}
     return {MACHINES_KEY: machines | ({} if supply is None else {SUPPLY_KEY: asdict(supply)})}
+
+
+def _are_machines_told(context: PlanningContext) -> bool:
+    """Whether a request tells tractor and implement as they are driven: no objects of Python, nor effects of a soil."""
+    if context.implement != size_implement(None, context.request):
+        return False
+    try:
+        return resolve_tractor(context.request.tractor) == context.tractor
+    except HeadlandError:
+        return False
 
 
 def read_supply(saved: SavedPlan) -> Supply | None:
