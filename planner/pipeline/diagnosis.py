@@ -158,14 +158,17 @@ def _explain_logs(
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: MappingSource = None) -> list[Log]:
-    """Return given logs and those read from files; files are read together, as they share an origin."""
+    """Return given logs and those of files, read together where the first file stands, as they share an origin."""
     if isinstance(logs, str | Path | Log):
         logs = [logs]
     if not logs:
         raise RequestError(f"No log is given; name one file or more in {mark_parameter('logs')}.")
-    given_logs = [log for log in logs if isinstance(log, Log)]
-    files = [Path(log) if Path(log).exists() else log for log in logs if not isinstance(log, Log)]
-    return [*given_logs, *(read_logs(files, fixes, machine.wheelbase_m, mapping) if files else ())]
+    collected = [log for log in logs if isinstance(log, Log)]
+    files = [(place, log) for place, log in enumerate(logs) if not isinstance(log, Log)]
+    if files:
+        first, paths = files[0][0], [Path(log) if Path(log).exists() else log for _, log in files]
+        collected[first:first] = read_logs(paths, fixes, machine.wheelbase_m, mapping)
+    return collected
 
 
 def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
