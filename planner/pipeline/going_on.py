@@ -19,7 +19,6 @@ import shapely
 
 from fields.documents.reader import read_polygons
 from fields.documents.sources import parse_field_reference
-from fields.geometry.field import Field
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
 from fields.text_files import quote_path, read_text
 from fields.units import DAY_S
@@ -85,8 +84,12 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     closing_m = max(one.error_m for one in works)
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
     done = clip_area(ground, field.region_without_obstacles)
-    if not order.begins_on_field:  # a plan may stop before it works anything
-        _check_something_done(done, field)
+    if done.is_empty and not order.begins_on_field:  # a plan may stop before it works anything
+        raise RequestError(
+            f"Nothing of what is given as done lies in field '{field.name}'; give work of this field, or the field of "
+            "this work.",
+            parameter="done",
+        )
     driven = None if order.from_road else next((one for one in reversed(works) if one.numbers or one.stands), None)
     stands, numbers = ((), ()) if driven is None else (driven.stands, driven.numbers)
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
@@ -359,15 +362,6 @@ def _read_runs(source: str, runs: Sequence[ProjectedRun], context: PlanningConte
     ground = shapely.transform(unite_areas(np.array(strips, dtype=np.object_)), lambda xy: xy - field.origin_m)
     notes = (f"{len(idle)} of {len(runs)} runs do not say where they worked, and are left out.",) if idle else ()
     return DoneWork(ground, OTHERS_ERROR_M, notes=notes)
-
-
-def _check_something_done(done: shapely.Geometry, field: Field) -> None:
-    if done.is_empty:
-        raise RequestError(
-            f"Nothing of what is given as done lies in field '{field.name}'; give work of this field, or the field of "
-            "this work.",
-            parameter="done",
-        )
 
 
 def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: WorkOrder) -> DoneWork:

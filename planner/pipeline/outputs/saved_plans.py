@@ -144,7 +144,7 @@ def export_machines(context: PlanningContext) -> dict[str, Any]:
     """The machines of a farm, with a tank, or of a plan that went on, and others that the request does not tell; empty
     without. A battery is told by its tractor."""
     supply = None if isinstance(context.supply, BatterySupply) else context.supply
-    if context.cost_terms is None and context.going_on is None and supply is None and _are_machines_told(context):
+    if context.cost_terms is None and context.going_on is None and supply is None and _are_machines_named(context):
         return {}
     implement = {
         name: value
@@ -157,8 +157,8 @@ def export_machines(context: PlanningContext) -> dict[str, Any]:
     return {MACHINES_KEY: machines | ({} if supply is None else {SUPPLY_KEY: asdict(supply)})}
 
 
-def _are_machines_told(context: PlanningContext) -> bool:
-    """Whether a request tells tractor and implement as they are driven: no objects of Python, nor effects of a soil."""
+def _are_machines_named(context: PlanningContext) -> bool:
+    """Whether a request names tractor and implement as they are driven: no objects of Python, nor effects of a soil."""
     if context.implement != size_implement(None, context.request):
         return False
     try:
