@@ -175,12 +175,14 @@ def check_machine_and_soil(order: WorkOrder) -> None:
 def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     """The context of an order that asks for other speeds, prices or times on the same ground, with the same machines.
 
-    Times of turns are not measured anew, and no batteries sized: the context is for estimates.
+    Times of turns and losses in them are not measured anew, and no batteries sized: the context is for estimates.
     """
     request, rules = order.name_choices(), context.driving_rules
     workday, cost_terms = _settle_terms(order, request, context.layout.field, context.tractor, context.implement)
     rules = replace(rules, **_list_speeds(request))
-    return replace(context, request=request, driving_rules=rules, workday=workday, cost_terms=cost_terms)
+    costs = replace(context.costs, speed_mps=rules.turn_speed_mps, reverse_speed_mps=rules.reverse_speed_mps)
+    context = replace(context, request=request, driving_rules=rules, costs=costs)
+    return replace(context, workday=workday, cost_terms=cost_terms)
 
 
 def _settle_terms(
