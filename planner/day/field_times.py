@@ -21,8 +21,8 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
-from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
-from planner.pipeline.going_on import AllDoneError, hash_sources
+from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_sources, hash_strategies
+from planner.pipeline.going_on import AllDoneError
 from planner.pipeline.planning import plan_order
 from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import Progress

@@ -226,7 +226,7 @@ def list_soil_rows(soil: str) -> tuple[Soil, ...]:
 def _find_soil_place(soil: str) -> tuple[str, Path | None]:
     """Name and table of a soil; of a table with one soil the name may be left out."""
     name, path = split_soil_name(soil)
-    return name or _find_only_name(path), path
+    return name if name or path is None else _find_only_name(path), path
 
 
 def split_soil_name(soil: str) -> tuple[str, Path | None]:
@@ -237,7 +237,7 @@ def split_soil_name(soil: str) -> tuple[str, Path | None]:
     return ("", Path(soil)) if soil.lower().endswith(TABLE_SUFFIX) else (soil, None)
 
 
-def _find_only_name(path: Path | None) -> str:
+def _find_only_name(path: Path) -> str:
     """The name of the soil of a table with one soil."""
     names = list(load_soils(path))
     if len(names) > 1:

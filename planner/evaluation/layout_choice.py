@@ -77,7 +77,9 @@ def list_layouts(
     width, bearing = request.width_m, request.bearing_deg
     if request.no_headland:
         return [lay_swaths(field, width, headland_m, bearing)]
-    plain = _build_plain_layout(request, field, headland_m, spacing_m, rates)
+    plain = _lay_deepest(
+        request, headland_m, lambda passes, depth_m: _lay_plain(request, field, passes, depth_m, spacing_m, rates)
+    )
     layouts = _list_promising_layouts(request, plain, rates, PROMISING)
     if min(len(layout.swaths) for layout in layouts) > MAX_SEARCHED_SWATHS:
         return layouts[:1]
@@ -108,13 +110,25 @@ def lay_contours(
             parameter="swaths",
         )
     grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+    lay = partial(lay_contour_swaths, field, grid, request.width_m, radius_m=radius_m, min_spacing_m=spacing_m)
+    return _lay_deepest(request, headland_m, lambda passes, _: lay(passes))
+
+
+def _lay_deepest(request: PlanRequest, headland_m: float, lay: Callable[[int, float], Layout]) -> Layout:
+    """The layout inside as many headland passes as the headland takes and the field has room for.
+
+    `lay` makes it of a number of passes and their depth. Raises FieldError where no layout fits, or not so deep a
+    headland as was asked for.
+    """
     width = request.width_m
-    lay = partial(lay_contour_swaths, field, grid, width, radius_m=radius_m, min_spacing_m=spacing_m)
     max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
     for count in range(max_passes, 1, -1):
-        with suppress(FieldError):
-            return lay(count)
-    return lay(1)
+        try:
+            return lay(count, headland_m if count == max_passes else count * width)
+        except FieldError:
+            if request.requested_headland_m is not None:
+                raise
+    return lay(1, width)
 
 
 def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
@@ -134,22 +148,6 @@ def _lay_plain(
         with suppress(FieldError):  # a little ground may take a swath in some bearings only
             return lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
     return lay(bearing_deg=bearing)
-
-
-def _build_plain_layout(
-    request: PlanRequest, field: Field, headland_m: float, spacing_m: float, rates: EffortRates
-) -> Layout:
-    """One bearing, inside as many headland passes as the headland takes and the field has room for."""
-    width = request.width_m
-    max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
-    for count in range(max_passes, 1, -1):
-        try:
-            depth = headland_m if count == max_passes else count * width
-            return _lay_plain(request, field, count, depth, spacing_m, rates)
-        except FieldError:
-            if request.requested_headland_m is not None:
-                raise
-    return _lay_plain(request, field, 1, width, spacing_m, rates)
 
 
 def _build_deeper_layouts(

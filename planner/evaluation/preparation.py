@@ -117,9 +117,7 @@ def prepare_context(
     check_fuel_is_known(request, physics, cost_terms is not None)
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
-    if request.part is not None:
-        with attach_parameter("field"):
-            field = cut_field_part(field, request.margin_m, measure_passage_m(tractor, implement), request.part)
+    field = cut_requested_part(field, request, tractor, implement)
     create = partial(
         PlanningContext,
         request=request,
@@ -148,6 +146,24 @@ def prepare_context(
     return supplied
 
 
+def read_planned_field(order: WorkOrder) -> Field:
+    """The field of an order, or the part of it that is asked for; raises HeadlandError."""
+    request, field = order.request, read_requested_field(order.request, order.field)
+    tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
+    return cut_requested_part(field, request, tractor, size_implement(order.implement, request))
+
+
+def cut_requested_part(field: Field, request: PlanRequest, tractor: Tractor, implement: Implement) -> Field:
+    """The part of a field that a request asks for, as far as its machines get; the field without such a wish.
+
+    Raises FieldError if the field has no part of this number.
+    """
+    if request.part is None:
+        return field
+    with attach_parameter("field"):
+        return cut_field_part(field, request.margin_m, measure_passage_m(tractor, implement), request.part)
+
+
 def check_machine_and_soil(order: WorkOrder) -> None:
     """Whether the tractor and the soil of an order are known, before any field is read; raises HeadlandError."""
     with attach_parameter("tractor"):
@@ -159,12 +175,14 @@ def check_machine_and_soil(order: WorkOrder) -> None:
 def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     """The context of an order that asks for other speeds, prices or times on the same ground, with the same machines.
 
-    Times of turns are not measured anew, and no batteries sized: the context is for estimates.
+    Times of turns and losses in them are not measured anew, and no batteries sized: the context is for estimates.
     """
     request, rules = order.name_choices(), context.driving_rules
     workday, cost_terms = _settle_terms(order, request, context.layout.field, context.tractor, context.implement)
     rules = replace(rules, **_list_speeds(request))
-    return replace(context, request=request, driving_rules=rules, workday=workday, cost_terms=cost_terms)
+    costs = replace(context.costs, speed_mps=rules.turn_speed_mps, reverse_speed_mps=rules.reverse_speed_mps)
+    context = replace(context, request=request, driving_rules=rules, costs=costs)
+    return replace(context, workday=workday, cost_terms=cost_terms)
 
 
 def _settle_terms(

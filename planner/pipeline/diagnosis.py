@@ -158,14 +158,17 @@ def _explain_logs(
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: MappingSource = None) -> list[Log]:
-    """Return given logs and those read from files; files are read together, as they share an origin."""
+    """Return given logs and those of files, read together where the first file stands, as they share an origin."""
     if isinstance(logs, str | Path | Log):
         logs = [logs]
     if not logs:
         raise RequestError(f"No log is given; name one file or more in {mark_parameter('logs')}.")
-    given_logs = [log for log in logs if isinstance(log, Log)]
-    files = [Path(log) if Path(log).exists() else log for log in logs if not isinstance(log, Log)]
-    return [*given_logs, *(read_logs(files, fixes, machine.wheelbase_m, mapping) if files else ())]
+    collected = [log for log in logs if isinstance(log, Log)]
+    files = [(place, log) for place, log in enumerate(logs) if not isinstance(log, Log)]
+    if files:
+        first, paths = files[0][0], [Path(log) if Path(log).exists() else log for _, log in files]
+        collected[first:first] = read_logs(paths, fixes, machine.wheelbase_m, mapping)
+    return collected
 
 
 def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
@@ -206,17 +209,11 @@ def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | 
         first = run_candidate(context, Candidate("row-by-row", 1)).run
     except HeadlandError as refusal:
         return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
-    world = World(first.plan, extended, context.implement, seed=context.request.seed)
-    second = world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1]))
-    runs = [first, second]
+    machines = [extended]
     if extended.discrepancy_model is not None:
-        world = World(
-            first.plan,
-            extended.model_copy(update={"discrepancy_model": None}),
-            context.implement,
-            seed=context.request.seed,
-        )
-        runs.append(world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1])))
+        machines.append(extended.model_copy(update={"discrepancy_model": None}))
+    worlds = [World(first.plan, one, context.implement, seed=context.request.seed) for one in machines]
+    runs = [first, *(world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1])) for world in worlds)]
     times = [float(run.duration_s) if run.outcome == DONE else None for run in runs]
     lateral = [_measure_lateral_cm(context, run) for run in runs]
     gain = PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1])

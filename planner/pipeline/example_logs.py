@@ -15,11 +15,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import numpy.typing as npt
 
-from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
 from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError
+from planner.evaluation.work_order import read_requested_field
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
 from planner.task_logs.formats.isoxml_logs import DEGREES_PER_UNIT, TLG_EPOCH
 from planner.task_logs.runs.run_records import WGS84, Array, Mask
@@ -174,12 +174,7 @@ def _build_task_data(names: Sequence[str], saved_run: SavedPlanRun) -> str:
 
 def _read_plan_field(saved_run: SavedPlanRun) -> Field | None:
     try:
-        return read_field(
-            saved_run.request.field,
-            local=saved_run.request.local,
-            crs=saved_run.request.crs,
-            swap_axes=saved_run.request.swap_axes,
-        )
+        return read_requested_field(saved_run.request, None)
     except HeadlandError:
         return None
 

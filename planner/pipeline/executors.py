@@ -136,10 +136,10 @@ class LocalPool(ProcessPoolExecutor):
 
 @contextmanager
 def _convert_start_failure() -> Iterator[None]:
-    """Report a process that cannot be started as a broken pool, not as a broken pipe of standard output."""
+    """Report a process that cannot be started as a broken pool, not as a broken pipe of standard output or a fault."""
     try:
         yield
-    except BrokenPipeError as error:
+    except OSError as error:
         raise BrokenProcessPool("a process could not be started") from error
 
 
@@ -188,10 +188,14 @@ def _preload_modules() -> None:
 def create_executor(task_count: int, processes: int | None = None) -> Executor:
     """The executor for this many tasks in this many processes of this machine; by default one process per core.
 
-    The calling process counts as one of them: a single task or process needs no other.
+    The calling process counts as one of them: a single task or process needs no other. Raises WorkerError where
+    processes cannot be started.
     """
     count = min(processes or os.cpu_count() or 1, task_count)
-    return SerialExecutor() if count <= 1 else LocalPool(count - 1)
+    try:
+        return SerialExecutor() if count <= 1 else LocalPool(count - 1)
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
 
 
 class _SharedTasks:

@@ -88,9 +88,8 @@ class GivenOptions:
         order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
         if self.continued is not None:
             is_farm = self.farm is not None
-            order = replace(order, supply=self.continued.choose_supply(order.supply, is_from_farm=is_farm))
-        if self.continued is not None and self.farm is None and "tractor" not in given:
-            order = replace(order, tractor=self.continued.tractor, implement=self.continued.implement)
+            keeps_tractor = not is_farm and "tractor" not in given
+            order = self.continued.equip_order(order, keeps_tractor=keeps_tractor, is_from_farm=is_farm)
         return replace(order, done=self.done, without=self.without)
 
 

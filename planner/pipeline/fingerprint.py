@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import json
 import platform
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -17,9 +17,12 @@ from typing import Any
 import shapely
 from pydantic import BaseModel
 
+from fields.documents.sources import list_field_files, parse_field_reference
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
+from fields.formats.isoxml import TASKDATA_FILE
 from fields.terrain.point_files import AGOPENGPS_FILE
+from planner.evaluation.work_order import match_plan_time
 
 PACKAGES = ("fields", "vehicle", "strategies", "planner", "reports")
 LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "pyogrio", "pyproj", "scipy", "shapely")
@@ -150,3 +153,24 @@ def _list_height_files(place: Path) -> Iterable[Path]:
         own = sorted(path for path in place.iterdir() if path.name.lower() == AGOPENGPS_FILE)
         return own or [place / member for member in ArchiveMembers(place)]
     return []
+
+
+def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
+    """What sources of done work hold: for each file its hash, with its key or the time at which a plan is left."""
+    found = list[tuple[str, str | None]]()
+    for source in sources:
+        match = match_plan_time(source)
+        if match is None:
+            named = parse_field_reference(source)
+            found += [(named.key or "", hash_file(one)) for one in _list_source_files(Path(named.place))]
+        else:
+            found.append((match[0].rpartition("@")[2], hash_file(Path(match["file"]))))
+    return found
+
+
+def _list_source_files(path: Path) -> list[Path]:
+    """What a folder, or a file of ground or logs, is read from: all parts of a Shapefile, and logs beside task data."""
+    if path.is_dir():
+        return sorted(one for one in path.rglob("*") if one.is_file())
+    logs = path.parent.glob("*.[bB][iI][nN]") if path.name.lower() == TASKDATA_FILE else ()
+    return [*list_field_files(str(path)), *sorted(logs)]

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from fields.documents.reader import read_polygons
-from fields.geometry.field import Field
+from fields.documents.sources import parse_field_reference
 from fields.geometry.overlays import clip_area, extract_polygons, unite_areas
 from fields.text_files import quote_path, read_text
 from fields.units import DAY_S
@@ -30,7 +30,6 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import DoneSource, WorkOrder, match_plan_time
 from planner.farm.workday import Workday
-from planner.pipeline.fingerprint import hash_file
 from planner.pipeline.outputs.saved_plans import (
     has_unknown_tank,
     read_done_ground,
@@ -38,6 +37,7 @@ from planner.pipeline.outputs.saved_plans import (
     read_planned_layout,
     read_request,
     read_supply,
+    read_used,
     read_workday,
     rerun_plan,
 )
@@ -84,8 +84,12 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     closing_m = max(one.error_m for one in works)
     ground = ground.buffer(closing_m, join_style="mitre").buffer(-closing_m, join_style="mitre")
     done = clip_area(ground, field.region_without_obstacles)
-    if not order.begins_on_field:  # a plan may stop before it works anything
-        _check_something_done(done, field)
+    if done.is_empty and not order.begins_on_field:  # a plan may stop before it works anything
+        raise RequestError(
+            f"Nothing of what is given as done lies in field '{field.name}'; give work of this field, or the field of "
+            "this work.",
+            parameter="done",
+        )
     driven = None if order.from_road else next((one for one in reversed(works) if one.numbers or one.stands), None)
     stands, numbers = ((), ()) if driven is None else (driven.stands, driven.numbers)
     left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
@@ -134,18 +138,17 @@ def continue_order(order: WorkOrder) -> WorkOrder:
     continued = None if order.from_road else read_continued_plan(order.done, order.without)
     if continued is None:
         return order
-    order = replace(order, supply=continued.choose_supply(order.supply), layout=continued.layout)
     request = order.request
+    is_same = order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor)
+    order = continued.equip_order(order, keeps_tractor=is_same)
     given = {one.name for one in fields(request) if getattr(request, one.name) != one.default}
-    if order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor):
-        order = replace(order, tractor=continued.tractor, implement=order.implement or continued.implement)
     return replace(order, request=continued.complete_request(request, given | {"field", "local", "crs", "swap_axes"}))
 
 
 def check_source_exists(source: str) -> None:
     """Refuse a source of done work that is no file."""
     match = match_plan_time(source)
-    name = source.partition("#")[0] if match is None else match["file"]
+    name = parse_field_reference(source).place if match is None else match["file"]
     if not name or not Path(name).exists():
         raise RequestError(
             f"There is no file {quote_path(name)}; {mark_parameter('done')} takes a file of worked ground, logs, or a "
@@ -167,31 +170,19 @@ def _check_without(order: WorkOrder) -> None:
 
 def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
     """What every source says is done; the machines are those of the last saved plan among them."""
-    plans, works = [one for one in order.done if match_plan_time(one)], list[DoneWork]()
-    for source in order.done:
+    plans, works = [number for number, one in enumerate(order.done) if match_plan_time(one)], list[DoneWork]()
+    for number, source in enumerate(order.done):
         if isinstance(source, DoneWork):
             works.append(source)
-        elif source in plans[:-1]:
+        elif number in plans[:-1]:
             ground_only = replace(order, without=(), from_road=True)
             works.append(replace(_read_source(source, context, ground_only), stands=(), notes=(), numbers=()))
         else:
             works.append(_read_source(source, context, order))
     if len(plans) > 1:
-        note = f"The machines that go on are those of {plans[-1]}, the last of {len(plans)} plans."
+        note = f"The machines that go on are those of {order.done[plans[-1]]}, the last of {len(plans)} plans."
         works[-1] = replace(works[-1], notes=(*works[-1].notes, note))
     return works
-
-
-def hash_sources(sources: Sequence[str]) -> list[tuple[str, str | None]]:
-    """What sources of done work hold: for each file its hash, with its key or the time at which a plan is left."""
-    found = list[tuple[str, str | None]]()
-    for source in sources:
-        match = match_plan_time(source)
-        file, _, key = source.partition("#")
-        path, part = (Path(file), key) if match is None else (Path(match["file"]), source[-8:])
-        files = sorted(one for one in path.rglob("*") if one.is_file()) if path.is_dir() else [path]
-        found += [(part, hash_file(one)) for one in files]
-    return found
 
 
 @dataclass(frozen=True)
@@ -213,20 +204,28 @@ class ContinuedPlan:
         """The request of this plan, with the `given` parameters of another in place of its own."""
         return replace(self.request, **{name: getattr(request, name) for name in given})
 
-    def choose_supply(self, given: Supply | None, *, is_from_farm: bool = False) -> Supply | None:
-        """What is carried: what is given, or what a farm's implement says, else what the plan says.
+    def equip_order(self, order: WorkOrder, *, keeps_tractor: bool, is_from_farm: bool = False) -> WorkOrder:
+        """An order on the layout of this plan, by its machines where it keeps the tractor.
 
-        Raises RequestError where none of them does and there is a tank.
+        They carry what is given, or what a farm's implement says, else what the plan says. Raises RequestError where
+        none of them does and there is a tank.
         """
-        if given is not None or is_from_farm:
-            return given
+        supply = order.supply
+        if supply is None and not is_from_farm:
+            self._check_tank_is_known()
+            supply = self.supply
+        order = replace(order, supply=supply, layout=self.layout)
+        if not keeps_tractor:
+            return order
+        return replace(order, tractor=self.tractor, implement=order.implement or self.implement)
+
+    def _check_tank_is_known(self) -> None:
         if self.has_unknown_tank:
             raise RequestError(
                 f"The implement of the plan {quote_path(self.file)} has a tank, and the plan does not say how large; "
                 f"add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
                 parameter="farm",
             )
-        return self.supply
 
 
 def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = ()) -> ContinuedPlan | None:
@@ -309,7 +308,7 @@ def _read_source(source: str, context: PlanningContext, order: WorkOrder) -> Don
     check_source_exists(source)
     if match := match_plan_time(source):
         return _read_driven_plan(match, context, order)
-    path = Path(source.partition("#")[0])
+    path = Path(parse_field_reference(source).place)
     if path.suffix.lower() == ".json" and '"tractors"' in path.read_text(errors="replace")[:4000]:
         raise RequestError(
             f"{quote_path(source)} is a plan; say up to when it was driven, such as {path.name}@13:20.",
@@ -365,15 +364,6 @@ def _read_runs(source: str, runs: Sequence[ProjectedRun], context: PlanningConte
     return DoneWork(ground, OTHERS_ERROR_M, notes=notes)
 
 
-def _check_something_done(done: shapely.Geometry, field: Field) -> None:
-    if done.is_empty:
-        raise RequestError(
-            f"Nothing of what is given as done lies in field '{field.name}'; give work of this field, or the field of "
-            "this work.",
-            parameter="done",
-        )
-
-
 def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: WorkOrder) -> DoneWork:
     """What a saved plan has done at a time, and where the machines that are left stand then."""
     (saved, request), field = _read_plan(match["file"]), context.layout.field
@@ -390,7 +380,8 @@ def _read_driven_plan(match: re.Match[str], context: PlanningContext, order: Wor
     corners = build_round_corners(legs, context.driving_rules.radius_m, context.request.width_m)
     ground = unite_areas(np.array([swept, *corners, *read_done_ground(saved)], dtype=np.object_))
     left = _list_machines_left(saved, order.without)
-    stands = {number: _find_stand(begun, number, context) for number in left}
+    used = read_used(saved)
+    stands = {number: _find_stand(begun, number, context, used[number]) for number in left}
     ranked = sorted(left, key=lambda number: stands[number] is None)
     placed = tuple(stand.move_by(*shift.tolist()) for number in ranked if (stand := stands[number]) is not None)
     numbers = tuple(number + 1 for number in ranked)
@@ -464,8 +455,9 @@ def cut_run(run: SimulationRun, elapsed_s: float) -> SimulationRun:
     return replace(run, time_s=run.time_s[:rows], record=run.record[:rows])
 
 
-def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> Stand | None:
-    """Where a tractor stands at the end of a run; None for one that is not on the field."""
+def _find_stand(run: SimulationRun, number: int, context: PlanningContext, used: float) -> Stand | None:
+    """Where a tractor stands at the end of a run, before which it had `used` some of its load; None for one that is not
+    on the field."""
     legs, numbers, poses = run.plan.missions[number].legs, run.get_leg_numbers(number), run.get_poses(number)
     at = int(numbers[-1])
     waits = legs[0].task.kind == ENTER and math.dist(poses[0, :2], poses[-1, :2]) < MOST_SHIFT_M
@@ -479,7 +471,7 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext) -> St
     is_before = at > 0 and stands and begun_m < MOST_SHIFT_M  # neither folded nor served for the leg
     driven_m = 0.0 if is_before else float(shapely.LineString(leg.points).project(shapely.Point(pose[:2])))
     driven = [*legs[:at], *list_driven_part(leg, driven_m)]
-    used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m)
+    used = 0.0 if context.supply is None else sum_used(driven, context.supply, context.request.width_m, used)
     is_folded = (legs[at - 1] if is_before else leg).folded
     return Stand(pose, used, list_places_ahead(legs[at:]), is_folded)
 
@@ -491,7 +483,8 @@ def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:
     return [leg if driven_m >= leg.length_m else replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
 
 
-def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float) -> float:
-    """What legs have used of a load since it was filled last."""
-    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=0)
-    return supply.compute_legs_need(legs[served:], width_m) if legs else 0.0
+def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float, used: float = 0.0) -> float:
+    """What is used of a load since it was filled last: by legs, and `used` before them."""
+    served = max((number for number, leg in enumerate(legs) if leg.stand_s > 0.0), default=None)
+    used, legs = (used, legs) if served is None else (0.0, legs[served:])
+    return used + supply.compute_legs_need(legs, width_m) if legs else used

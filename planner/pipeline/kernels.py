@@ -16,7 +16,8 @@ import os
 import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, wait
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, wait
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module, resources
@@ -25,6 +26,7 @@ from typing import Any
 import numba
 import numpy as np
 
+from planner.errors import WorkerError
 from planner.pipeline.executors import create_executor
 from reports.common.language import mark_text
 from vehicle.jit import is_compiled
@@ -89,10 +91,12 @@ def compile_kernels(kernels: Sequence[Kernel], processes: int | None = None, rep
     shares = share_kernels(kernels, processes or os.cpu_count() or 1)
     if not shares:
         return
-    with create_executor(len(shares), len(shares)) as executor, _Watch(kernels, report):
-        futures: list[Future[None]] = []
-        if isinstance(executor, ProcessPoolExecutor):
-            futures = [executor.submit(compile_share, share) for share in shares[1:]]
+    futures = list[Future[None]]()
+    with _Watch(kernels, report), ExitStack() as opened:
+        with suppress(WorkerError, BrokenExecutor):  # what no other process compiles now is compiled when it is called
+            executor = opened.enter_context(create_executor(len(shares), len(shares)))
+            if isinstance(executor, ProcessPoolExecutor):
+                futures += [executor.submit(compile_share, share) for share in shares[1:]]
         compile_share(shares[0])
         wait(futures)
 

@@ -76,7 +76,7 @@ def answer_question(
 ) -> ComparisonRow[Any]:
     """Answer one question in the current process; a refusal is as `describe_refusal` words it."""
     try:
-        result = plan_here(question.order, question.simulate_all)
+        result = plan_order(question.order, executor=SerialExecutor(), simulate_all=question.simulate_all)
     except HeadlandError as refusal:
         return ComparisonRow(question.field_name, question.label, refusal=describe_refusal(refusal))
     return ComparisonRow(
@@ -110,11 +110,6 @@ def draw_best_plan(result: PlanningResult) -> SmallMap | None:
         return None
     ground = find_driven_over_ground(run, result.context, compute_swept_area(run, result.context))
     return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
-
-
-def plan_here(order: WorkOrder, simulate_all: bool = False) -> PlanningResult:
-    """Plan a work order in the current process; raises HeadlandError."""
-    return plan_order(order, executor=SerialExecutor(), simulate_all=simulate_all)
 
 
 def iter_answers(
@@ -281,15 +276,15 @@ def expand_field_names(
 
 
 def _iter_files(name: str) -> Iterator[str]:
-    place, mark, key = name.partition("#")
-    if os.path.exists(name) or not glob.has_magic(place):
+    source = parse_field_reference(name)
+    place, key = source.place, "" if source.key is None else f"#{source.key}"
+    if os.path.exists(place) or not glob.has_magic(place):
         yield name
         return
     files = sorted(glob.glob(place))
     if not files:
         raise RequestError(f"No file matches {place!r}; check the folder and the extension.", parameter="field")
-    for file in files:
-        yield file + mark + key
+    yield from (file + key for file in files)
 
 
 def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, ...]]) -> Iterator[str]:

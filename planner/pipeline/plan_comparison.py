@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.documents.reader import read_field
 from fields.text_files import count_noun
 from planner.errors import HeadlandError, RequestError
+from planner.evaluation.preparation import read_planned_field
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.example_logs import find_work_state, locate_antenna
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
 from planner.task_logs.runs.phases import find_true_segments, summarise_run
@@ -111,10 +112,11 @@ def build_planned_run(saved_run: SavedPlanRun, tractor: int) -> ProjectedRun:
 def _find_compared_field(
     saved_run: SavedPlanRun, runs: Sequence[ProjectedRun], planned: Sequence[ProjectedRun]
 ) -> tuple[shapely.Polygon, bool]:
-    """The field in metres of the plan and True, or the convex hull of the planned work and False."""
+    """The field of the plan, or its part, in its metres and True, or the convex hull of the planned work and False."""
     request = saved_run.request
     try:
-        field = read_field(request.field, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+        tractor, implement = read_machines(saved_run.saved, request)
+        field = read_planned_field(WorkOrder(request, tractor=tractor, implement=implement))
         if field.crs == saved_run.saved.crs:
             return shapely.transform(field.boundary, lambda points: points + np.array(field.origin_m)), True
     except HeadlandError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 import shapely
 
 from fields.geometry.field_parts import list_field_parts
+from fields.geometry.overlays import clip_area, subtract_area
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.pruning import prunes_candidates
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import DoneWork, PlanningContext
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
@@ -24,11 +25,19 @@ from planner.evaluation.work_order import DoneSource, FieldChoice, WorkOrder
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
-from planner.pipeline.going_on import continue_order, go_on, keep_continuing, list_numbers, list_sources
+from planner.pipeline.going_on import (
+    AllDoneError,
+    continue_order,
+    go_on,
+    keep_continuing,
+    list_numbers,
+    list_sources,
+)
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
+from planner.request.parameter_names import WISHES
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
@@ -53,7 +62,12 @@ StageReport = Callable[[str, int, int], None]
 LAYING_OUT, SIMULATING = mark_text("Laying out the field"), mark_text("Simulating plans")
 STAGES_S = {LAYING_OUT: 4.0, SIMULATING: 6.0}
 """The stages of `plan`, with about the seconds of each for a field of some hectares."""
-_WITHOUT_RISK: dict[str, Any] = dict.fromkeys(("deadline_s", "rain", "objective", "budget", "samples"))
+_UNASKED_OF_PARTS: dict[str, Any] = {
+    one.name: one.default
+    for one in fields(PlanRequest)
+    if one.name in ("deadline_s", "rain", "objective", "budget", "samples", "cell_bearings", *WISHES)
+}
+"""Parameters of a request that do not hold for a further part: its cells and tracks have numbers of their own."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -260,37 +274,62 @@ def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> tuple[dict[int
 
 
 def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executor) -> Iterator[FieldPartPlan]:
-    """The further parts of a divided field, planned on their own with the strategy and tractors of the best plan."""
+    """The further parts of a divided field that are left, each with a plan of its own, if possible by the strategy and
+    tractors of the best plan."""
     context, best = result.context, result.ranking.best
     request, field = context.request, context.layout.field
     if best is None or request.part is not None:
         return
     width_m = measure_passage_m(context.tractor, context.implement)
-    for part in list_field_parts(field, request.margin_m, width_m)[1:]:
+    for part in list_field_parts(replace(field, done=None), request.margin_m, width_m)[1:]:
         alike = replace(
-            request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_WITHOUT_RISK
+            request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_UNASKED_OF_PARTS
         )
-        single = replace(alike, strategies=STRATEGY_NAMES, tractors=(1,))
-        own_plan, reason = None, None
-        for part_request in (alike, single):
-            try:
-                part_order = WorkOrder(part_request, order.field, order.tractor, order.implement, supply=order.supply)
-                ranking = plan_order(part_order, executor=executor).ranking
-                own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
-            except HeadlandError as refusal:
-                reason = str(refusal)
-            if own_plan is not None:
-                break
+        done = _list_done(context, part.region)
+        own_order = replace(order, request=alike, done=done, without=(), from_road=True, layout=None)
+        try:
+            own_plan, reason = _plan_part(own_order, executor)
+        except AllDoneError:
+            continue
         assert part.neck is not None  # only the largest part has none
-        ground = shapely.point_on_surface(part.region)
+        left = subtract_area(part.region, field.done) if done else part.region
+        ground = shapely.point_on_surface(left)
         yield FieldPartPlan(
             part.number,
-            locate_piece(field, part.region.area, ground.x, ground.y),
+            locate_piece(field, left.area, ground.x, ground.y),
             locate_piece(field, 0.0, part.neck.x_m, part.neck.y_m),
             part.neck.width_m,
             own_plan,
             None if own_plan is not None else reason,
         )
+
+
+def _list_done(context: PlanningContext, region: shapely.Polygon) -> tuple[DoneWork, ...]:
+    """The work of a context that is done in a region, as whoever comes there by road takes it; empty without any."""
+    going_on = context.going_on
+    if going_on is None or clip_area(going_on.ground, region).is_empty:
+        return ()
+    return (DoneWork(going_on.ground, going_on.error_m),)
+
+
+def _plan_part(order: WorkOrder, executor: Executor) -> tuple[PlanResult | None, str | None]:
+    """The best plan of an order for a part, by one tractor where there is none else; and why there is none.
+
+    Raises AllDoneError.
+    """
+    single = replace(order, request=replace(order.request, strategies=STRATEGY_NAMES, tractors=(1,)))
+    own_plan, reason = None, None
+    for part_order in (order, single):
+        try:
+            ranking = plan_order(part_order, executor=executor).ranking
+            own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
+        except AllDoneError:
+            raise
+        except HeadlandError as refusal:
+            reason = str(refusal)
+        if own_plan is not None:
+            break
+    return own_plan, reason
 
 
 def _build_result(

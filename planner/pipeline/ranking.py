@@ -349,8 +349,6 @@ def _find_pareto_front(feasible: list[PlanResult]) -> list[PlanResult]:
     front: list[PlanResult] = []
     for result in sorted(feasible, key=lambda r: (r.tractors, r.ranked_s)):
         if not front or result.ranked_s < front[-1].ranked_s - TIME_TOLERANCE_S:
-            if front and front[-1].tractors == result.tractors:
-                continue
             front.append(result)
     return front
 

@@ -9,6 +9,7 @@ import json
 import os
 import secrets
 import sys
+import tempfile
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,10 +20,13 @@ CACHE_VARIABLE = "HEADLAND_CACHE"
 
 
 def find_cache_folder() -> Path:
-    """The cache folder of this system; HEADLAND_CACHE names another one."""
+    """The cache folder of this system, of temporary files for a user without a home; HEADLAND_CACHE names another."""
     if os.environ.get(CACHE_VARIABLE):
         return Path(os.environ[CACHE_VARIABLE])
-    home = Path.home()
+    try:
+        home = Path.home()
+    except RuntimeError:
+        home = Path(tempfile.gettempdir())
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "headland" / "Cache"
     if sys.platform == "darwin":
@@ -64,8 +68,8 @@ class ResultCache:
     def remove_oldest(self, most_bytes: int) -> None:
         """Remove the files written first until the rest has no more than so many bytes."""
         found = list[tuple[float, int, Path]]()
-        with suppress(OSError):
-            for path in () if self.folder is None else self.folder.glob("*.json"):
+        for path in () if self.folder is None else self.folder.glob("*.json"):
+            with suppress(OSError):  # another process may have removed it
                 status = path.stat()
                 found.append((status.st_mtime, status.st_size, path))
         total = sum(size for _, size, _ in found)

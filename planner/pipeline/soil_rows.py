@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fields.text_files import count_noun, lower_first, read_text
+from fields.text_files import count_noun, lower_first, read_table
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.field_physics import NAME_MARK, split_soil_name
 from reports.diagnosis.sentences import describe_unsaved
@@ -128,12 +128,14 @@ def _explain_nothing(likely: Sequence[str]) -> str:
 
 
 def format_soil_table(row: Soil, path: Path) -> str:
-    """The table with the line added; its other lines stay as they are, apart from columns that the new one needs."""
+    """The table with the line added; its other lines hold what they held, with commas between cells and the columns
+    that the new one needs."""
     new = {name: f"{value}" for name, value in row.model_dump(exclude_none=True, exclude_defaults=True).items()}
-    text = read_text(path, "a CSV table", VehicleError) if path.exists() else ""
-    lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
-    columns = list(lines.fieldnames or ())
-    rows = list(lines)
+    columns, rows = list[str](), list[dict[str, str]]()
+    if path.exists():
+        table = read_table(path, "a CSV table", VehicleError)
+        columns += table.header
+        rows += [dict(zip(columns, cells, strict=False)) for _, cells in table.rows]
     known = sorted(Soil.model_fields, key=lambda name: name in MeasuredEffects.model_fields)
     columns += [name for name in known if name in new and name not in columns]
     out = io.StringIO()

@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from datetime import time
 from itertools import product
 from math import prod
 from typing import Any
 
 from fields.geometry.arithmetic import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
+from planner.request.option_texts import convert_time_to_text
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
@@ -19,7 +19,8 @@ from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 MOST_POINTS = 100_000
 MOST_VALUES = 1000
 _RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
-_TEXTS = ("tractors", "start_s", "deadline_s", "tractor", "soil", "draft")
+_CLOCKS = ("start_s", "deadline_s")
+_TEXTS = ("tractors", *_CLOCKS, "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
 """Parameters that change no estimate, or what is chosen and not what is planned."""
@@ -68,7 +69,8 @@ def list_swept_options() -> tuple[RequestOption, ...]:
 def read_axes(values: Mapping[str, Any]) -> tuple[Axis, ...]:
     """The axes of options, each a text (`3,4.5,6`, `6:12:1`, `1-8`), a value or several of them.
 
-    They go by the name of the option or of its parameter; those without a value are none. Raises RequestError.
+    They go by the name of the option or of its parameter, whose unit they have then (speed_kmh or speed_mps); those
+    without a value are none. Raises RequestError.
     """
     swept = list_swept_options()
     options = {option.parameter: option for option in swept} | {option.name: option for option in swept}
@@ -76,12 +78,12 @@ def read_axes(values: Mapping[str, Any]) -> tuple[Axis, ...]:
     if unknown is not None:
         names = ", ".join(option.name for option in swept)
         raise RequestError(f"A sweep cannot vary {unknown!r}; it varies {names}.")
-    given = [(options[name], value) for name, value in values.items() if value is not None]
-    found = [option.name for option, _ in given]
+    given = [(name, options[name], value) for name, value in values.items() if value is not None]
+    found = [option.name for _, option, _ in given]
     twice = next((name for name in found if found.count(name) > 1), None)
     if twice is not None:
         raise RequestError(f"The {twice.replace('_', ' ')} is given twice, with its unit and without; give it once.")
-    return tuple(_read_axis(option, value) for option, value in given)
+    return tuple(_read_axis(*one) for one in given)
 
 
 def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
@@ -92,7 +94,7 @@ def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
     return product(*(range(len(axis.values)) for axis in axes))
 
 
-def _read_axis(option: RequestOption, given: Any) -> Axis:
+def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
     parts = _split_text(option, given) if isinstance(given, str) else _list_values(option, given)
     written = tuple(dict.fromkeys(parts))
     if not written:
@@ -108,6 +110,9 @@ def _read_axis(option: RequestOption, given: Any) -> Axis:
         raise RequestError(f"{mark_parameter(option.parameter)} has {len(written)} values; give {MOST_VALUES} at most.")
     if option.parameter == "tractors":
         return Axis(option, tuple((count,) for count in written), written)
+    scale = 1.0 if option.limits is None else option.limits.scale
+    if name != option.name and scale != 1.0:
+        return Axis(option, written, tuple(round(value / scale, 9) for value in written))
     read: Callable[[Any], Any] = option.parse or (lambda value: value)
     return Axis(option, tuple(map(read, written)), written)
 
@@ -115,8 +120,9 @@ def _read_axis(option: RequestOption, given: Any) -> Axis:
 def _list_values(option: RequestOption, given: Any) -> list[Any]:
     """Values that Python gives, of numpy too; texts among them are read as on the command line."""
     ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
-    values = [one.item() if hasattr(one, "item") else one for one in _iterate(ordered)]
-    wrong = next((value for value in values if not isinstance(value, str | int | float | time)), None)
+    values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in _iterate(ordered)]
+    values = list(map(str, values)) if option.parameter in _CLOCKS else values
+    wrong = next((value for value in values if not isinstance(value, str | int | float)), None)
     if wrong is not None:
         raise RequestError(
             f"{mark_parameter(option.parameter)} holds {shorten_value(wrong)}; give numbers or texts.",
@@ -153,7 +159,7 @@ def _read_numbers(option: RequestOption, part: str) -> list[Any]:
     try:
         if found is None:
             return [option.type(part)]
-        first, last, step = (float(found[name] or 1.0) for name in ("first", "last", "step"))
+        first, last, step = (float(option.type(found[name] or 1)) for name in ("first", "last", "step"))
     except ValueError:
         raise RequestError(
             f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number; give numbers "

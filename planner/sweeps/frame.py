@@ -34,13 +34,13 @@ def sweep(
 ) -> DataFrame:
     """Estimate a plan for every combination of some options, and return a table with a row for each.
 
-    `values` are by the name of the option, in the unit of the command line: `width=[3, 4.5], speed_kmh=range(6, 13),
-    tractors="1-8", headland_order=["first", "last"]`; texts are read as `headland sweep` reads them. The other
-    arguments are those of `plan`. The columns are the options, then seconds, cost, share worked, fuel, what it `lacks`
-    of what was asked for, whether nothing beats the plan (`on_front`) and which one to take, or comes nearest
-    (`is_best`); `frame.attrs["sweep"]` is the result that reports draw. Each number of tractors is driven once on each
-    layout, at a speed in the middle of those swept, and its other rows follow from that by sums: a row changes a little
-    with what else is swept. `plan` with the values of a row drives it. Raises HeadlandError.
+    `values` are by the name of the option or of its parameter, in the unit that it says: `width=[3, 4.5],
+    speed_kmh=range(6, 13), tractors="1-8", headland_order=["first", "last"]`; texts are read as `headland sweep` reads
+    them. The other arguments are those of `plan`. The columns are the options, then seconds, cost, share worked, fuel,
+    what it `lacks` of what was asked for, whether nothing beats the plan (`on_front`) and which one to take, or comes
+    nearest (`is_best`); `frame.attrs["sweep"]` is the result that reports draw. Each number of tractors is driven once
+    on each layout, at a speed in the middle of those swept, and its other rows follow from that by sums: a row changes
+    a little with what else is swept. `plan` with the values of a row drives it. Raises HeadlandError.
     """
     if not isinstance(request, PlanRequest):
         raise TypeError(f"sweep() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")

@@ -15,9 +15,9 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from planner.errors import HeadlandError, RequestError, mark_parameter
-from planner.evaluation.preparation import check_machine_and_soil, prepare_context
+from planner.evaluation.preparation import check_machine_and_soil, prepare_context, read_planned_field
 from planner.evaluation.site import recall
-from planner.evaluation.work_order import WorkOrder, read_requested_field
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import collect_answers, create_executor, iter_completed
 from planner.pipeline.many_fields import hash_question
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
@@ -231,7 +231,7 @@ class Sweep:
     def build_result(self) -> SweepResult:
         """The plans known so far; of several fields those that are known of all. Raises HeadlandError for a field."""
         orders = [self.build_order(name, self._get_parameters(self._points[0])) for name in self.fields]
-        read = [read_requested_field(order.request, order.field) for order in orders]
+        read = [read_planned_field(order) for order in orders]
         first, request = orders[0], orders[0].request
         terms = first.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
         numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]

@@ -1,6 +1,7 @@
 """What is kept of simulated field times."""
 
 import json
+import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +19,14 @@ from planner.day.field_times import (
 )
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
+from planner.pipeline.fingerprint import (
+    FILE_SUFFIXES,
+    PACKAGES,
+    _find_imported_files,
+    hash_code,
+    hash_content,
+    hash_sources,
+)
 from planner.pipeline.result_cache import ResultCache, find_cache_folder
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink
@@ -181,6 +189,16 @@ def test_a_file_is_never_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert json.loads((tmp_path / "name.json").read_text()) == {"a": 1}
 
 
+@pytest.mark.parametrize(("source", "beside"), [("TASKDATA.XML", "TLG00001.BIN"), ("work.shp", "work.dbf")])
+def test_what_files_beside_a_source_hold_counts(tmp_path: Path, source: str, beside: str) -> None:
+    hashes = []
+    for content in ("one", "two"):
+        (tmp_path / source).write_text("same", encoding="utf-8")
+        (tmp_path / beside).write_text(content, encoding="utf-8")
+        hashes.append(hash_sources([str(tmp_path / source)]))
+    assert hashes[0] != hashes[1] and len(hashes[0]) == 2
+
+
 @pytest.mark.parametrize("system", ["linux", "darwin", "win32"])
 def test_every_system_has_its_folder(system: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("sys.platform", system)
@@ -191,3 +209,13 @@ def test_every_system_has_its_folder(system: str, monkeypatch: pytest.MonkeyPatc
     assert system == "darwin" or tmp_path in find_cache_folder().parents
     monkeypatch.setenv("HEADLAND_CACHE", str(tmp_path / "own"))
     assert find_cache_folder() == tmp_path / "own"
+
+
+def test_a_user_without_a_home_has_a_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    def find_none() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in ("HEADLAND_CACHE", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", find_none)
+    assert Path(tempfile.gettempdir()) in find_cache_folder().parents

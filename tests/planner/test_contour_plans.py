@@ -1,6 +1,7 @@
 """Plans on swaths along contours: they are driven on their curves; erosion shares; what cannot be asked for."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,12 +11,13 @@ import shapely
 from fields import Field
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
-from planner.errors import RequestError
+from planner.errors import FieldError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics
 from planner.evaluation.ground.coverage import compute_guided_path
+from planner.evaluation.layout_choice import lay_contours
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.comparisons import list_bearing_requests
@@ -77,6 +79,15 @@ def test_erosion_shares_of_a_plane() -> None:
 def test_contours_need_heights() -> None:
     with pytest.raises(RequestError, match=r"follows contours, and no heights are known; give .*elevation"):
         prepare_context(WorkOrder(PlanRequest(field="cone", swaths=CONTOUR), FIELD))
+
+
+def test_passes_that_are_asked_for_have_room_or_are_refused() -> None:
+    """Inside 5 passes of 6 m nothing is left of 60 m; where planning chooses their number it lays fewer."""
+    terrain = Terrain(-20.0, -20.0, 4.0, 0.06 * NORTHINGS)
+    request = PlanRequest(field="cone", swaths=CONTOUR, width_m=6.0)
+    assert lay_contours(request, FIELD, 30.0, 0.0, terrain, 6.0).headland_passes < 5
+    with pytest.raises(FieldError, match="inside a headland of 30 m"):
+        lay_contours(replace(request, headland_passes=5), FIELD, 30.0, 0.0, terrain, 6.0)
 
 
 @pytest.mark.parametrize("other", [{"bearing_deg": 30.0}, {"no_headland": True}, {"guidance_line": "A"}])

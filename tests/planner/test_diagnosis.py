@@ -9,8 +9,17 @@ from planner import HeadlandError, diagnose, replay
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.diagnosis import MIN_TRACTOR_LENGTH_M, PLAN_FIELD, PLAN_WIDTH_M, diagnose_demo, measure_plan_gain
+from planner.pipeline.diagnosis import (
+    MIN_TRACTOR_LENGTH_M,
+    PLAN_FIELD,
+    PLAN_WIDTH_M,
+    collect_logs,
+    diagnose_demo,
+    measure_plan_gain,
+)
 from planner.request.plan_request import PlanRequest
+from tests.identification.log_tables import table
+from vehicle.identification.logs.reader import build_log
 from vehicle.model.tractor import EffectSetting, Tractor, load_tractor
 from vehicle.model.tractor_writer import format_tractor_toml
 
@@ -99,6 +108,15 @@ def test_a_refusal_names_the_parameter_at_fault(ask: Any, parameter: str) -> Non
     with pytest.raises(HeadlandError) as refusal:
         ask()
     assert refusal.value.parameter == parameter
+
+
+def test_logs_and_files_stay_in_their_order(tmp_path: Path) -> None:
+    """By it runs are numbered (holdout="#1")."""
+    table().to_csv(tmp_path / "file.csv", index=False)
+    logs = [build_log(table(), name) for name in ("one", "two", "three")]
+    mixed = [logs[0], tmp_path / "file.csv", *logs[1:]]
+    collected = collect_logs(mixed, (), load_tractor("eg105"))
+    assert [log.name for log in collected] == ["one", "file", "two", "three"]
 
 
 def test_one_log_need_not_be_in_a_list() -> None:

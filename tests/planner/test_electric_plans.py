@@ -15,7 +15,7 @@ from planner.errors import RequestError
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_stops
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import DoneWork, PlanningContext, Stand
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -174,6 +174,16 @@ def test_a_plan_is_refused_whose_batteries_do_not_last() -> None:
     with_tank = replace(context, supply=Supply(1e6, 0.1, 60.0))
     assert "charging is not planned beside refills" in (find_flat_battery(with_tank, found.run) or "")
     assert find_flat_battery(prepare(AMPLE), found.run) is None
+
+
+def test_a_battery_that_goes_on_is_not_full() -> None:
+    """A plan for a full one does not last where 1 kWh of it was used before; one of the rest counts with that."""
+    context, found = prepare(SMALL), drive(SMALL)
+    stand = Stand((5.0, 5.0, 0.0), used=1.0)
+    rest = replace(context, going_on=DoneWork(shapely.Polygon(), 0.1, (stand,)))
+    assert "more than the 4 kWh that its battery has to use" in (find_flat_battery(rest, found.run) or "")
+    full = replace(rest, going_on=DoneWork(shapely.Polygon(), 0.1, (replace(stand, used=0.0),)))
+    assert find_flat_battery(full, found.run) is None
 
 
 def test_money_and_carbon_by_the_prices_of_a_farm() -> None:

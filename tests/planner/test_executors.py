@@ -89,13 +89,18 @@ class TestLocalPool:
         with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
             executor.submit(os._exit, 3).result(240)
 
-    def test_a_process_that_cannot_be_started_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize("error", [BrokenPipeError, BlockingIOError])
+    def test_a_process_that_cannot_be_started_is_lost(
+        self, error: type[OSError], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         def broken(*_: Any) -> None:
-            raise BrokenPipeError
+            raise error
 
         monkeypatch.setattr(multiprocessing.context.SpawnProcess, "_Popen", broken)
         with pytest.raises(BrokenExecutor, match="could not be started"), LocalPool(1):
             pass
+        with pytest.raises(WorkerError, match=r"could not be started.* fewer .processes"):
+            create_executor(2, 2)
 
     @pytest.mark.slow
     def test_the_caller_helps(self, pool: LocalPool) -> None:

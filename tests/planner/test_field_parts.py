@@ -5,7 +5,7 @@ import shapely
 
 from fields import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import DoneWork, PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
@@ -23,12 +23,18 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 TOUCHED = PlanFault(OBSTACLE, 0, 10.0, 20.0)
 
 
+DITCH = Obstacle("ditch", shapely.LineString([(-1, 40), (101, 40)]), 0.75)
+DIVIDED = Field("divided", shapely.box(0, 0, 100, 90), obstacles=(DITCH,))
+
+
+def plan_divided(request: PlanRequest | None = None, *done: DoneWork) -> PlanRanking:
+    usual = PlanRequest(width_m=6.0, tractors=(1,), strategies=("row-by-row",))
+    return plan(request or usual, field=DIVIDED, done=done, executor=SerialExecutor()).ranking
+
+
 @pytest.fixture(scope="module")
 def divided_ranking() -> PlanRanking:
-    ditch = Obstacle("ditch", shapely.LineString([(-1, 40), (101, 40)]), 0.75)
-    field = Field("divided", shapely.box(0, 0, 100, 90), obstacles=(ditch,))
-    request = PlanRequest(width_m=6.0, tractors=(1,), strategies=("row-by-row",))
-    return plan(request, field=field, executor=SerialExecutor()).ranking
+    return plan_divided()
 
 
 class TestDivided:
@@ -43,6 +49,22 @@ class TestDivided:
         (sentence,) = [each for each in describe_ranking(divided_ranking) if each.startswith("0.39 ha")]
         assert sentence.startswith("0.39 ha at x 50 m, y ") and "no way leads there within the field" in sentence
         assert "Planned on its own (part 2) it takes 0:" in sentence
+
+    @pytest.mark.slow
+    def test_what_is_done_of_the_other_half_is_not_planned(self) -> None:
+        west, whole = (DoneWork(shapely.box(-1, -1, east, 40), 0.1) for east in (50, 101))
+        assert plan_divided(None, whole).parts == ()
+        (part,) = plan_divided(None, west).parts
+        assert part.ground.m2 == pytest.approx(0.5 * 3895.0, rel=0.01) and part.ground.x_m > 50.0
+        assert part.plan.worked_pct > 90.0
+
+    @pytest.mark.slow
+    def test_tracks_are_left_out_where_they_have_that_number(self, divided_ranking: PlanRanking) -> None:
+        request = PlanRequest(width_m=6.0, tractors=(1,), strategies=("split-field",), leave_out="1-3")
+        ranking = plan_divided(request)
+        (part,), (usual,) = ranking.parts, divided_ranking.parts
+        assert ranking.best.left_out_m2 > 500.0
+        assert part.plan.left_out_m2 is None and part.plan.worked_pct == pytest.approx(usual.plan.worked_pct, abs=0.5)
 
 
 def test_without_a_plan_the_field_is_drawn_with_the_places() -> None:

@@ -303,6 +303,13 @@ def test_of_several_plans_the_last_has_the_machines(folder: Path, whole: Plannin
 
 
 @pytest.mark.slow
+def test_a_plan_given_twice_goes_on_like_one(folder: Path, whole: PlanningResult) -> None:
+    source = f"{folder}/plan.json@0:05"
+    going_on = plan(whole.context.request, done=[source, source], executor=SerialExecutor()).context.going_on
+    assert going_on is not None and len(going_on.stands) == 2 and going_on.numbers == (1, 2)
+
+
+@pytest.mark.slow
 def test_options_that_are_given_win_over_the_plan(folder: Path, whole: PlanningResult) -> None:
     values = {"field": "iwamizawa", "width": 3.0, "turn": "u"}
     given = GivenOptions(values, ["turn"], (f"{folder}/plan.json@0:05",), (2,))
@@ -310,11 +317,13 @@ def test_options_that_are_given_win_over_the_plan(folder: Path, whole: PlanningR
     assert request == replace(whole.context.request, tractors=(1,), turn="u")
     order = given.build_order(request)
     assert order.done == given.done and order.without == (2,)
+    assert order.layout is not None and order.layout.find_index([whole.context.layout]) == 0, "tracks stay as they are"
 
 
 @pytest.mark.slow
 def test_ground_of_a_file_is_done_by_whoever_worked_it(folder: Path, whole: PlanningResult) -> None:
-    half = write_field(folder / "worked.geojson", [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]])
+    (folder / "May #2").mkdir()
+    half = write_field(folder / "May #2" / "worked.geojson", [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]])
     answer = plan(whole.context.request, done=half, executor=SerialExecutor())
     assert answer.ranking.area_ha == pytest.approx(0.27)
     swept = unite_areas(compute_swept_area(answer.run, answer.context).ground)
@@ -376,6 +385,7 @@ def test_a_load_is_counted_from_the_last_stop() -> None:
     assert sum_used(legs, supply, 4.0) == pytest.approx(0.1 * 30.0 * 4.0)
     assert sum_used(legs[:1], supply, 4.0) == pytest.approx(0.1 * 50.0 * 4.0)
     assert sum_used([], supply, 4.0) == 0.0
+    assert [sum_used(some, supply, 4.0, 7.0) for some in (legs, legs[:1], [])] == pytest.approx([12.0, 27.0, 7.0])
 
 
 def test_of_strategies_that_deal_alike_one_goes_on_that_keeps_the_clearance() -> None:

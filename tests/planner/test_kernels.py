@@ -11,7 +11,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.pipeline.kernels import PLAN, Kernel, format_types, parse_types, read_kernels, share_kernels
+from planner.errors import WorkerError
+from planner.pipeline import kernels
+from planner.pipeline.kernels import (
+    PLAN,
+    Kernel,
+    compile_kernels,
+    format_types,
+    parse_types,
+    read_kernels,
+    share_kernels,
+)
 from tests.planner.kernel_list import RUN, record
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +48,17 @@ def test_every_row_names_a_function_and_types_that_exist() -> None:
         function = kernel.find_dispatcher().py_func
         most, optional = function.__code__.co_argcount, len(function.__defaults__ or ())
         assert most - optional <= len(types) <= most, kernel.function
+
+
+def test_where_no_process_starts_this_one_compiles_its_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: int) -> None:
+        raise WorkerError("No process could be started.")
+
+    shares, compiled = share_kernels(read_kernels(), 2), list[Kernel]()
+    monkeypatch.setattr(kernels, "create_executor", refuse)
+    monkeypatch.setattr(kernels, "compile_share", compiled.extend)
+    compile_kernels(read_kernels(), 2)
+    assert compiled == shares[0]
 
 
 @given(KERNELS, st.integers(1, 5))

@@ -121,6 +121,14 @@ def test_widths() -> None:
             parse_widths(nonsense)
 
 
+def test_a_name_in_brackets_is_no_pattern_where_there_is_such_a_file(tmp_path: Path) -> None:
+    (tmp_path / "a#b").mkdir()
+    path = write_farm(tmp_path / "a#b" / "farm[1].geojson", north=(0, 70, 40), south=(200, 60, 50))
+    both = f"{path}#north", f"{path}#south"
+    assert expand_field_names([f"{path}#*", str(path)], local=True) == (*both, str(path))
+    assert expand_field_names([f"{tmp_path}/a#b/farm*.geojson#*"], local=True) == both
+
+
 @pytest.mark.slow
 def test_one_field_that_fails_does_not_end_the_rest(farm: Path) -> None:
     found = dict(iter_answers(SerialExecutor(), questions(farm, 3.0)))

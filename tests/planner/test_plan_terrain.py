@@ -259,6 +259,7 @@ class TestSoil:
         ("values", "words"),
         [
             ({"soil": "lome"}, "The soil 'lome' is unknown"),
+            ({"soil": ""}, "The soil '' is unknown"),
             ({"soil": "loam", "moisture_pct": 90.0}, "outside of what is known"),
             ({"moisture_pct": 20.0}, "moisture_pct is of a soil"),
             ({"soil": "missing.csv"}, "missing.csv"),

@@ -1,22 +1,25 @@
-"""What the implement of a plan carries is saved with it, and goes on with it."""
+"""What machines of a plan are and carry is saved with it, and goes on with it."""
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from planner.errors import HeadlandError
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
 from planner.pipeline.going_on import read_continued_plan
-from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_supply
+from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_supply, simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from strategies.rules.supply import Supply
 from vehicle.missions.plan import REFILL
 from vehicle.missions.plan_file import parse_saved_plan
+from vehicle.model.tractor import Implement, load_tractor
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -65,6 +68,8 @@ def test_a_plan_with_a_tank_goes_on_with_what_is_left_in_it_and_says_so_again(
     assert 0 < count_refills(answer) < count_refills(whole)
     answer.save(folder / "again.json")
     assert read_supply(parse_saved_plan((folder / "again.json").read_text(encoding="utf-8"))) == CARRIED
+    last = plan(whole.context.request, done=f"{folder}/again.json@0:00:05", executor=SerialExecutor())
+    assert last.context.going_on.stands[0].used == pytest.approx(stand.used, abs=10.0), "of the first load still"
     given = GivenOptions({"field": whole.context.request.field, "local": True}, ["local"], (source,))
     assert given.build_order(given.build_request()).supply == CARRIED
 
@@ -104,7 +109,36 @@ def test_a_garbled_supply_is_told(folder: Path, whole: PlanningResult, wrong: di
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("wrong", [[-1.0], ["much"], 3])
+def test_a_garbled_use_is_told(folder: Path, whole: PlanningResult, wrong: Any) -> None:
+    source = change_plan(folder, lambda machines: machines.update(used=wrong))
+    with pytest.raises(HeadlandError, match="machines in the scenario of the plan are garbled; save the plan again"):
+        plan(whole.context.request, done=source, executor=SerialExecutor())
+
+
+@pytest.mark.slow
 def test_the_place_of_a_supply_is_read_as_it_was_saved(folder: Path, whole: PlanningResult) -> None:
     change_plan(folder, lambda machines: machines["supply"].update(served_at="place", place=[3, 4.5], collects=True))
     supply = read_supply(parse_saved_plan((folder / "changed.json").read_text(encoding="utf-8")))
     assert supply == Supply(200.0, 0.1, 40.0, True, "place", (3.0, 4.5))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("told_by", ["request", "soil", "tractor", "implement"])
+def test_a_saved_plan_is_driven_again_by_the_machines_that_drove_it(
+    folder: Path, whole: PlanningResult, told_by: str
+) -> None:
+    """Those of Python, and what a soil does to a tractor, no name tells: they are saved value by value."""
+    request, objects = replace(whole.context.request, refill=None), dict[str, Any]()
+    if told_by == "soil":
+        (folder / "soils.csv").write_text("name,ground,moisture_pct,wheel_slip\nnorth,soil,20,0.2\n", encoding="utf-8")
+        request = replace(request, soil=f"{folder}/soils.csv#north", moisture_pct=20.0)
+    elif told_by == "tractor":
+        objects = {"tractor": load_tractor("eg105").model_copy(update={"name": "mine"})}
+    elif told_by == "implement":
+        objects = {"implement": Implement(hitch_m=3.0, length_m=2.0)}
+    answer = plan(request, executor=SerialExecutor(), **objects)
+    again = simulate_saved_plan(answer.save(folder / "machines.json"))
+    assert np.array_equal(again.run.record, answer.run.record)
+    assert read_machines(again.saved, again.request) == (answer.context.tractor, answer.context.implement)
+    assert (MACHINES_KEY in again.saved.scenario) == (told_by != "request")

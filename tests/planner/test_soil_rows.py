@@ -56,6 +56,15 @@ def test_other_lines_stay_and_moistures_between_are_interpolated(tmp_path: Path)
     assert set(find_soil("north", 30.0, path).effects) == {"wheel_slip", "side_slip"}
 
 
+def test_a_table_of_any_usual_form_keeps_its_lines(tmp_path: Path) -> None:
+    path = tmp_path / "soils.csv"
+    path.write_bytes("name;cone_index_kpa;source\nhill;900,5;Prüfer, Mai\n".encode("cp1252"))
+    save(path, 20.0, SLIP)
+    hill = find_soil("hill", None, path)
+    assert (hill.cone_index_kpa, hill.source) == (900.5, "Prüfer, Mai")
+    assert find_soil("north", 20.0, path).effects["wheel_slip"].value == {"ratio": 0.06}
+
+
 def test_a_plan_drives_with_the_soil_in_place_of_the_tractor_file(tmp_path: Path) -> None:
     save(tmp_path / "soils.csv", 22.0, SLIP)
     known = {"wheel_slip": EffectSetting(value={"ratio": 0.2}), "speed_lag": EffectSetting(value={"time_s": 1.0})}

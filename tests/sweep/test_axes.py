@@ -1,5 +1,8 @@
 """What a sweep varies: lists, ranges, tractors, choices and clock times."""
 
+from datetime import time
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,6 +18,7 @@ from planner.sweeps.axes import list_points, read_axes
     ("speed_kmh", "6:12:2", (6.0, 8.0, 10.0, 12.0)),
     ("speed_kmh", "6:8,10", (6.0, 7.0, 8.0, 10.0)),
     ("width", "3:3.35:0.1", (3.0, 3.1, 3.2, 3.3)),
+    ("headland_passes", "1:3,5:9:2", (1, 2, 3, 5, 7, 9)),
     ("tractors", "1-3,5", (1, 2, 3, 5)),
     ("headland_order", "first,last", ("first", "last")),
     ("start", "07:00,08:30", ("07:00", "08:30")),
@@ -29,6 +33,12 @@ def test_values_of_python_and_parameters() -> None:
     assert width.values == (3.0, 6.0) and speed.values == pytest.approx((2.5, 5.0)) and tractors.values == ((1,), (2,))
 
 
+def test_the_name_says_the_unit_and_clocks_are_times_of_python_too() -> None:
+    speed, start = read_axes({"speed_mps": [2.5, 5.0], "start": [time(7), "08:30"]})
+    assert (speed.option.name, speed.values, speed.written) == ("speed_kmh", (2.5, 5.0), (9.0, 18.0))
+    assert (start.values, start.written) == ((25200, 30600), ("07:00", "08:30"))
+
+
 @given(st.integers(1, 50), st.integers(0, 40), st.integers(1, 7))
 def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
     (axis,) = read_axes({"width": f"{first}:{first + steps * step}:{step}"})
@@ -39,6 +49,9 @@ def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
     ({"color": "1"}, "A sweep cannot vary 'color'"),
     ({"width": "3", "width_m": "4"}, "The width is given twice, with its unit and without"),
     ({"width": "3,x"}, "holds 'x', which is no number"),
+    ({"headland_passes": "1.5:3"}, "holds '1.5:3', which is no number"),
+    ({"sections": "1:3:0.5"}, "holds '1:3:0.5', which is no number"),
+    ({"start": [25200]}, "'25200' is not a time of day; write hh:mm"),
     ({"width": "6:3"}, "holds the range '6:3'"),
     ({"width": "3:6:0"}, "holds the range '3:6:0'"),
     ({"width": ""}, "has no value"),
@@ -47,7 +60,7 @@ def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
     ({"width": "1:999:0.1"}, "holds the range"),
     ({"headland_order": "first,middle"}, "middle"),
 ])  # fmt: skip
-def test_refusals(values: dict[str, str], sentence: str) -> None:
+def test_refusals(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(RequestError) as refusal:
         read_axes(values)
     assert sentence in str(refusal.value)

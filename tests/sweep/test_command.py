@@ -189,7 +189,22 @@ def test_every_number_of_tractors_is_progress(field: Path) -> None:
     assert told == [(2, 8), (4, 8), (6, 8), (8, 8)]
 
 
-def test_files_beyond_the_bound_are_removed(tmp_path: Path) -> None:
+def test_a_part_of_a_field_has_its_own_area(field: Path) -> None:
+    from tests.drawn_fields import feature, line, rectangle, write_features
+
+    ditch = feature(line((-5, 45), (65, 45)), role="obstacle", width_m=2.0)
+    write_features(field, feature(rectangle(0, 0, 60, 70), name="plot"), ditch)
+    request = PlanRequest(str(field), local=True, part=2)
+    swept = sweeps.Sweep(
+        read_axes({"tractors": "1"}), (str(field),), lambda _, each: WorkOrder(replace(request, **each))
+    )
+    result = swept.build_result()
+    assert result.field_name == "plot, part 2"
+    assert result.area_ha == pytest.approx(1e-4 * 60 * (25 - 1.0 - request.margin_m), rel=0.01)
+
+
+def test_files_beyond_the_bound_are_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also beside one that another process removes meanwhile, as a link to nowhere is."""
     import os
 
     from planner.pipeline.result_cache import ResultCache
@@ -198,5 +213,8 @@ def test_files_beyond_the_bound_are_removed(tmp_path: Path) -> None:
     for number in range(4):
         cache.write(f"n{number}", {"text": "x" * 1000})
         os.utime(tmp_path / f"n{number}.json", (number, number))
+    (tmp_path / "a-gone.json").symlink_to(tmp_path / "gone")
+    list_all = Path.glob
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: sorted(list_all(folder, pattern)))
     cache.remove_oldest(2500)
     assert [cache.read(f"n{number}") is not None for number in range(4)] == [False, False, True, True]

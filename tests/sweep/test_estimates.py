@@ -41,3 +41,14 @@ def test_at_other_speeds_estimates_tell_what_they_may_be_off_by() -> None:
         assert plan.uncertainty_pct is not None
         found.append(plan.uncertainty_pct)
     assert 0.0 < found[0] < found[1] < found[2] == found[3]
+
+
+@pytest.mark.parametrize("turn_mps", [1.25, 1.9])
+def test_turns_take_the_time_of_their_own_speed(turn_mps: float) -> None:
+    reference = WorkOrder(PlanRequest(width_m=6.0, speed_mps=2.5, tractors=(1,), strategies=("split-field",)), PLOT)
+    slower = replace(reference, request=replace(reference.request, turn_speed_mps=turn_mps))
+    estimate, usual = estimate_task([slower, reference], pack_context(prepare_context(reference)))
+    driven = plan_order(slower).ranking.best
+    assert driven is not None
+    assert estimate.time_s == pytest.approx(driven.time_s, rel=0.03)
+    assert estimate.time_s > usual.time_s

@@ -4,6 +4,8 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ import shapely
 from planner.errors import RequestError
 from planner.pipeline.example_logs import EXAMPLE_PACE, ExampleTaskData, simulate_task_data
 from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.pipeline.plan_comparison import compare_plan_with_runs
+from planner.pipeline.plan_comparison import _find_compared_field, compare_plan_with_runs
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from planner.task_logs.log_import import import_runs
@@ -25,7 +27,7 @@ from reports.task_logs.report import (
     render_comparison_page,
 )
 from reports.task_logs.run_results import STANDING, TURNING, WORKING, PlanComparison
-from tests.drawn_fields import ring
+from tests.drawn_fields import feature, line, rectangle, ring, write_features
 from tests.fields.farm_files import place
 from tests.printing import print_text
 
@@ -157,6 +159,16 @@ def test_table_page_and_json_tell_the_same(found: PlanComparison) -> None:
         assert f"<td>{planned}</td><td>{driven}</td>" in page
     assert told["driven"]["stops"] == found.as_driven.figures.stops
     assert told["planned"]["ground"]["worked_m2"] == pytest.approx(found.planned.ground.worked_m2)  # type: ignore[union-attr]
+
+
+def test_a_plan_of_a_part_is_compared_on_that_part(tmp_path: Path) -> None:
+    ditch = feature(line((-5, 45), (65, 45)), role="obstacle", width_m=2.0)
+    place = write_features(tmp_path / "divided.geojson", feature(rectangle(0, 0, 60, 70)), ditch)
+    saved = SimpleNamespace(scenario={}, crs=None)
+    for part, area_m2 in ((None, 60 * 70), (2, 60 * (25 - 1.0 - 0.3))):
+        run: Any = SimpleNamespace(saved=saved, request=PlanRequest(str(place), local=True, part=part))
+        field, is_known = _find_compared_field(run, [], [])
+        assert is_known and field.area == pytest.approx(area_m2, rel=0.01)
 
 
 def test_runs_of_other_fields_are_left_out(driven: tuple[Path, Path, ExampleTaskData], tmp_path: Path) -> None:

@@ -69,25 +69,31 @@ def find_flat_battery(context: PlanningContext, run: SimulationRun) -> str | Non
     drive = build_power_source(context.tractor, load.engine_power_w)
     assert isinstance(drive, ElectricDrive)
     energy = compute_run_energy(run, context.tractor, load, context.physics.terrain, source=drive)
-    entries = run.plan.notes.get("refills", ()) if isinstance(context.supply, BatterySupply) else ()
+    is_charged = isinstance(context.supply, BatterySupply)
+    entries = run.plan.notes.get("refills", ()) if is_charged else ()
+    stands = context.going_on.stands if is_charged and context.going_on is not None else ()
     for number, (mission, own) in enumerate(zip(run.plan.missions, energy.tractors, strict=True)):
         is_stop = np.array([leg.stand_s > 0.0 for leg in mission.legs])
         amounts = np.zeros(len(mission.legs))
         if entries:
             amounts[is_stop] = [entry["amount"] for entry in entries if entry["tractor"] == number + 1]
-        lowest_kwh = compute_lowest_level_kwh(own.consumption - np.where(is_stop, own.idle, 0.0), amounts, drive)
+        before_kwh = stands[number].used if number < len(stands) else 0.0
+        used_kwh = own.consumption - np.where(is_stop, own.idle, 0.0)
+        lowest_kwh = compute_lowest_level_kwh(used_kwh, amounts, drive, before_kwh)
         if lowest_kwh < -LEVEL_TOLERANCE_KWH:
             return _describe_flat_battery(context, number, drive, lowest_kwh)
     return None
 
 
-def compute_lowest_level_kwh(used_kwh: Floats, amounts_kwh: Floats, drive: ElectricDrive) -> float:
-    """The least energy above the reserve at the end of any leg.
+def compute_lowest_level_kwh(
+    used_kwh: Floats, amounts_kwh: Floats, drive: ElectricDrive, before_kwh: float = 0.0
+) -> float:
+    """The least energy above the reserve at the end of any leg, of a battery of which `before_kwh` are used before.
 
     `used_kwh` (legs,) is what legs take, without standing at the charger, which gives that itself; `amounts_kwh`
     (legs,) are charged before legs.
     """
-    level_kwh = lowest_kwh = drive.usable_kwh
+    level_kwh = lowest_kwh = drive.usable_kwh - before_kwh
     for used, amount in zip(used_kwh.tolist(), amounts_kwh.tolist(), strict=True):
         level_kwh = min(level_kwh + amount, drive.usable_kwh) - used
         lowest_kwh = min(lowest_kwh, level_kwh)

@@ -28,7 +28,7 @@ from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg, drop_settled_gates
 from planner.fleet.safety.motion_prediction import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
-from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply
+from planner.pipeline.outputs.saved_plans import read_done_ground, read_planned_layout, read_supply, read_used
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.line_wishes import name_line
 from strategies.lines.work_line import build_tool_strip
@@ -234,7 +234,8 @@ def _build_helper(remaining: RemainingWork, number: int, kept_legs: int, context
     legs = remaining.states[number].mission.legs[:kept_legs]
     if not legs:
         return _Helper(number, 0, None)
-    used = 0.0 if context.supply is None else sum_used(legs, context.supply, context.request.width_m)
+    before = read_used(remaining.plan.saved)[number]
+    used = 0.0 if context.supply is None else sum_used(legs, context.supply, context.request.width_m, before)
     ahead = list_places_ahead(remaining.states[number].mission.legs[kept_legs:])
     return _Helper(number, kept_legs, Stand(Mission(tuple(legs)).end, used, ahead, is_folded=legs[-1].folded))
 

@@ -80,7 +80,7 @@ def build_field_picture(context: PlanningContext, title: str, lines: Sequence[Wo
         cells=tuple(_build_cell_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
         obstacles=_outline_obstacles(layout.field),
         fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
-        cut_off=tuple(_build_cut_off_piece(part) for part in layout.field.cut_off_parts),
+        cut_off=tuple(_build_piece(part) for part in layout.field.cut_off_parts),
         crs=layout.field.crs,
         origin_m=layout.field.origin_m,
         relief=_build_relief(context),
@@ -145,7 +145,8 @@ def build_refused_picture(context: PlanningContext, ranking: PlanRanking) -> Pla
     return replace(picture, fault_places=tuple(sorted(places)))
 
 
-def _build_cut_off_piece(part: shapely.Polygon) -> UnworkedPiece:
+def _build_piece(part: shapely.Polygon) -> UnworkedPiece:
+    """A piece of ground with a place in it."""
     place = shapely.point_on_surface(part)
     return UnworkedPiece(float(part.area), float(place.x), float(place.y))
 
@@ -361,10 +362,9 @@ def build_outline_picture(context: PlanningContext) -> PlanDrive:
     layout = context.layout
     unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_AREA_M2]
     unworked.sort(key=lambda piece: -round(piece.area, 3))
-    place = shapely.point_on_surface(unworked[0]) if unworked else None
+    largest = _build_piece(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
     title = f"{layout.field.name}: tracks at {bearing}"
-    largest = place and UnworkedPiece(float(unworked[0].area), float(place.x), float(place.y))
     return replace(
         build_field_picture(context, title, get_site_moves(context).lines),
         unworked=list_simplified_rings(tuple(unworked)),

@@ -73,7 +73,7 @@ def _iter_driven_rows(plan: Plan) -> Iterator[Row]:
             legs = list(group)
             yield {
                 "kind": KIND_OF_TASK.get(task.kind, TURN_KIND),
-                "name": name_line(task) if task.kind == SWATH else f"R{task.number}" if task.is_work else None,
+                "name": name_line(task) if task.is_work else None,
                 "tractor": number,
                 "order": order,
                 "length_m": math.fsum(leg.length_m for leg in legs),

@@ -40,6 +40,7 @@ from vehicle.sim.world import World
 
 MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
 SUPPLY_KEY = "supply"  # among these what the implement carries, value by value
+USED_KEY = "used"  # among these what tractors that stand on the field have used of that before the plan, in their order
 LOAD_KEY = "load"  # among these in earlier plans: that it carries something
 EARLIER_NAMES = {
     "before_s": "deadline_s",
@@ -140,18 +141,30 @@ def rerun_plan(saved: SavedPlan, request: PlanRequest) -> SimulationRun:
 
 
 def export_machines(context: PlanningContext) -> dict[str, Any]:
-    """The machines of a farm, with a tank, or of a plan that went on, which no name in the request identifies; empty
+    """The machines of a farm, with a tank, or of a plan that went on, and others that the request does not tell; empty
     without. A battery is told by its tractor."""
     supply = None if isinstance(context.supply, BatterySupply) else context.supply
-    if context.cost_terms is None and context.going_on is None and supply is None:
+    if context.cost_terms is None and context.going_on is None and supply is None and _are_machines_named(context):
         return {}
     implement = {
         name: value
         for name, value in context.implement.model_dump().items()
         if name not in LATER_IMPLEMENT or value != Implement.model_fields[name].default
     }
-    machines = {"tractor": context.tractor.model_dump(mode="json"), "implement": implement}
+    machines: dict[str, Any] = {"tractor": context.tractor.model_dump(mode="json"), "implement": implement}
+    used = () if context.going_on is None else [stand.used for stand in context.going_on.stands]
+    machines |= {USED_KEY: used} if any(used) else {}
     return {MACHINES_KEY: machines | ({} if supply is None else {SUPPLY_KEY: asdict(supply)})}
+
+
+def _are_machines_named(context: PlanningContext) -> bool:
+    """Whether a request names tractor and implement as they are driven: no objects of Python, nor effects of a soil."""
+    if context.implement != size_implement(None, context.request):
+        return False
+    try:
+        return resolve_tractor(context.request.tractor) == context.tractor
+    except HeadlandError:
+        return False
 
 
 def read_supply(saved: SavedPlan) -> Supply | None:
@@ -173,6 +186,24 @@ def read_supply(saved: SavedPlan) -> Supply | None:
     except (TypeError, ValueError, IndexError, KeyError):
         raise RequestError(f"The {SUPPLY_KEY} in the scenario of the plan is garbled; save the plan again.") from None
     return replace(supply, collects=supply.collects is True, place=place)
+
+
+def read_used(saved: SavedPlan) -> tuple[float, ...]:
+    """What every tractor of a saved plan had used of its load before it.
+
+    Raises RequestError where it is garbled.
+    """
+    machines = saved.scenario.get(MACHINES_KEY)
+    values = machines.get(USED_KEY, ()) if isinstance(machines, dict) else ()
+    try:
+        used = [float(value) for value in values]
+        if not all(0.0 <= value < math.inf for value in used):
+            raise ValueError
+    except (TypeError, ValueError):
+        raise RequestError(
+            f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
+        ) from None
+    return (*used, *[0.0] * (saved.plan.tractors - len(used)))
 
 
 def has_unknown_tank(saved: SavedPlan, request: PlanRequest) -> bool:
