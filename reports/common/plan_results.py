@@ -12,6 +12,7 @@ from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
+from fields.units import MINUTE_S
 from reports.common.language import mark_text
 from reports.common.plan_records import PlanFault, PullFigures, Shortfall, ShortfallKind, SlopePlace, UnworkedPiece
 from reports.common.rendering import ShownResult
@@ -19,6 +20,7 @@ from reports.common.rendering import ShownResult
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
 WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns
+BRINGING_S = 15.0 * MINUTE_S  # to bring another tractor, hitch it and set it up: nobody does that to save less
 DECIDING_REASONS = (
     mark_text("as what is quicker leaves too much ground"),
     mark_text("as what is quicker comes nearer than {distance}"),
@@ -322,8 +324,8 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
     With a deadline it is the cheapest in time, and the quickest if none is; plans that could finish the whole field
     within `allowed_s` come before those that are in time but leave ground. Without one it is that of the knee: with the
     number of tractors from which one more does not pay. Where prices are known that is the cheapest: time saved has no
-    price of its own. Where none are, the next tractor has to save a share of an even split of the work,
-    WORTHWHILE_SHARE: of T seconds with n tractors, T / (n + 1).
+    price of its own. Where none are, the next tractor has to save the time to bring it, and a share of an even split of
+    the work, WORTHWHILE_SHARE: of T seconds with n tractors, T / (n + 1).
     """
     lacks = []  # less first: a strong enough tractor; enough work; being in time, or so with all ground
     for plan in plans:
@@ -338,8 +340,8 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
         least = min(by_count.values(), key=attrgetter("ranked_cost"))
         return next(plan for plan in by_count.values() if not is_dearer(plan, least))
     for (count, plan), (more, next_plan) in pairwise(by_count.items()):
-        even_split_s = plan.ranked_s * (more - count) / more
-        if plan.ranked_s - next_plan.ranked_s < WORTHWHILE_SHARE * even_split_s:
+        even_split_s, brought = plan.ranked_s * (more - count) / more, more - count
+        if plan.ranked_s - next_plan.ranked_s < max(WORTHWHILE_SHARE * even_split_s, brought * BRINGING_S):
             return plan
     return list(by_count.values())[-1]
 

@@ -32,6 +32,7 @@ from reports.plan.plan_wording import (
     format_energy,
     format_unworked,
     format_wide_interval,
+    get_charged_traffic_m2,
     name_fleet,
 )
 from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences, question_pull
@@ -136,8 +137,16 @@ def name_plan(plan: PlanResult) -> str:
     return translate("{tractors}, {strategy}", tractors=name_fleet(plan), strategy=plan.strategy)
 
 
+def _describe_unfinished(plan: PlanResult) -> str:
+    """``0.08 ha left``, with what was driven over when finished where the operation minds that."""
+    area, driven_m2 = format_area(plan.due_missed_m2), get_charged_traffic_m2(plan)
+    if driven_m2 is None:
+        return translate("{area} left", area=area)
+    return translate("{area} left and {driven} driven over", area=area, driven=format_area(driven_m2))
+
+
 def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
-    """``98.4 % worked (0.08 ha left: 12 min, 9 EUR more), headland last, 95 % sure by 15:02.``
+    """``98.4 % worked (0.08 ha left: 12 min and 9 EUR of work, without ways there), headland last.``
 
     The rest of the ground is left out where it takes no more than the error of the model.
     """
@@ -145,12 +154,11 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.worked_pct is not None:
         rest = ""
         if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
-            time, money = format_time_span(plan.finishing_s), plan.finishing_cost
             rest = translate(
-                " ({area} left, {time} and {money} to finish it)",
-                area=format_area(plan.due_missed_m2),
-                time=time,
-                money=format_money(money, ranking.currency),
+                " ({ground}: {time} and {money} of work, without ways there)",
+                ground=_describe_unfinished(plan),
+                time=format_time_span(plan.finishing_s),
+                money=format_money(plan.finishing_cost, ranking.currency),
             )
         parts.append(_describe_share(plan) + rest)
     scenario, overlap_pct = ranking.scenario, plan.overlap_pct or 0.0

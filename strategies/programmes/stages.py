@@ -68,20 +68,24 @@ def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ORDER_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
-    machine is at the tracks when they begin, else from the inside out; those round one thing follow on those round
-    another with the first. For a tractor that `is_alone`, and so works them all, they follow on tracks so too. Into a
-    crop that stands, stages put them in order.
+    machine is at the tracks when they begin, else from the inside out; what they leave comes with the last beside it.
+    Those round one thing follow on those round another with the first. For a tractor that `is_alone`, and so works them
+    all, they follow on tracks so too. Into a crop that stands, stages put them in order.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if _works_way_in(site, order):
         return charged_s
     nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
     for nest, ring in enumerate(list_rings(lines)):
-        numbers = [number for side in ring for number in side if lines[number].is_side]
-        passes = {lines[number].task.number or 0 for number in numbers}
-        by_place = sorted(passes, reverse=order != HEADLAND_FIRST)
+        numbers = [number for side in ring for number in side]
+        sides = [number for number in numbers if lines[number].is_side]
+        passes = sorted({lines[number].task.number or 0 for number in sides}, reverse=order != HEADLAND_FIRST)
         nests[numbers] = nest
-        places[numbers] = [by_place.index(lines[number].task.number or 0) for number in numbers]
+        places[sides] = [passes.index(lines[number].task.number or 0) for number in sides]
+        paths = [shapely.LineString(lines[number].paths[0]) for number in sides]
+        for number in set(numbers) - set(sides):
+            gaps_m = shapely.distance(shapely.LineString(lines[number].paths[0]), paths)
+            places[number] = places[sides][gaps_m <= max(site.width_m, gaps_m.min())].max()
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
     is_track = np.array([is_alone and line.group[0] == SWATH for line in lines], bool)
     begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & (places > 0)

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.evaluation.candidates.fleet_deals import sketch_tidily
-from reports.common.plan_results import MODEL_ERROR_SHARE
+from planner.evaluation.candidates.fleet_deals import TIDY_SHARE, sketch_tidily
 from strategies.lines.work_line import WorkLine
 from strategies.programmes.programme import Sketch
 from strategies.rules.dealing import LineDeal
@@ -41,7 +40,7 @@ def test_a_tidier_sketch_is_taken_unless_it_is_clearly_dearer(is_first: bool, de
     def sketch(allowed: Any, barred: Any) -> Sketch:
         asked.append((allowed, list(barred)))
         is_other = len(asked) == 2
-        return Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0 * (1.0 + is_other * dearer * MODEL_ERROR_SHARE))
+        return Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0 * (1.0 + is_other * dearer * TIDY_SHARE))
 
     moves: Any = SimpleNamespace(lines=make_lines(), starts=(4,))
     found, allowed, barred = sketch_tidily(sketch, moves, DEAL, is_first=is_first)
@@ -50,7 +49,7 @@ def test_a_tidier_sketch_is_taken_unless_it_is_clearly_dearer(is_first: bool, de
     assert (other[:, :4].sum(axis=0) == 1).all() if is_first else other is DEAL.allowed
     assert ways == ([] if is_first else [1, 3, 7])
     assert (allowed is other and barred == ways) if is_tidy else (allowed is DEAL.allowed and barred == [])
-    assert found.cost_s == pytest.approx(100.0 * (1.0 + is_tidy * dearer * MODEL_ERROR_SHARE))
+    assert found.cost_s == pytest.approx(100.0 * (1.0 + is_tidy * dearer * TIDY_SHARE))
 
 
 def test_without_a_tidier_way_lines_are_driven_either_way() -> None:

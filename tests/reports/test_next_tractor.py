@@ -52,7 +52,7 @@ def test_what_is_saved_and_paid_counts_the_ground_that_is_left() -> None:
     whole = build_plan(1, 60.0, 50.0, 99.8)
     assert write_alternatives(whole, left) == "1 tractor; a second saves 2 min for 7 EUR, 86.2 % worked."
     shown = replace(PlanRanking("f", 1.0, 1, (left,)), currency="EUR")
-    assert write_answer(shown).work == "86.2 % worked (0.14 ha left, 8 min and 12 EUR to finish it)."
+    assert write_answer(shown).work == "86.2 % worked (0.14 ha left: 8 min and 12 EUR of work, without ways there)."
     little = replace(left, finished_s=3059.0)  # 59 s of 50 min are less than 2 %
     assert write_answer(replace(shown, plans=(little,))).work == "86.2 % worked."
 
@@ -115,7 +115,7 @@ def test_when_the_headland_is_worked_and_what_gets_twice_as_much(
 
 
 def test_tractors_counted_by_time_alone_say_how_many_the_assumed_price_would_take() -> None:
-    plans = build_plan(1, 90.0, 50.0), build_plan(2, 50.0, 60.0), build_plan(3, 40.0, 75.0)
+    plans = build_plan(1, 90.0, 50.0), build_plan(2, 50.0, 60.0), build_plan(3, 30.0, 75.0)
     ranking = PlanRanking("f", 1.0, 1, plans, currency="EUR", prices_assumed=True)
     said = write_answer(ranking).counting
     assert said == "By time alone; by the assumed price it would be 1 tractor (--price-per-hour)."

@@ -107,7 +107,7 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
 def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
     for name, found in (("list_options", ()), ("list_cut_moves", ()), ("search", None)):
         monkeypatch.setattr(SiteMoves, name, lambda *_, found=found: found)
-    with pytest.raises(FleetManagerError, match="Everything is done; tracks and headland sides of"):
+    with pytest.raises(FleetManagerError, match="Nothing more can be done: tracks and headland sides of"):
         stop_and_go_on(plan, 0.5, [])
 
 

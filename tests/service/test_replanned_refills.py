@@ -52,7 +52,7 @@ Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
     late = 0.6 if plan.scenario.refill == "tender" else 0.45
-    manager, runs = at(plan, 0.2 if request.param == "early" else late), []
+    manager, runs = at(plan, 0.35 if request.param == "early" else late), []
     manager.operators.mark_failed("anna", 1, 1.0)
     watched = lambda run, supply: runs.append(run) or find_service_conflict(run, supply)  # noqa: E731
     with pytest.MonkeyPatch.context() as patch:
@@ -114,9 +114,9 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -
 def test_where_one_that_has_failed_bars_the_entrance_that_is_said(plan: FleetPlan) -> None:
     if plan.scenario.refill != "tender":
         pytest.skip("it stands there only in this plan")
-    manager = at(plan, 0.45)
-    manager.operators.mark_failed("anna", 1, 1.0)
-    with pytest.raises(FleetManagerError, match="no way leads there and out of the field"):
+    manager = at(plan, 0.01)
+    manager.operators.mark_failed("anna", 0, 1.0)
+    with pytest.raises(FleetManagerError, match="or to which no way leads"):
         continue_remaining_work(extract_remaining_work(manager, [], 100.0))
 
 

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from reports.common.plan_results import MODEL_ERROR_SHARE
 from strategies.lines.deal_apart import (
     deal_sides,
     deal_tours,
@@ -25,6 +24,7 @@ from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS
 
 Flags = npt.NDArray[np.bool_]
+TIDY_SHARE = 0.05  # of the cost of tours: what people give for tractors that each keep to their part of the headland
 SketchDeal = Callable[[Flags, Sequence[int]], Sketch]
 """Sketches tours by a deal of lines, with some nodes barred."""
 
@@ -48,7 +48,7 @@ def sketch_tidily(
     if allowed is deal.allowed and not barred:
         return free, allowed, barred
     tidy = sketch(allowed, barred)
-    is_dearer = tidy.cost_s > (1.0 + MODEL_ERROR_SHARE) * free.cost_s
+    is_dearer = tidy.cost_s > (1.0 + TIDY_SHARE) * free.cost_s
     return (free, deal.allowed, []) if is_dearer else (tidy, allowed, barred)
 
 

@@ -28,6 +28,7 @@ from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
+from strategies.programmes.order_tours import SUM_SHARE
 from strategies.programmes.programme import (
     Programme,
     Sketch,
@@ -180,7 +181,7 @@ def _compose_sketch(
         if not left:
             raise StrategyError("Everything is done, and nothing is left to plan.")
         raise StrategyError(
-            f"Everything is done; tracks and headland sides of {length_m:.0f} m in all remain ({count}), which are not "
+            f"Nothing more can be done: tracks and headland sides of {length_m:.0f} m in all remain ({count}), which are not "
             "worth a drive, or to which no way leads."
         )
     if not may_rest and not (programme.tours and all(programme.tours)):
@@ -335,6 +336,8 @@ class DealtLines:
         """The search for tours of lines that each tractor may work (tractors, n), without nodes that are barred."""
         may = self.wishes.limit(self.moves.lines, allowed)
         charged_s = self.rounds_s + charge_furrows(self.moves.site, self.moves.lines, may)
+        if len(may) > 1 and self.context.going_on is None:  # where they stand decides what they go on with
+            charged_s /= SUM_SHARE  # whoever leaves the order pays for it, not only who finishes last
         return TourProblem(self.table, may, self.stages, charged_s, self.served_s, self.check, barred)
 
     @cached_property
