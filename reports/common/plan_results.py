@@ -12,7 +12,6 @@ from itertools import pairwise
 from operator import attrgetter
 from typing import Any
 
-from fields.units import MINUTE_S
 from reports.common.language import mark_text
 from reports.common.plan_records import PlanFault, PullFigures, Shortfall, ShortfallKind, SlopePlace, UnworkedPiece
 from reports.common.rendering import ShownResult
@@ -20,7 +19,7 @@ from reports.common.rendering import ShownResult
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
 WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns
-BRINGING_S = 15.0 * MINUTE_S  # to bring another tractor, hitch it and set it up: nobody does that to save less
+BRINGING_S = 900.0  # to bring another tractor, hitch it and set it up: nobody does that to save less
 DECIDING_REASONS = (
     mark_text("as what is quicker leaves too much ground"),
     mark_text("as what is quicker comes nearer than {distance}"),

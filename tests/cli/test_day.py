@@ -298,7 +298,7 @@ def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path) -
         ('name = "near"', 'name = "near"\nimplement = "dril"', "did you mean 'drill'?"),
         ('name = "near"', 'name = "near"\nloss_per_ha = 3.0', "value_per_ha and loss_per_ha cannot be given together"),
         ('name = "near"', 'name = "far"', "two fields have the name 'far'"),
-        ('name = "near"', 'name = "yard"', "a field is called 'yard'"),
+        ('name = "near"', 'name = "yard"', "is called 'yard', which is the name of the yard"),
         ('file = "small.geojson"', 'file = "none.geojson"', "There is no field file 'none.geojson'"),
         ("value_per_ha = 1000.0", "value_per_ha = -1.0", "value_per_ha = -1.0: give a number from 0"),
         ('name = "one"', 'name = "one"\ntractor = "Carier"', "did you mean 'Carrier'?"),

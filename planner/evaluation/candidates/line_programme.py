@@ -181,8 +181,8 @@ def _compose_sketch(
         if not left:
             raise StrategyError("Everything is done, and nothing is left to plan.")
         raise StrategyError(
-            f"Nothing more can be done: tracks and headland sides of {length_m:.0f} m in all remain ({count}), which are not "
-            "worth a drive, or to which no way leads."
+            f"Nothing more can be done: tracks and headland sides of {length_m:.0f} m in all remain ({count}), "
+            "which are not worth a drive, or to which no way leads."
         )
     if not may_rest and not (programme.tours and all(programme.tours)):
         raise StrategyError(
