@@ -133,7 +133,9 @@ def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def name_plan(plan: PlanResult) -> str:
-    """``2 tractors, split-field``."""
+    """``2 tractors, split-field``; ``1 tractor``, as strategies say how several share a field."""
+    if plan.tractors == 1:
+        return name_fleet(plan)
     return translate("{tractors}, {strategy}", tractors=name_fleet(plan), strategy=plan.strategy)
 
 
