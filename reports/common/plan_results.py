@@ -430,12 +430,22 @@ class PlanRanking(ShownResult):
 
     @property
     def neighbours(self) -> list[PlanResult]:
-        """The plans to take with the next smaller and the next larger number of tractors than the best."""
-        best, counts = self.best, list(self.by_count)
-        place = -1 if best is None else counts.index(best.tractors)
-        return [
-            self.by_count[count] for count in (*counts[max(place - 1, 0) : max(place, 0)], *counts[place + 1 :][:1])
-        ]
+        """The plans to take with the next smaller and the next larger number of tractors than the best.
+
+        Of larger numbers none that is slower and dearer than one of more.
+        """
+        best = self.best
+        if best is None:
+            return []
+        fewer, more = (
+            [plan for plan in self.by_count.values() if sign * (plan.tractors - best.tractors) > 0] for sign in (-1, 1)
+        )
+        paying = (
+            plan
+            for plan in more
+            if not any(one.ranked_s < plan.ranked_s and one.ranked_cost < plan.ranked_cost for one in more)
+        )
+        return [*fewer[-1:], *paying][: len(fewer[-1:]) + 1]
 
     @property
     def is_priced(self) -> bool:

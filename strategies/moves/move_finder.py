@@ -105,7 +105,7 @@ class MoveFinder:
 
     def _find_folded(self, a: Pose, b: Pose, passes: int | None) -> list[Move]:
         found = self.list_moves(a, b, is_folded=True, passes=passes)
-        searched = None if found else self._search_within(a, b, self.site.rules.max_reverse_m, True, passes)
+        searched = None if found else self._search_within(a, b, math.inf, True, passes)
         return found if searched is None else [searched]
 
     def _build_move(self, a: Pose, rows: Floats, kind: str, passes: int | None = None) -> Move:
@@ -119,16 +119,16 @@ class MoveFinder:
     def search(self, a: Pose, b: Pose, passes: int | None = None) -> Move | None:
         """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
         leads on. `passes` as in `list_moves`."""
-        limits_m = [self.site.rules.max_reverse_m] + [math.inf] * bool(self.site.allowed_kinds[3])
-        found = (self._search_within(a, b, limit_m, passes=passes) for limit_m in limits_m)
+        charges_s = [math.inf] + [CURVED_REVERSE_S / self.site.rules.max_reverse_m] * bool(self.site.allowed_kinds[3])
+        found = (self._search_within(a, b, far_s, passes=passes) for far_s in charges_s)
         return next((move for move in found if move is not None), None)
 
     def _search_within(
-        self, a: Pose, b: Pose, max_reverse_m: float, is_folded: bool = False, passes: int | None = None
+        self, a: Pose, b: Pose, far_s_per_m: float, is_folded: bool = False, passes: int | None = None
     ) -> Move | None:
         body, start, goal = self._get_body(is_folded), np.array(a), np.array(b)
-        how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
-        rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, MOST_POSES, *body)
+        how = self.radii[:1], *self._costs, self.site.allowed_kinds, self.site.rules.max_reverse_m
+        rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, far_s_per_m, MOST_POSES, *body)
         if seconds == np.inf:
             return None
         return self._build_move(a, shorten_rows(start, rows, *how, *body), "route", passes)

@@ -100,12 +100,12 @@ def _find_shot(pose, b, radii, costs, settling, kinds, backed, max_reverse, guid
 
 @compile_function
 def search_move(  # type: ignore[no-untyped-def]
-    a, b, remaining, radii, costs, settling, kinds, max_reverse, most, guide, points, reach, grid, frame, margin
+    a, b, remaining, radii, costs, settling, kinds, max_reverse, far, most, guide, points, reach, grid, frame, margin
 ):
     """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`, and its seconds; infinite for none.
 
-    `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m),
-    `most` the number of poses that may be expanded.
+    `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m), farther at a
+    charge of `far` s/m unless that is infinite, `most` the number of poses that may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
     step_m = max(LEAST_STEP_M, STEP_RADII * radius)
@@ -125,13 +125,15 @@ def search_move(  # type: ignore[no-untyped-def]
         expanded += 1
         near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
-            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], max_reverse, *body)
+            limit = max(max_reverse, backed[node])
+            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], limit, *body)
             if link_s < np.inf:
                 return _trace_rows(node, came, bends, ways, link, step_m), spent_s[node] + link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
             behind = back_up(backed[node], step_m, gear)
-            if behind > max_reverse:
+            is_far = gear < 0.0 and behind > max_reverse
+            if is_far and far == np.inf:
                 continue
             for side in range(-1, 2):
                 bend = side / radius
@@ -146,6 +148,8 @@ def search_move(  # type: ignore[no-untyped-def]
                 step_s = step_m / (back if gear < 0.0 else slow if side else forward)
                 if room < margin + AMPLE_M:
                     step_s *= TIGHT_FACTOR
+                if is_far:
+                    step_s += far * step_m
                 seconds = spent_s[node] + step_s
                 if gear != ways[node]:
                     seconds += costs[2] + costs[3] * abs(bend - bends[node])
@@ -223,9 +227,10 @@ def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, guide, poi
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
     shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than
-    the margin asks for, and with it the path backs up no farther than `max_reverse` metres.
+    the margin asks for, and with it the path backs up no farther than `max_reverse` metres, or than it did.
     """
     rows = _merge_rows(rows)
+    max_reverse = max(max_reverse, measure_backing_up(rows, 0.0))
     body = guide, points, reach, grid, frame, margin + AMPLE_M
     ends = np.empty((len(rows) + 1, 3))
     ends[0, 0], ends[0, 1], ends[0, 2] = a[0], a[1], a[2]

@@ -46,6 +46,11 @@ def test_what_more_tractors_save(plans: tuple[tuple[Any, ...], ...], sentence: s
     assert write_alternatives(*(build_plan(*one) for one in plans)) == sentence
 
 
+def test_a_number_that_a_larger_one_beats_in_time_and_cost_is_not_offered() -> None:
+    plans = [build_plan(1, 60.0, 50.0), build_plan(2, 50.0, 60.0), build_plan(3, 45.0, 55.0)]
+    assert write_alternatives(*plans) == "1 tractor; a fleet of 3 saves 15 min for 5 EUR."
+
+
 def test_what_is_saved_and_paid_counts_the_ground_that_is_left() -> None:
     """Driven 10 minutes quicker for 5 less, but its rest takes 8 minutes and 12: 2 minutes for 7."""
     left = replace(build_plan(2, 50.0, 45.0, 86.2), finished_s=3480.0, finished_cost=57.0, missed_m2=1400.0)
