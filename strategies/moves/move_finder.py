@@ -28,7 +28,7 @@ Floats = npt.NDArray[np.float64]
 MOVE_MARGIN_M = 0.10  # room kept on planned moves; a drive errs by about as much
 WIDER_RADIUS = 1.25  # of the planned one: some arcs at the smallest radius are not followed well enough
 MOST_FORMS, MOST_OPTIONS = 60, 6  # closed forms tried for a pair, and those with room that are kept
-MOST_POSES = 1500  # expanded by a search
+MOST_POSES, FAR_POSES = 1500, 500  # expanded by a search, and by one that may reverse far: lanes leave little to try
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
 PLAIN_LEADS = 3  # of the leads are tried first, and the others where none of these has room
 KEPT_GOALS = 8
@@ -105,7 +105,7 @@ class MoveFinder:
 
     def _find_folded(self, a: Pose, b: Pose, passes: int | None) -> list[Move]:
         found = self.list_moves(a, b, is_folded=True, passes=passes)
-        searched = None if found else self._search_within(a, b, math.inf, True, passes)
+        searched = None if found else self._search_within(a, b, is_folded=True, passes=passes)
         return found if searched is None else [searched]
 
     def _build_move(self, a: Pose, rows: Floats, kind: str, passes: int | None = None) -> Move:
@@ -119,16 +119,25 @@ class MoveFinder:
     def search(self, a: Pose, b: Pose, passes: int | None = None) -> Move | None:
         """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
         leads on. `passes` as in `list_moves`."""
-        charges_s = [math.inf] + [CURVED_REVERSE_S / self.site.rules.max_reverse_m] * bool(self.site.allowed_kinds[3])
-        found = (self._search_within(a, b, far_s, passes=passes) for far_s in charges_s)
-        return next((move for move in found if move is not None), None)
+        move = self._search_within(a, b, passes=passes)
+        if move is not None or not self.site.allowed_kinds[3]:
+            return move
+        far_s_per_m = CURVED_REVERSE_S / self.site.rules.max_reverse_m
+        return self._search_within(a, b, far_s_per_m, FAR_POSES, passes=passes)
 
     def _search_within(
-        self, a: Pose, b: Pose, far_s_per_m: float, is_folded: bool = False, passes: int | None = None
+        self,
+        a: Pose,
+        b: Pose,
+        far_s_per_m: float = math.inf,
+        most: int = MOST_POSES,
+        *,
+        is_folded: bool = False,
+        passes: int | None = None,
     ) -> Move | None:
         body, start, goal = self._get_body(is_folded), np.array(a), np.array(b)
         how = self.radii[:1], *self._costs, self.site.allowed_kinds, self.site.rules.max_reverse_m
-        rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, far_s_per_m, MOST_POSES, *body)
+        rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, far_s_per_m, most, *body)
         if seconds == np.inf:
             return None
         return self._build_move(a, shorten_rows(start, rows, *how, *body), "route", passes)

@@ -64,34 +64,51 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
-def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, *, is_alone: bool) -> Floats:
+def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_]) -> Floats:
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ORDER_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
     machine is at the tracks when they begin, else from the inside out; what they leave comes with the last beside it.
-    Those round one thing follow on those round another with the first. For a tractor that `is_alone`, and so works them
-    all, they follow on tracks so too. Into a crop that stands, stages put them in order.
+    Those round one thing follow on those round another with the first. What is one tractor's alone, of those `allowed`
+    (tractors, n), has an order of its own and follows on tracks with the first too. Into a crop that stands, stages see
+    to the order.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if _works_way_in(site, order):
         return charged_s
+    owners = np.where(allowed.sum(axis=0) == 1, allowed.argmax(axis=0), -1)
     nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
-    for nest, ring in enumerate(list_rings(lines)):
-        numbers = [number for side in ring for number in side]
+    rings = ([number for side in ring for number in side] for ring in list_rings(lines))
+    shares = ([n for n in ring if owners[n] == owner] for ring in rings for owner in np.unique(owners[ring]))
+    for nest, numbers in enumerate(shares):
         sides = [number for number in numbers if lines[number].is_side]
-        passes = sorted({lines[number].task.number or 0 for number in sides}, reverse=order != HEADLAND_FIRST)
-        nests[numbers] = nest
-        places[sides] = [passes.index(lines[number].task.number or 0) for number in sides]
-        paths = [shapely.LineString(lines[number].paths[0]) for number in sides]
-        for number in set(numbers) - set(sides):
-            gaps_m = shapely.distance(shapely.LineString(lines[number].paths[0]), paths)
-            places[number] = places[sides][gaps_m <= max(site.width_m, gaps_m.min())].max()
+        if sides:
+            nests[numbers] = nest
+            places[numbers] = _place_passes(site, lines, numbers, sides, order)
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
-    is_track = np.array([is_alone and line.group[0] == SWATH for line in lines], bool)
-    begins_late = (is_track | (nests >= 0))[:, None] & (nests[:, None] != nests) & (places > 0)
+    is_track = np.array([line.group[0] == SWATH for line in lines], bool)
+    follows = (nests >= 0)[:, None] | np.logical_and.outer(is_track, owners >= 0)
+    begins_late = follows & (nests[:, None] != nests) & (places > 0)
     is_charged = (nests >= 0) & (goes_back | begins_late)
     charged_s[:-1, :-1] = ORDER_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
+
+
+def _place_passes(
+    site: Site, lines: Sequence[WorkLine], numbers: Sequence[int], sides: Sequence[int], order: str
+) -> list[int]:
+    """The place of lines of the headland in the order of its passes: that of the last side beside what these leave."""
+    passes = sorted({lines[number].task.number or 0 for number in sides}, reverse=order != HEADLAND_FIRST)
+    places = {number: passes.index(lines[number].task.number or 0) for number in sides}
+    paths = [shapely.LineString(lines[number].paths[0]) for number in sides]
+
+    def find_place(number: int) -> int:
+        if number in places:
+            return places[number]
+        gaps_m = shapely.distance(shapely.LineString(lines[number].paths[0]), paths)
+        return int(np.array(list(places.values()))[gaps_m <= max(site.width_m, gaps_m.min())].max())
+
+    return [find_place(number) for number in numbers]
 
 
 def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[np.bool_]) -> Floats:

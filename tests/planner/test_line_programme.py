@@ -275,4 +275,4 @@ def test_sides_that_no_move_reaches_cost_no_track() -> None:
     found = prepare(Field("strip", shapely.box(0.0, 0.0, 150.0, 35.0)), width_m=1.4)
     programme = sketch_plans(found, STRATEGIES["row-by-row"], 1)[0].compose().programme
     left = [programme.table.lines[number].task for number in programme.left]
-    assert not [task for task in left if task.kind == SWATH] and len(left) < 10
+    assert not [task for task in left if task.kind == SWATH] and len(left) <= 12

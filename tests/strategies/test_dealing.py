@@ -178,23 +178,24 @@ def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     lines = [*(side for ring in rings for side in ring)]
     lines += [replace(side, group=(HOLE_PASS, 9)) for ring in around for side in ring]
     lines.append(draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0)))
+    shared, alone = np.ones((2, 21), bool), np.ones((1, 21), bool)
     one, two, three, near, away, swath, gate = (*(2 * number for number in (0, 4, 8, 12, 16, 20)), -1)
-    charged_s = charge_rounds(make_site(), lines, "first", is_alone=False)
+    charged_s = charge_rounds(make_site(), lines, "first", shared)
     assert charged_s.shape == (43, 43) and set(charged_s.ravel()) == {0.0, ORDER_S}
     free = [(one, two), (one, three), (one, one + 2), (near, away), (away, one), (swath, two), (swath, away)]
     assert not any(charged_s[pair] for pair in free), "from the outside in, and from another nest to the first"
     charged = [(two, one), (three, two + 1), (three, one), (away, near), (one, away), (near, two)]
     assert all(charged_s[pair] for pair in charged)
     assert not charged_s[:, [swath, gate]].any() and not charged_s[[swath, gate]].any()
-    alone_s = charge_rounds(make_site(), lines, "first", is_alone=True)
+    alone_s = charge_rounds(make_site(), lines, "first", alone)
     assert all(alone_s[pair] for pair in [(swath, two), (swath, away)]) and not alone_s[swath, one]
     assert (np.delete(alone_s, [swath, swath + 1], axis=0) == np.delete(charged_s, [swath, swath + 1], axis=0)).all()
-    assert not charge_rounds(make_site(crop_stands=True), lines, "first", is_alone=True).any(), "stages see to that"
+    assert not charge_rounds(make_site(crop_stands=True), lines, "first", alone).any(), "stages see to that"
     leftover = replace(rings[2][0], task=LegTask(HEADLAND_PASS, 4), group=(LEFTOVER, 0))
-    with_it_s, left = charge_rounds(make_site(), [*lines, leftover], "last", is_alone=True), -3
+    with_it_s, left = charge_rounds(make_site(), [*lines, leftover], "last", np.ones((1, 22), bool)), -3
     assert not any(with_it_s[pair] for pair in [(swath, three), (three, left), (left, two), (left, one)])
     assert all(with_it_s[pair] for pair in [(swath, left), (left, three), (one, left)]), "it lies between three and two"
-    inside_out_s = charge_rounds(make_site(), lines, "last", is_alone=False)
+    inside_out_s = charge_rounds(make_site(), lines, "last", shared)
     assert not any(inside_out_s[pair] for pair in [(three, two), (two, one), (away, near), (one, away), (near, three)])
     assert all(inside_out_s[pair] for pair in [(two, three), (one, three), (one, near), (near, away), (near, two)])
 

@@ -335,15 +335,11 @@ class DealtLines:
     def _pose_tours(self, allowed: Flags, barred: Sequence[int]) -> TourProblem:
         """The search for tours of lines that each tractor may work (tractors, n), without nodes that are barred."""
         may = self.wishes.limit(self.moves.lines, allowed)
-        charged_s = self.rounds_s + charge_furrows(self.moves.site, self.moves.lines, may)
+        site, lines = self.moves.site, self.moves.lines
+        charged_s = charge_rounds(site, lines, self.order, may) + charge_furrows(site, lines, may)
         if len(may) > 1 and self.context.going_on is None:  # where they stand decides what they go on with
             charged_s /= SUM_SHARE  # whoever leaves the order pays for it, not only who finishes last
         return TourProblem(self.table, may, self.stages, charged_s, self.served_s, self.check, barred)
-
-    @cached_property
-    def rounds_s(self) -> Floats:
-        """What moves are charged that leave a pass of the headland unfinished (2 n + 1, 2 n + 1)."""
-        return charge_rounds(self.moves.site, self.moves.lines, self.order, is_alone=len(self.deal.allowed) == 1)
 
     def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
         """Tours by estimated moves, of lines that each tractor may work (tractors, n) without nodes that are barred."""
