@@ -137,19 +137,25 @@ def explain_parse_error(error: BaseException) -> str:
 
 DELIMITERS = ",;\t|"
 SAMPLE_CHARS, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form of a table is recognised
+_SEPARATOR_LINE = re.compile(r"\Asep=[^\r\n](?=\r?\n)", re.IGNORECASE)
 _NUMBER_WITH_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+)?,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
 _NUMBER_WITH_POINT = re.compile(r"\s*[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
 _QUOTED_NUMBER_WITH_COMMA = re.compile(f'"{_NUMBER_WITH_COMMA.pattern}"', re.IGNORECASE)
 
 
 def decode_table(content: bytes) -> str:
-    """The text of a table: UTF-8, UTF-16 with its mark, and what is neither as Windows-1252, which any bytes are."""
+    """The text of a table: UTF-8, UTF-16 with its mark, and what is neither as Windows-1252, which any bytes are.
+
+    Without the separator that spreadsheets name in a first line of its own.
+    """
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", "replace")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("cp1252", "replace")
+        text = content.decode("utf-16", "replace")
+    else:
+        try:
+            text = content.decode("utf-8-sig")
+        except UnicodeDecodeError:
+            text = content.decode("cp1252", "replace")
+    return _SEPARATOR_LINE.sub("", text)
 
 
 def normalise_table(text: str) -> str:

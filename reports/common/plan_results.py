@@ -437,15 +437,15 @@ class PlanRanking(ShownResult):
         best = self.best
         if best is None:
             return []
-        fewer, more = (
-            [plan for plan in self.by_count.values() if sign * (plan.tractors - best.tractors) > 0] for sign in (-1, 1)
-        )
-        paying = (
+        plans = self.by_count.values()
+        fewer = [plan for plan in plans if plan.tractors < best.tractors]
+        more = [plan for plan in plans if plan.tractors > best.tractors]
+        paying = [
             plan
             for plan in more
             if not any(one.ranked_s < plan.ranked_s and one.ranked_cost < plan.ranked_cost for one in more)
-        )
-        return [*fewer[-1:], *paying][: len(fewer[-1:]) + 1]
+        ]
+        return [*fewer[-1:], *paying[:1]]
 
     @property
     def is_priced(self) -> bool:

@@ -244,10 +244,11 @@ def test_a_remark_says_what_an_ignored_column_may_hold(tmp_path: Path) -> None:
     end=st.sampled_from(["\n", "\r\n"]),
     quoting=st.sampled_from([0, 1]),
     trailing=st.sampled_from(["", "rows", "all"]),
+    names_separator=st.booleans(),
     values=st.lists(st.tuples(*[st.floats(-1e6, 1e6).map(lambda x: round(x, 3))] * 3), min_size=2, max_size=8),
 )
 def test_any_form_of_csv_gives_the_same_table(
-    separator: tuple[str, str], encoding: str, end: str, quoting: int, trailing: str,
+    separator: tuple[str, str], encoding: str, end: str, quoting: int, trailing: str, names_separator: bool,
     values: list[tuple[float, ...]], tmp_path_factory: pytest.TempPathFactory,
 ) -> None:  # fmt: skip
     path = tmp_path_factory.mktemp("forms") / "run.csv"
@@ -257,6 +258,7 @@ def test_any_form_of_csv_gives_the_same_table(
     head, *lines = out.getvalue().splitlines()
     tail = separator[0] if trailing else ""
     lines = [head + (tail if trailing == "all" else ""), *(line + tail for line in lines)]
+    lines = [f"sep={separator[0]}", *lines] if names_separator else lines
     path.write_bytes((end.join(lines) + end).encode(encoding))
     found = read_table(path)
     assert list(found) == list(frame) and (found.place == "Müllers Acker").all()

@@ -57,7 +57,7 @@ def read_table(path: Path) -> pd.DataFrame:
             ) from error
         except (ValueError, OSError) as error:
             raise LogError(f"{path} is not a Parquet file ({error}); save the log again, or as CSV.") from error
-    text = io.StringIO(read_table_text(path, "a log", LogError))
+    text = io.StringIO(read_table_text(path, "a log", LogError).lstrip("\r\n"))
     try:
         with warnings.catch_warnings():
             # pandas only warns when every row is longer than the header.
