@@ -53,6 +53,34 @@ def deal_tours(allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:
     return dealt
 
 
+def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:
+    """The deal in which the swaths of each tractor are a run of neighbours, as near as can be to those of its tour.
+
+    Tractors come along the swaths in the order of the middles of their own. Swaths stay as dealt where no tractors in
+    that order may have such runs.
+    """
+    runs = group_swath_lines(lines)
+    worked_by = {node // 2: tractor for tractor, tour in enumerate(tours) for node in tour}
+    own_m = np.zeros((len(runs), len(allowed)))
+    for place, run in enumerate(runs):
+        for number in set(run) & set(worked_by):
+            own_m[place, worked_by[number]] += lines[number].length_m
+    middles = (own_m * np.arange(len(runs))[:, None]).sum(axis=0) / np.maximum(own_m.sum(axis=0), 1e-9)
+    order = np.argsort(middles, kind="stable")
+    kept_m, befores = np.zeros(len(allowed)), list[list[int]]()
+    for place, run in enumerate(runs):
+        befores.append([int(np.argmax(kept_m[: last + 1])) for last in range(len(allowed))])
+        before_m = np.maximum.accumulate(kept_m)
+        kept_m = np.where(allowed[order][:, run].all(axis=1), before_m + own_m[place, order], -np.inf)
+    if not runs or kept_m.max() == -np.inf:
+        return allowed
+    dealt, last = allowed.copy(), int(np.argmax(kept_m))
+    for run, before in zip(reversed(runs), reversed(befores), strict=True):
+        dealt[:, run], dealt[order[last], run] = False, True
+        last = before[last]
+    return dealt
+
+
 def list_other_way_round(lines: Sequence[WorkLine], tours: Sequence[Sequence[int]]) -> list[int]:
     """The nodes by which sides along the edge are driven against the way round in which tours drive most of them.
 

@@ -59,7 +59,7 @@ def test_answers_are_short_and_their_html_is_small_and_escaped(answer: PlanningR
         html = check_shown(one)
         assert EVIL not in html and html.count("<img") == 1
         check_shown(one.ranking)
-    assert "&lt;script&gt;" in answer._repr_html_() and "split-field" in repr(answer)
+    assert "&lt;script&gt;" in answer._repr_html_() and ". 1 tractor: done in" in repr(answer)
     assert refused.ranking.best is None and "No plan works" in repr(refused)
     assert all(len(repr(one)) < 300 for one in (*answer.pictures.values(), answer.context))
 

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from strategies.interleaved import deal_in_turn
-from strategies.lines.deal_apart import deal_tours, list_deals_apart, list_other_way_round
+from strategies.lines.deal_apart import deal_runs, deal_tours, list_deals_apart, list_other_way_round
 from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
@@ -169,6 +169,25 @@ def make_plan(*kinds: str) -> Plan:
 
 def list_gates(plan: Plan) -> dict[tuple[int, int], list[LegGate]]:
     return {(t, n): list(leg.gates) for t, m in enumerate(plan.missions) for n, leg in enumerate(m.legs) if leg.gates}
+
+
+def test_the_tracks_of_each_become_neighbours() -> None:
+    """Of eight tracks the first works 0, 1, 3 and 6: nearest to that are 0 to 3."""
+    lines = draw_lines(8)
+    tracks = [number for number, line in enumerate(lines) if line.task.kind == SWATH]
+    tours = [[2 * tracks[n] for n in (3, 0, 1, 6)], [2 * tracks[n] + 1 for n in (2, 4, 5, 7)]]
+    shared = np.ones((2, len(lines)), bool)
+    dealt = deal_runs(lines, shared, tours)
+    assert [int(dealt[:, number].argmax()) for number in tracks] == [0, 0, 0, 0, 1, 1, 1, 1]
+    assert (dealt[:, tracks].sum(axis=0) == 1).all()
+    others = np.setdiff1d(range(len(lines)), tracks)
+    assert dealt[:, others].all(), "the headland stays as it was"
+    swapped = deal_runs(lines, shared, tours[::-1])
+    assert (swapped == dealt[::-1]).all()
+    taken = shared.copy()
+    taken[1, tracks[0]], taken[0, tracks[-1]] = False, False
+    taken[0, tracks[1]], taken[1, tracks[2]] = False, False
+    assert deal_runs(lines, taken, tours) is taken, "0 may have 0 and 2, 1 what is between: that is no run"
 
 
 def test_moves_that_leave_the_order_of_passes_are_charged() -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.lines.deal_apart import (
+    deal_runs,
     deal_sides,
     deal_tours,
     find_near_blocks,
@@ -34,22 +35,30 @@ def sketch_tidily(
 ) -> tuple[Sketch, Flags, list[int]]:
     """A sketch by a deal in a way that people would rather see, with the lines for each and the nodes that are barred.
 
-    The first of a fleet, in which every side of the headland is one tractor's in all passes; one that follows, in which
-    all go round the field the way that most of the headland is driven without that. Where it is clearly dearer, or
-    there is no such way, the sketch is by the deal alone.
+    The first of a fleet, in which every side of the headland is one tractor's in all passes and the tracks of each are
+    neighbours; one that follows, in which all go round the field the way that most of the headland is driven without
+    that. What is clearly dearer than by the deal alone is not taken.
     """
-    allowed, barred = deal.allowed, list[int]()
-    free = sketch(allowed, barred)
-    if is_first:
-        allowed = deal_sides(moves.lines, allowed)
-    else:
+    lines, free = moves.lines, sketch(deal.allowed, ())
+    most_s = (1.0 + TIDY_SHARE) * free.cost_s
+    if not is_first:
         starts = {node // 2 for node in moves.starts}
-        barred = [node for node in list_other_way_round(moves.lines, free.tours) if node // 2 not in starts]
-    if allowed is deal.allowed and not barred:
-        return free, allowed, barred
-    tidy = sketch(allowed, barred)
-    is_dearer = tidy.cost_s > (1.0 + TIDY_SHARE) * free.cost_s
-    return (free, deal.allowed, []) if is_dearer else (tidy, allowed, barred)
+        barred = [node for node in list_other_way_round(lines, free.tours) if node // 2 not in starts]
+        one_way = sketch(deal.allowed, barred) if barred else free
+        return (one_way, deal.allowed, barred) if one_way.cost_s <= most_s else (free, deal.allowed, [])
+    found, allowed = _sketch_tidier(sketch, deal_sides(lines, deal.allowed), (free, deal.allowed), most_s)
+    found, allowed = _sketch_tidier(sketch, deal_runs(lines, allowed, found.tours), (found, allowed), most_s)
+    return found, allowed, []
+
+
+def _sketch_tidier(
+    sketch: SketchDeal, tidier: Flags, known: tuple[Sketch, Flags], most_s: float
+) -> tuple[Sketch, Flags]:
+    """The sketch by a tidier deal, with that; what is `known` where it costs more than `most_s`, or is the same."""
+    if np.array_equal(tidier, known[1]):
+        return known
+    tidy = sketch(tidier, ())
+    return (tidy, tidier) if tidy.cost_s <= most_s else known
 
 
 def list_other_deals(
