@@ -96,9 +96,11 @@ def list_other_way_round(lines: Sequence[WorkLine], tours: Sequence[Sequence[int
 
 
 def list_rings(lines: Sequence[WorkLine]) -> list[list[list[int]]]:
-    """Rings of the headland, the longest first: their sides in order, each with the lines beside it in all passes."""
+    """Rings of the headland, the longest first: the sides of the outermost pass in order, each with the lines beside it
+    in all passes."""
     headland = [number for number, line in enumerate(lines) if line.task.kind == HEADLAND_PASS]
-    first = [number for number in headland if lines[number].task.number == 1]
+    outermost = min((lines[number].task.number or 0 for number in headland), default=0)
+    first = [number for number in headland if lines[number].task.number == outermost]
     sides: dict[int, list[int]] = {number: [] for number in first}
     tree = shapely.STRtree([shapely.LineString(lines[number].paths[0]) for number in first])
     for number in headland if first else ():

@@ -105,7 +105,8 @@ def search_move(  # type: ignore[no-untyped-def]
     """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`, and its seconds; infinite for none.
 
     `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m), farther at a
-    charge of `far` s/m unless that is infinite, `most` the number of poses that may be expanded.
+    charge of `far` s/m unless that is infinite, and where nothing is found that does not or promises to be quicker;
+    `most` is the number of poses that may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
     step_m = max(LEAST_STEP_M, STEP_RADII * radius)
@@ -119,16 +120,23 @@ def search_move(  # type: ignore[no-untyped-def]
     count, expanded = 1, 0
     best_s = {(np.int64(0), np.int64(0), np.int64(-1), np.int64(0)): 0.0}
     heap, step = [(0.0, 0)], np.empty((1, 3))
+    far_node, far_link, far_s = 0, np.empty((0, 3)), np.inf
     while len(heap) > 0 and expanded < most:
-        _, node = heapq.heappop(heap)
+        promised_s, node = heapq.heappop(heap)
+        if promised_s > far_s:
+            break
         x, y, heading = poses[node]
         expanded += 1
         near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
-            limit = max(max_reverse, backed[node])
-            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], limit, *body)
+            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], max_reverse, *body)
             if link_s < np.inf:
                 return _trace_rows(node, came, bends, ways, link, step_m), spent_s[node] + link_s
+            if far < np.inf:
+                link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], np.inf, *body)
+                link_s += spent_s[node] + far * max(0.0, measure_backing_up(link, backed[node]) - max_reverse)
+                if link_s < far_s:
+                    far_node, far_link, far_s = node, link, link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
             behind = back_up(backed[node], step_m, gear)
@@ -165,7 +173,9 @@ def search_move(  # type: ignore[no-untyped-def]
                 off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
                 heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / forward, count))
                 count += 1
-    return np.empty((0, 3)), np.inf
+    if far_s == np.inf:
+        return np.empty((0, 3)), np.inf
+    return _trace_rows(far_node, came, bends, ways, far_link, step_m), far_s
 
 
 @compile_function

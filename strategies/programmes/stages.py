@@ -70,14 +70,14 @@ def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, allowed: np
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
     machine is at the tracks when they begin, else from the inside out; what they leave comes with the last beside it.
     Those round one thing follow on those round another with the first. What is one tractor's alone, of those `allowed`
-    (tractors, n), has an order of its own and follows on tracks with the first too. Into a crop that stands, stages see
-    to the order.
+    (tractors, n), has an order of its own, follows on tracks with the first too, and is done before another thing is
+    gone round. Into a crop that stands, stages see to the order.
     """
     charged_s = np.zeros((2 * len(lines) + 1, 2 * len(lines) + 1))
     if _works_way_in(site, order):
         return charged_s
     owners = np.where(allowed.sum(axis=0) == 1, allowed.argmax(axis=0), -1)
-    nests, places = np.full(len(lines), -1), np.zeros(len(lines), np.int64)
+    nests, places, is_last = np.full(len(lines), -1), np.zeros(len(lines), np.int64), np.ones(len(lines), bool)
     rings = ([number for side in ring for number in side] for ring in list_rings(lines))
     shares = ([n for n in ring if owners[n] == owner] for ring in rings for owner in np.unique(owners[ring]))
     for nest, numbers in enumerate(shares):
@@ -85,11 +85,13 @@ def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, allowed: np
         if sides:
             nests[numbers] = nest
             places[numbers] = _place_passes(site, lines, numbers, sides, order)
+            is_last[numbers] = places[numbers] == places[numbers].max()
     goes_back = (nests[:, None] == nests) & (places[:, None] > places)
     is_track = np.array([line.group[0] == SWATH for line in lines], bool)
     follows = (nests >= 0)[:, None] | np.logical_and.outer(is_track, owners >= 0)
-    begins_late = follows & (nests[:, None] != nests) & (places > 0)
-    is_charged = (nests >= 0) & (goes_back | begins_late)
+    begins_late = follows & (places > 0)
+    leaves_early = (~is_last & (owners >= 0))[:, None]
+    is_charged = (nests >= 0) & (goes_back | ((nests[:, None] != nests) & (begins_late | leaves_early)))
     charged_s[:-1, :-1] = ORDER_S * np.kron(is_charged, np.ones((2, 2)))
     return charged_s
 

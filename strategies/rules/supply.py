@@ -65,15 +65,8 @@ class Supply:
         return self.stop_s
 
     def list_amounts(self, loads: Sequence[float]) -> list[float]:
-        """What is taken out at each stop between loads, all of it, or filled in: no more than is used until the end."""
-        if self.collects:
-            return list(loads[:-1])
-        amounts, level, rest = list[float](), self.capacity, math.fsum(loads)
-        for load in loads[:-1]:
-            rest -= load
-            amounts.append(max(0.0, min(self.capacity, rest) - (level - load)))
-            level += amounts[-1] - load
-        return amounts
+        """What is filled in, or taken out, at each stop between loads: what was used before."""
+        return list(loads[:-1])
 
     def include_trips(self) -> Supply:
         """The same for loads that count the ways to the place and back leg by leg."""

@@ -18,6 +18,7 @@ from strategies.moves.closed_forms import (
     measure_backing_up,
     pick_with_room,
 )
+from strategies.moves.move_finder import FAR_POSES
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
 from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
@@ -121,22 +122,22 @@ def test_a_search_leads_round_a_wall() -> None:
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
 
 
-@pytest.mark.parametrize("width_m", [60.0, 6.0])
-def test_a_search_reverses_no_farther_than_allowed(width_m: float) -> None:
+@pytest.mark.parametrize(("width_m", "behind_m", "most"), [(60.0, 30.0, 4000), (6.0, 100.0, FAR_POSES)])
+def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: float, most: int) -> None:
     """To a place straight behind: there is another way on wide ground, in a lane only one at a charge."""
-    ground = build_ground(shapely.box(0.0, -0.5 * width_m, 70.0, 0.5 * width_m), 6.0)
-    start, goal = np.array([50.0, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
+    ground = build_ground(shapely.box(0.0, -0.5 * width_m, 40.0 + behind_m, 0.5 * width_m), 6.0)
+    start, goal = np.array([20.0 + behind_m, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
     remaining = measure_remaining_m(20.0, 0.0, 1.1, ground.grid, ground.frame)
     how, longest_m = (RADII[:1], COSTS, SETTLING, ALL_KINDS, 10.0), []
     for far_s_per_m in (1.5, math.inf):
-        rows, seconds = search_move(start, goal, remaining, *how, far_s_per_m, 4000, *body)
+        rows, seconds = search_move(start, goal, remaining, *how, far_s_per_m, most, *body)
         rows = shorten_rows(start, rows, *how, *body)
         longest_m.append(measure_backing_up(rows, 0.0) if seconds < math.inf else math.inf)
     if width_m > 6.0:
         assert max(longest_m) <= 10.0
     else:
-        assert longest_m == [pytest.approx(30.0, abs=3.0), math.inf]
+        assert longest_m == [pytest.approx(behind_m, abs=3.0), math.inf]
 
 
 def test_a_pocket_has_no_way_on() -> None:

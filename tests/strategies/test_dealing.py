@@ -208,7 +208,13 @@ def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     assert not charged_s[:, [swath, gate]].any() and not charged_s[[swath, gate]].any()
     alone_s = charge_rounds(make_site(), lines, "first", alone)
     assert all(alone_s[pair] for pair in [(swath, two), (swath, away)]) and not alone_s[swath, one]
-    assert (np.delete(alone_s, [swath, swath + 1], axis=0) == np.delete(charged_s, [swath, swath + 1], axis=0)).all()
+    assert (alone_s >= charged_s).all() and not charged_s[two, near] and not alone_s[three, near]
+    assert alone_s[one, near] and alone_s[two, near], "it leaves a ring when that is done"
+    own = shared.copy()
+    own[1, [0, 4, 8]] = False
+    own_s = charge_rounds(make_site(), lines, "first", own)
+    assert own_s[swath, two] and own_s[two, near] and not any(own_s[pair] for pair in [(one, two), (two, three)])
+    assert not own_s[swath, two + 2] and not own_s[two + 2, near], "these the other may work as well"
     assert not charge_rounds(make_site(crop_stands=True), lines, "first", alone).any(), "stages see to that"
     leftover = replace(rings[2][0], task=LegTask(HEADLAND_PASS, 4), group=(LEFTOVER, 0))
     with_it_s, left = charge_rounds(make_site(), [*lines, leftover], "last", np.ones((1, 22), bool)), -3
