@@ -79,7 +79,7 @@ class Field:
         service_point: place where tanks are filled or emptied, metres, or None.
         guidance_lines: lines from the field file.
         headland_edges: inner edges of headlands from the field file; plans lay their own headlands.
-        cut_off_parts: pieces that obstacles and their margins separate from the boundary.
+        cut_off_parts: pieces that obstacles and their margins separate from the boundary, without what is done.
         elevation: path of the file with heights that the field file names, or None.
         done: ground that is worked already; None where nothing is.
 
@@ -227,18 +227,26 @@ class Field:
                 f"leaves {_measure_worked_m2(workable):.0f} of {_measure_free_m2(self):.0f} m2 in one piece; "
                 f"{_advise_on_margin(margin_m, self, reduce_margin)}."
             )
-        cut_off_m2 = math.fsum(part.area for part in workable.cut_off_parts)
-        remark = f"Obstacles cut off {cut_off_m2:.0f} m2 of the field; this part is not worked."
-        remarks = (*self.remarks, remark) if cut_off_m2 >= MIN_REPORTED_M2 else self.remarks
+        field = self._replace_cut_off_parts(workable.cut_off_parts)
         return replace(
-            self,
+            field,
             boundary=workable.boundary,
             margin_boundary=None if workable.margin_boundary is workable.boundary else workable.margin_boundary,
             small_obstacles=workable.small_obstacles,
             original_boundary=self.whole_boundary,
-            remarks=remarks,
-            cut_off_parts=workable.cut_off_parts if cut_off_m2 >= MIN_REPORTED_M2 else (),
         )
+
+    def mark_done(self, done: shapely.Geometry) -> Field:
+        """The field with ground that is done, of which no part is cut off any more."""
+        left = [part for whole in self.cut_off_parts for part in shapely.get_parts(subtract_area(whole, done))]
+        return replace(self._replace_cut_off_parts(tuple(left)), done=done)
+
+    def _replace_cut_off_parts(self, parts: tuple[shapely.Polygon, ...]) -> Field:
+        """The field with other parts that obstacles cut off, and with the remark on these."""
+        earlier = _list_cut_off_remarks(self.cut_off_m2)
+        cut_off_m2 = math.fsum(part.area for part in parts)
+        remarks = (*(one for one in self.remarks if one not in earlier), *_list_cut_off_remarks(cut_off_m2))
+        return replace(self, remarks=remarks, cut_off_parts=parts if cut_off_m2 >= MIN_REPORTED_M2 else ())
 
     def find_ground_at(self, x: float, y: float) -> str:
         """Name of the ground at the point (x, y) in metres; the edge of a zone belongs to it."""
@@ -325,3 +333,10 @@ def _check_polygon(polygon: shapely.Polygon, label: str) -> shapely.Polygon:
         reason = "it is empty" if polygon.is_empty else shapely.is_valid_reason(polygon)
         raise FieldError(f"The outline of {label} is not a valid polygon ({reason}); redraw it there.")
     return orient(polygon, 1.0)
+
+
+def _list_cut_off_remarks(cut_off_m2: float) -> tuple[str, ...]:
+    """The sentence on ground that obstacles cut off; none on too little to tell."""
+    if cut_off_m2 < MIN_REPORTED_M2:
+        return ()
+    return (f"Obstacles cut off {cut_off_m2:.0f} m2 of the field; this part is not worked.",)

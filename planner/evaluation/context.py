@@ -79,6 +79,7 @@ class DoneWork:
 class PlanningContext:
     """Field, layout, tractor, implement and driving rules; made once per request.
 
+    `tractor` is as it drives on the soil and heights of the field, `bare_tractor` without what these do to it.
     The guided point may be anywhere in `free_space`. `fitting_turns[k]` says whether a turn over k lines fits a
     headland at right angles (index 0 unused); if none does, `driving_rules.turn_s[k]` is an estimate instead of a
     simulated time. `position_errors` is the GNSS error table. `headland_passes` are worked. `criteria` are the risk
@@ -91,6 +92,7 @@ class PlanningContext:
     request: PlanRequest
     layout: Layout
     tractor: Tractor
+    bare_tractor: Tractor
     implement: Implement
     driving_rules: DrivingRules
     costs: TurnCosts

@@ -103,17 +103,17 @@ def prepare_context(
     with attach_parameter("gnss_table"):
         position_errors = load_gnss_errors(request)
     with attach_parameter("tractor"):
-        tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
+        bare_tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
     with attach_parameter("refill"):
-        supply = locate_service_point(request, field, order.supply, is_electric=tractor.battery is not None)
+        supply = locate_service_point(request, field, order.supply, is_electric=bare_tractor.battery is not None)
     implement = size_implement(order.implement, request)
     check_transport_width(request.transport_width_m, max(implement.width_m, implement.contact_width_m))
-    workday, cost_terms = _settle_terms(order, request, field, tractor, implement)
+    workday, cost_terms = _settle_terms(order, request, field, bare_tractor, implement)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, order.uncertainty, cost_terms, workday)
     farm_tractor = None if cost_terms is None else cost_terms.tractor
-    physics = physics or build_field_physics(request, field, tractor, farm_tractor)
-    tractor = adapt_to_ground(tractor, physics, field.default_ground)
+    physics = physics or build_field_physics(request, field, bare_tractor, farm_tractor)
+    tractor = adapt_to_ground(bare_tractor, physics, field.default_ground)
     check_fuel_is_known(request, physics, cost_terms is not None)
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
@@ -122,6 +122,7 @@ def prepare_context(
         PlanningContext,
         request=request,
         tractor=tractor,
+        bare_tractor=bare_tractor,
         implement=implement,
         position_errors=position_errors,
         criteria=criteria,

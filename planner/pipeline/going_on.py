@@ -32,6 +32,7 @@ from planner.evaluation.work_order import DoneSource, WorkOrder, match_plan_time
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.saved_plans import (
     has_unknown_tank,
+    read_bare_tractor,
     read_done_ground,
     read_machines,
     read_planned_layout,
@@ -92,7 +93,8 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
         )
     driven = None if order.from_road else next((one for one in reversed(works) if one.numbers or one.stands), None)
     stands, numbers = ((), ()) if driven is None else (driven.stands, driven.numbers)
-    left = replace(field, done=done, remarks=(*field.remarks, *(note for one in works for note in one.notes)))
+    left = field.mark_done(done)
+    left = replace(left, remarks=(*left.remarks, *(note for one in works for note in one.notes)))
     if left.due_region.area < LEAST_DUE_WIDTHS * context.request.width_m**2:
         raise AllDoneError(f"All of field '{field.name}' is done; there is nothing left to plan.", parameter="done")
     remark = (
@@ -189,6 +191,7 @@ def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
 class ContinuedPlan:
     """What a saved plan asked for, from the time on at which it is left, its machines with what they carry, its layout.
 
+    The tractor is without what soil and heights do to it, as those of the order that goes on do the same or other.
     Earlier Headlands saved that there is a tank, but not how large: then `has_unknown_tank`.
     """
 
@@ -240,8 +243,15 @@ def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = 
     left = len(_list_machines_left(saved, without))
     start_s = None if request.start_s is None else int(_read_clock(match)) % DAY_S
     later = replace(request, tractors=(left,), start_s=start_s)
-    machines, is_unknown = read_machines(saved, request), has_unknown_tank(saved, request)
-    return ContinuedPlan(match["file"], later, *machines, read_supply(saved), is_unknown, read_planned_layout(saved))
+    return ContinuedPlan(
+        match["file"],
+        later,
+        read_bare_tractor(saved, request),
+        read_machines(saved, request)[1],
+        read_supply(saved),
+        has_unknown_tank(saved, request),
+        read_planned_layout(saved),
+    )
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:

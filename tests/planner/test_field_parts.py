@@ -14,6 +14,7 @@ from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_records import OBSTACLE, PlanFault
 from reports.common.plan_results import PlanRanking, PlanResult
+from reports.plan.answer import write_answer
 from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_page import render_plan_page
@@ -53,7 +54,9 @@ class TestDivided:
     @pytest.mark.slow
     def test_what_is_done_of_the_other_half_is_not_planned(self) -> None:
         west, whole = (DoneWork(shapely.box(-1, -1, east, 40), 0.1) for east in (50, 101))
-        assert plan_divided(None, whole).parts == ()
+        rest = plan_divided(None, whole)
+        assert rest.parts == () and rest.cut_off_m2 == 0.0
+        assert not [each for each in (*write_answer(rest).list_sentences(), *rest.field_remarks) if "cut off" in each]
         (part,) = plan_divided(None, west).parts
         assert part.ground.m2 == pytest.approx(0.5 * 3895.0, rel=0.01) and part.ground.x_m > 50.0
         assert part.plan.worked_pct > 90.0

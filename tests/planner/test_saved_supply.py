@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 
 from planner.errors import HeadlandError
+from planner.evaluation.preparation import prepare_context
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
-from planner.pipeline.going_on import read_continued_plan
+from planner.pipeline.going_on import continue_order, read_continued_plan
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_supply, simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
@@ -142,3 +144,17 @@ def test_a_saved_plan_is_driven_again_by_the_machines_that_drove_it(
     assert np.array_equal(again.run.record, answer.run.record)
     assert read_machines(again.saved, again.request) == (answer.context.tractor, answer.context.implement)
     assert (MACHINES_KEY in again.saved.scenario) == (told_by != "request")
+
+
+@pytest.mark.slow
+def test_going_on_with_another_soil_keeps_nothing_of_the_first(folder: Path, whole: PlanningResult) -> None:
+    lines = ["name,ground,moisture_pct,wheel_slip,side_slip", "north,soil,20,0.2,", "south,soil,20,,0.1"]
+    (folder / "two.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    north = replace(whole.context.request, refill=None, soil=f"{folder}/two.csv#north", moisture_pct=20.0)
+    answer = plan(north, executor=SerialExecutor())
+    answer.save(folder / "north.json")
+    for soil in (north.soil, f"{folder}/two.csv#south", "loam"):
+        request = replace(north, soil=soil)
+        rest = continue_order(WorkOrder(request, done=(f"{folder}/north.json@0:01",)))
+        assert prepare_context(rest).tractor == prepare_context(WorkOrder(request)).tractor, soil
+        assert (prepare_context(rest).tractor == answer.context.tractor) == (soil == north.soil)

@@ -39,6 +39,7 @@ from vehicle.sim.compile import compute_point_speeds
 from vehicle.sim.world import World
 
 MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
+BARE_KEY = "bare_tractor"  # among these the tractor without what soil and heights do to it, where they do anything
 SUPPLY_KEY = "supply"  # among these what the implement carries, value by value
 USED_KEY = "used"  # among these what tractors that stand on the field have used of that before the plan, in their order
 LOAD_KEY = "load"  # among these in earlier plans: that it carries something
@@ -152,6 +153,8 @@ def export_machines(context: PlanningContext) -> dict[str, Any]:
         if name not in LATER_IMPLEMENT or value != Implement.model_fields[name].default
     }
     machines: dict[str, Any] = {"tractor": context.tractor.model_dump(mode="json"), "implement": implement}
+    if context.bare_tractor != context.tractor:
+        machines[BARE_KEY] = context.bare_tractor.model_dump(mode="json")
     used = () if context.going_on is None else [stand.used for stand in context.going_on.stands]
     machines |= {USED_KEY: used} if any(used) else {}
     return {MACHINES_KEY: machines | ({} if supply is None else {SUPPLY_KEY: asdict(supply)})}
@@ -226,7 +229,10 @@ def _describe_old_plan(saved: SavedPlan) -> str:
 
 
 def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Implement]:
-    """The machines saved with the plan, or the tractor of its request and a default implement of its width."""
+    """The machines saved with the plan, or the tractor of its request and a default implement of its width.
+
+    The tractor is as it drove the plan: with what soil and heights did to it.
+    """
     saved_machines = saved.scenario.get(MACHINES_KEY)
     if saved_machines is None:
         name = request.tractor
@@ -245,6 +251,15 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
         raise RequestError(
             f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
         ) from None
+
+
+def read_bare_tractor(saved: SavedPlan, request: PlanRequest) -> Tractor:
+    """The tractor of a saved plan without what soil and heights did to it."""
+    machines = saved.scenario.get(MACHINES_KEY)
+    if not isinstance(machines, dict) or BARE_KEY not in machines:
+        return read_machines(saved, request)[0]
+    bare = replace(saved, scenario=saved.scenario | {MACHINES_KEY: machines | {"tractor": machines[BARE_KEY]}})
+    return read_machines(bare, request)[0]
 
 
 def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking | None = None) -> str:
