@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from math import prod
 from typing import Any
 
 from fields.geometry.arithmetic import ROUNDING
+from fields.units import DAY_S
 from planner.errors import RequestError, mark_parameter, shorten_value
-from planner.request.option_texts import convert_time_to_text
+from planner.request.option_texts import convert_time_to_text, format_clock
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
@@ -20,6 +22,7 @@ MOST_POINTS = 100_000
 MOST_VALUES = 1000
 _RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
 _CLOCKS = ("start_s", "deadline_s")
+_MINUTE_S = 60
 _TEXTS = ("tractors", *_CLOCKS, "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
@@ -95,7 +98,7 @@ def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
 
 
 def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
-    parts = _split_text(option, given) if isinstance(given, str) else _list_values(option, given)
+    parts = _split_text(option, given) if isinstance(given, str) else _list_values(name, option, given)
     written = tuple(dict.fromkeys(parts))
     if not written:
         raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
@@ -117,11 +120,16 @@ def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
     return Axis(option, tuple(map(read, written)), written)
 
 
-def _list_values(option: RequestOption, given: Any) -> list[Any]:
-    """Values that Python gives, of numpy too; texts among them are read as on the command line."""
+def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
+    """Values that Python gives, of numpy too; texts among them are read as on the command line.
+
+    Numbers by the name of a clock's parameter are seconds of the day.
+    """
     ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
     values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in _iterate(ordered)]
-    values = list(map(str, values)) if option.parameter in _CLOCKS else values
+    if option.parameter in _CLOCKS:
+        convert: Callable[[Any], str] = str if name == option.name else partial(_write_clock, option)
+        values = list(map(convert, values))
     wrong = next((value for value in values if not isinstance(value, str | int | float)), None)
     if wrong is not None:
         raise RequestError(
@@ -129,6 +137,19 @@ def _list_values(option: RequestOption, given: Any) -> list[Any]:
             parameter=option.parameter,
         )
     return [part for value in values for part in (_split_text(option, value) if isinstance(value, str) else [value])]
+
+
+def _write_clock(option: RequestOption, value: Any) -> str:
+    """Seconds of the day as the text of a time of day; anything but a number as it is. Raises RequestError."""
+    if not isinstance(value, int | float):
+        return str(value)
+    if not (0 <= value < DAY_S and value % _MINUTE_S == 0):
+        raise RequestError(
+            f"{mark_parameter(option.parameter)} holds {shorten_value(value)}; give seconds of the day, from 0 to "
+            f"{DAY_S - _MINUTE_S}, in whole minutes of {_MINUTE_S}.",
+            parameter=option.parameter,
+        )
+    return format_clock(value)
 
 
 def _iterate(given: Any) -> Iterable[Any]:
