@@ -15,6 +15,7 @@ from planner.evaluation.field_physics import NAME_MARK, split_soil_name
 from reports.diagnosis.sentences import describe_unsaved
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.results import CONSTANT_LAW, LIKELY, NAMED, Diagnosis, Finding
+from vehicle.model.data_table import name_cells
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect
 from vehicle.model.soil import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects, Soil, load_soils
 
@@ -129,13 +130,16 @@ def _explain_nothing(likely: Sequence[str]) -> str:
 
 def format_soil_table(row: Soil, path: Path) -> str:
     """The table with the line added; its other lines hold what they held, with commas between cells and the columns
-    that the new one needs."""
+    that the new one needs.
+
+    Raises VehicleError for a line with more cells than the table has columns.
+    """
     new = {name: f"{value}" for name, value in row.model_dump(exclude_none=True, exclude_defaults=True).items()}
     columns, rows = list[str](), list[dict[str, str]]()
     if path.exists():
         table = read_table(path, "a CSV table", VehicleError)
         columns += table.header
-        rows += [dict(zip(columns, cells, strict=False)) for _, cells in table.rows]
+        rows += [name_cells(table.header, cells, f"Line {line} of {table.label}") for line, cells in table.rows]
     known = sorted(Soil.model_fields, key=lambda name: name in MeasuredEffects.model_fields)
     columns += [name for name in known if name in new and name not in columns]
     out = io.StringIO()

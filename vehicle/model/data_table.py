@@ -44,9 +44,18 @@ def _parse_rows(table: CellTable, row_type: type[Row], noun: str) -> tuple[Row, 
 
 
 def _parse_row(header: Sequence[str], cells: Sequence[str], row_type: type[Row], place: str, noun: str) -> Row:
-    if len(cells) > len(header):
-        raise VehicleError(f"{place} has more values than the table has columns; put texts with commas in quotes.")
+    named_cells = name_cells(header, cells, place)
     try:
-        return row_type(**{name: cell.strip() for name, cell in zip(header, cells, strict=False) if cell.strip()})
+        return row_type(**{name: cell.strip() for name, cell in named_cells.items() if cell.strip()})
     except ValidationError as error:
         raise VehicleError(f"{place} is not {noun}: {describe_validation_errors(error, row_type)}.") from None
+
+
+def name_cells(header: Sequence[str], cells: Sequence[str], place: str) -> dict[str, str]:
+    """The cells of a row by their columns; raises VehicleError for one with more cells than columns.
+
+    `place` is what the sentence begins with ("Line 3 of soils.csv").
+    """
+    if len(cells) > len(header):
+        raise VehicleError(f"{place} has more values than the table has columns; put texts with commas in quotes.")
+    return dict(zip(header, cells, strict=False))
