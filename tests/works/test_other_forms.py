@@ -209,6 +209,21 @@ def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, form: str) ->
         read_task_logs(str(tmp_path / "log.csv"))
 
 
+@pytest.mark.parametrize("first", [3.456e8, 6e5, 5.9e8])
+@pytest.mark.parametrize("step", [1000.0, 200.0, 100.0])
+def test_milliseconds_of_the_week_are_refused(tmp_path: Path, first: float, step: float) -> None:
+    (tmp_path / "log.csv").write_text(plain_lines([f"{first + step * row:.0f}" for row in range(90)]))
+    with pytest.raises(LogError, match="which is not in seconds; write seconds, or 2020-01-02T17:30:20"):
+        read_task_logs(str(tmp_path / "log.csv"))
+
+
+@pytest.mark.parametrize(("first", "step"), [(3.456e8, 1.0), (345_600.0, 1.0), (8.4e8, 1.0), (3.456e8, 60.0)])
+def test_seconds_of_any_count_are_read(tmp_path: Path, first: float, step: float) -> None:
+    (tmp_path / "log.csv").write_text(plain_lines([f"{first + step * row:.0f}" for row in range(90)]))
+    (run,) = read_task_logs(str(tmp_path / "log.csv")).runs
+    assert run.time_s[-1] == 89.0 * step
+
+
 @pytest.mark.parametrize(
     ("cell", "at_work"), [("1.00", True), ("255", True), ("TRUE", True), ("0.0", False), ("", False)]
 )
