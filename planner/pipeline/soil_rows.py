@@ -15,7 +15,6 @@ from planner.evaluation.field_physics import NAME_MARK, split_soil_name
 from reports.diagnosis.sentences import describe_unsaved
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.results import CONSTANT_LAW, LIKELY, NAMED, Diagnosis, Finding
-from vehicle.model.data_table import name_cells
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect
 from vehicle.model.soil import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects, Soil, load_soils
 
@@ -139,7 +138,7 @@ def format_soil_table(row: Soil, path: Path) -> str:
     if path.exists():
         table = read_table(path, "a CSV table", VehicleError)
         columns += table.header
-        rows += [name_cells(table.header, cells, f"Line {line} of {table.label}") for line, cells in table.rows]
+        rows += table.list_named_cells()
     known = sorted(Soil.model_fields, key=lambda name: name in MeasuredEffects.model_fields)
     columns += [name for name in known if name in new and name not in columns]
     out = io.StringIO()

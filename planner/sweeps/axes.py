@@ -11,9 +11,8 @@ from math import prod
 from typing import Any
 
 from fields.geometry.arithmetic import ROUNDING
-from fields.units import DAY_S
 from planner.errors import RequestError, mark_parameter, shorten_value
-from planner.request.option_texts import convert_time_to_text, format_clock
+from planner.request.option_texts import convert_time_to_text, write_clock
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
@@ -22,7 +21,6 @@ MOST_POINTS = 100_000
 MOST_VALUES = 1000
 _RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
 _CLOCKS = ("start_s", "deadline_s")
-_MINUTE_S = 60
 _TEXTS = ("tractors", *_CLOCKS, "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
@@ -128,7 +126,7 @@ def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
     ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
     values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in _iterate(ordered)]
     if option.parameter in _CLOCKS:
-        convert: Callable[[Any], str] = str if name == option.name else partial(_write_clock, option)
+        convert: Callable[[Any], str] = str if name == option.name else partial(write_clock, parameter=option.parameter)
         values = list(map(convert, values))
     wrong = next((value for value in values if not isinstance(value, str | int | float)), None)
     if wrong is not None:
@@ -137,19 +135,6 @@ def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
             parameter=option.parameter,
         )
     return [part for value in values for part in (_split_text(option, value) if isinstance(value, str) else [value])]
-
-
-def _write_clock(option: RequestOption, value: Any) -> str:
-    """Seconds of the day as the text of a time of day; anything but a number as it is. Raises RequestError."""
-    if not isinstance(value, int | float):
-        return str(value)
-    if not (0 <= value < DAY_S and value % _MINUTE_S == 0):
-        raise RequestError(
-            f"{mark_parameter(option.parameter)} holds {shorten_value(value)}; give seconds of the day, from 0 to "
-            f"{DAY_S - _MINUTE_S}, in whole minutes of {_MINUTE_S}.",
-            parameter=option.parameter,
-        )
-    return format_clock(value)
 
 
 def _iterate(given: Any) -> Iterable[Any]:

@@ -28,8 +28,8 @@ LogFormat = FileFormat[LogContents]
 def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> LoggedRun:
     """The run without unusable rows, its time from 0; notes give the number of dropped rows by reason.
 
-    `epoch` is when the times of the run were 0; None if unknown, as is its start then, and where no row has a known day.
-    Raises LogError if fewer than MIN_ROWS rows remain.
+    `epoch` is when the times of the run were 0; None if unknown, as is its start then and where no row has a known
+    day. Raises LogError if fewer than MIN_ROWS rows remain.
     """
     lon, lat = run.lonlat.T
     has_position = np.isfinite(run.lonlat).all(axis=1) & (np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)
@@ -72,7 +72,7 @@ def _are_near_epochs(time_s: Array, epoch: datetime | None) -> Mask:
     """Whether times are on the days that receivers log that do not know the day: those of an epoch."""
     starts_s = [] if epoch is None else [(one - epoch).total_seconds() for one in EPOCHS]
     near = [(time_s >= start_s + UNDATED_S[0]) & (time_s < start_s + UNDATED_S[1]) for start_s in starts_s]
-    return np.any([np.zeros(len(time_s), dtype=np.bool_), *near], axis=0)
+    return np.asarray(np.any([np.zeros(len(time_s), dtype=np.bool_), *near], axis=0))
 
 
 def format_time(epoch: datetime, seconds: float) -> str:
