@@ -246,6 +246,16 @@ class CellTable:
         """The texts of a column."""
         return [self.get_cell(row, column) for row in range(len(self.rows))]
 
+    def list_named_cells(self) -> list[dict[str, str]]:
+        """The cells of each row by their columns; raises `error_type` for a row with more cells than columns."""
+        long = next((line for line, cells in self.rows if len(cells) > len(self.header)), None)
+        if long is not None:
+            place = f"Line {long} of {self.label}"
+            raise self.error_type(
+                f"{place} has more values than the table has columns; put texts with commas in quotes."
+            )
+        return [dict(zip(self.header, cells, strict=False)) for _, cells in self.rows]
+
     def list_numbers(self, column: str) -> list[float]:
         """The numbers of a column, NaN for what is none."""
         return list(map(parse_number, self.list_cells(column)))

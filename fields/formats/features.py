@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import count
 from typing import Any
@@ -85,14 +85,15 @@ def build_document(
     )
 
 
-def _split_collection(feature: Feature) -> Iterator[Feature]:
-    """A feature, or one for every member of its geometry collection, such as an area and the point of its label."""
+def _split_collection(feature: Feature) -> list[Feature]:
+    """A feature, or one for every member of its geometry collection, without the points of labels beside areas."""
     members = get_member_object(feature, "geometry").get("geometries")
     if not isinstance(members, list) or feature["geometry"].get("type") != COLLECTION_TYPE or not members:
-        yield feature
-        return
-    for member in members:
-        yield from _split_collection({**feature, "geometry": member})
+        return [feature]
+    parts = [part for member in members for part in _split_collection({**feature, "geometry": member})]
+    kinds = [get_member_object(part, "geometry").get("type") for part in parts]
+    has_area = any(kind in POLYGON_TYPES for kind in kinds)
+    return [part for part, kind in zip(parts, kinds, strict=True) if not (has_area and kind in POINT_TYPES)]
 
 
 def _split_into_parts(feature: Feature, role: str, label: str) -> list[RawShape]:

@@ -7,12 +7,14 @@ no neighbouring file is read. Column names become lower case, as DBF files have 
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
 import re
 import threading
 import warnings
+import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -100,8 +102,11 @@ NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "f
 """Columns with the name of a feature; the first one that is not empty counts."""
 WGS84 = "EPSG:4326"
 LATIN1 = "ISO-8859-1"
-ENCODINGS = ("UTF-8", None, LATIN1)
-"""Of texts, in this order: many Shapefiles are in UTF-8 and do not say so; else what the file says; else any bytes."""
+ENCODINGS = (None, LATIN1)
+"""Of texts, in this order: what the file says; else any bytes."""
+UNSTATED_ENCODINGS = ("UTF-8", *ENCODINGS)
+"""Of a Shapefile without a code page: many are in UTF-8 and do not say so."""
+CODE_PAGE_EXTENSION = ".cpg"
 IN_MEMORY_PREFIX = "pyogrio_"
 """Beginning of the names of layers in files given as bytes."""
 
@@ -195,19 +200,28 @@ def read_tables(
         names = [str(row[0]) for row in list_layers(place)]
         if not names:
             raise ValueError("it has no layer")
+        is_stated = SHAPEFILE_DRIVER in drivers and isinstance(place, bytes) and _has_code_page(place)
+        encodings = ENCODINGS if is_stated else UNSTATED_ENCODINGS
         return [
-            _read_table(place, at, name, with_heights, max_features)
+            _read_table(place, at, name, encodings, with_heights, max_features)
             for at, name in enumerate(names)
             if layer_names is None or name in layer_names
         ]
 
 
-def _read_table(place: Path | bytes, layer: int, name: str, with_heights: bool, max_features: int | None) -> LayerTable:
+def _read_table(
+    place: Path | bytes,
+    layer: int,
+    name: str,
+    encodings: Sequence[str | None],
+    with_heights: bool,
+    max_features: int | None,
+) -> LayerTable:
     """One layer, chosen by position, as names of in-memory files vary."""
     from pyogrio.raw import read
 
     options = {"layer": layer, "force_2d": not with_heights, "max_features": max_features}
-    for encoding in ENCODINGS:
+    for encoding in encodings:
         with suppress(UnicodeDecodeError):
             meta, _, shapes, columns = read(place, **options, encoding=encoding)
             break
@@ -215,6 +229,13 @@ def _read_table(place: Path | bytes, layer: int, name: str, with_heights: bool, 
     columns_by_name = dict(zip(fields, columns, strict=True))
     is_latin1 = encoding == LATIN1
     return LayerTable(name, meta["crs"], shapes if shapes is not None else [], columns_by_name, is_latin1)
+
+
+def _has_code_page(archive_bytes: bytes) -> bool:
+    """Whether the parts of a Shapefile state the code page of its texts."""
+    with zipfile.ZipFile(io.BytesIO(archive_bytes)) as archive:
+        parts = [name for name in archive.namelist() if name.lower().endswith(CODE_PAGE_EXTENSION)]
+        return any(archive.read(name).strip() for name in parts)
 
 
 @contextmanager

@@ -13,6 +13,7 @@ Both are valid against the schemas TaskFile V4-3 and V3-3 of the AEF.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -237,16 +238,19 @@ def _parse_position(point: Element) -> list[float] | None:
 
 def _read_points(element: Element) -> list[Feature]:
     """Point features: the entrance, obstacles, and flags that are named like either; one of several entrances is chosen
-    by the user.
+    by the user, who knows those of one name by their places.
     """
     features = []
     entrances = [point for point in element.findall("PNT") if point.get("A") == ENTRANCE_TYPE]
+    names = Counter(point.get("B") or ENTRANCE for point in entrances)
     for point in element.findall("PNT"):
         place, kind, name = _parse_position(point), point.get("A"), point.get("B") or ""
         if place is None:
             continue
         if kind == ENTRANCE_TYPE:
-            choice = {"role": ENTRANCE} if len(entrances) == 1 else {"kind": ENTRANCE, "name": name or ENTRANCE}
+            name = name or ENTRANCE
+            name = name if names[name] == 1 else "{} at {:.6f},{:.6f}".format(name, *place)
+            choice = {"role": ENTRANCE} if len(entrances) == 1 else {"kind": ENTRANCE, "name": name}
             features.append(build_feature("Point", place, choice))
         elif kind == OBSTACLE_POINT_TYPE:
             features.append(build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": name}))

@@ -129,13 +129,16 @@ def _explain_nothing(likely: Sequence[str]) -> str:
 
 def format_soil_table(row: Soil, path: Path) -> str:
     """The table with the line added; its other lines hold what they held, with commas between cells and the columns
-    that the new one needs."""
+    that the new one needs.
+
+    Raises VehicleError for a line with more cells than the table has columns.
+    """
     new = {name: f"{value}" for name, value in row.model_dump(exclude_none=True, exclude_defaults=True).items()}
     columns, rows = list[str](), list[dict[str, str]]()
     if path.exists():
         table = read_table(path, "a CSV table", VehicleError)
         columns += table.header
-        rows += [dict(zip(columns, cells, strict=False)) for _, cells in table.rows]
+        rows += table.list_named_cells()
     known = sorted(Soil.model_fields, key=lambda name: name in MeasuredEffects.model_fields)
     columns += [name for name in known if name in new and name not in columns]
     out = io.StringIO()

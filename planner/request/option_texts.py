@@ -12,6 +12,7 @@ from planner.errors import RequestError, mark_parameter, shorten_value
 from strategies.names import STRATEGY_NAMES
 
 MAX_TRACTORS = 50
+MINUTE_S = 60
 MAX_DIGITS = 40  # nobody types a longer number on purpose
 
 
@@ -48,6 +49,22 @@ def parse_clock(text: str, parameter: str) -> int:
             f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance 13:00."
         )
     return int(match[1]) * 3600 + int(match[2]) * 60
+
+
+def write_clock(value: Any, parameter: str) -> str:
+    """Seconds of the day as the text of a time of day; anything but a number as it is.
+
+    Raises RequestError for seconds of no day, or within a minute.
+    """
+    if not isinstance(value, int | float):
+        return str(value)
+    if not (0 <= value < DAY_S and value % MINUTE_S == 0):
+        raise RequestError(
+            f"{mark_parameter(parameter)} holds {shorten_value(value)}; give seconds of the day, from 0 to "
+            f"{DAY_S - MINUTE_S}, in whole minutes of {MINUTE_S}.",
+            parameter=parameter,
+        )
+    return format_clock(value)
 
 
 def convert_time_to_text(value: Any) -> Any:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from math import prod
 from typing import Any
 
 from fields.geometry.arithmetic import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
-from planner.request.option_texts import convert_time_to_text
+from planner.request.option_texts import convert_time_to_text, write_clock
 from planner.request.options import OptionHelp, RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
@@ -95,7 +96,7 @@ def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
 
 
 def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
-    parts = _split_text(option, given) if isinstance(given, str) else _list_values(option, given)
+    parts = _split_text(option, given) if isinstance(given, str) else _list_values(name, option, given)
     written = tuple(dict.fromkeys(parts))
     if not written:
         raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
@@ -117,11 +118,16 @@ def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
     return Axis(option, tuple(map(read, written)), written)
 
 
-def _list_values(option: RequestOption, given: Any) -> list[Any]:
-    """Values that Python gives, of numpy too; texts among them are read as on the command line."""
+def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
+    """Values that Python gives, of numpy too; texts among them are read as on the command line.
+
+    Numbers by the name of a clock's parameter are seconds of the day.
+    """
     ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
     values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in _iterate(ordered)]
-    values = list(map(str, values)) if option.parameter in _CLOCKS else values
+    if option.parameter in _CLOCKS:
+        convert: Callable[[Any], str] = str if name == option.name else partial(write_clock, parameter=option.parameter)
+        values = list(map(convert, values))
     wrong = next((value for value in values if not isinstance(value, str | int | float)), None)
     if wrong is not None:
         raise RequestError(

@@ -37,7 +37,8 @@ def test_of_several_gates_none_is_guessed(tmp_path: Path) -> None:
     gates = "".join('<PNT A="3" B="North" C="{:.9f}" D="{:.9f}"/>'.format(*place(0, north)) for north in (50, 90))
     field = read(tmp_path, partfield(polygon() + gates))
     assert field.entrance is None and not field.obstacles
-    assert "Which is the entrance is unclear: 'North', 'North'; choose one with --entrance LON,LAT." in field.remarks
+    names = ", ".join("'North at {1:.6f},{0:.6f}'".format(*place(0, north)) for north in (50, 90))
+    assert f"Which is the entrance is unclear: {names}; choose one with --entrance LON,LAT." in field.remarks
 
 
 def test_version_3_has_its_lines_beside_the_polygons(tmp_path: Path) -> None:

@@ -72,6 +72,18 @@ class TestReading:
         obstacles = with_square(tmp_path, *several).obstacles
         assert [one.kind for one in obstacles] == ["point", "point", "line", "area", "area"]
 
+    @pytest.mark.parametrize("label", [point(110, 35), {"type": "MultiPoint", "coordinates": [[110, 35], [111, 36]]}])
+    def test_points_beside_an_area_in_a_collection_are_its_labels(self, tmp_path: Path, label: dict[str, Any]) -> None:
+        pond = polygon(moved(POND, 100, 30))
+        inner = {"type": "GeometryCollection", "geometries": [label]}
+        for members in ([pond, label], [label, pond], [inner, pond]):
+            form = {"type": "GeometryCollection", "geometries": members}
+            for more in ({"kind": "pond"}, {"kind": "pond", "name": "North pond"}):
+                (one,) = with_square(tmp_path, feature(form, role="obstacle", **more)).obstacles
+                assert (one.kind, one.shape.area) == ("pond", pytest.approx(200))
+        points = {"type": "GeometryCollection", "geometries": [point(10, 10), point(20, 20)]}
+        assert len(with_square(tmp_path, feature(points, role="obstacle", kind="pole")).obstacles) == 2
+
     def test_a_polygon_inside_the_only_field_is_an_obstacle_and_told(self, tmp_path: Path) -> None:
         inner = feature(polygon(moved(POND, 100, 30)), name="rock")
         for features in ((feature(polygon(SQUARE_M)), inner), (inner, feature(polygon(SQUARE_M)))):

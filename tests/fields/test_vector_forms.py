@@ -185,6 +185,13 @@ def test_names_of_a_shapefile_without_a_code_page(tmp_path: Path, encoding: str)
     assert read_field(tmp_path / "north.shp").name == "Grüne Höhe"
 
 
+@pytest.mark.parametrize(("page", "name"), [("CP936", "一"), ("CP1251", "Поле"), ("UTF-8", "一"), ("1252", "Höhe")])
+def test_the_code_page_that_a_shapefile_states_is_that_of_its_names(tmp_path: Path, page: str, name: str) -> None:
+    write(tmp_path / "north.shp", [OUTLINE], [name], encoding=page if page.startswith(("CP", "UTF")) else f"CP{page}")
+    (tmp_path / "north.cpg").write_text(page)
+    assert read_field(tmp_path / "north.shp").name == name
+
+
 def test_four_hundred_fields_in_a_file(tmp_path: Path) -> None:
     shapes = [
         shapely.transform(OUTLINE, lambda points, east=400.0 * i: points + np.array([east, 0.0])) for i in range(400)

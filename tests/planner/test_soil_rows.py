@@ -15,6 +15,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.soil_rows import SoilLine, build_soil_row, format_soil_table, parse_soil_line
 from planner.request.plan_request import PlanRequest
 from tests.reports.test_diagnosis import diagnosis, in_model
+from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.results import LIKELY, NAMED, ParameterLaw
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.soil import find_soil
@@ -63,6 +64,14 @@ def test_a_table_of_any_usual_form_keeps_its_lines(tmp_path: Path) -> None:
     hill = find_soil("hill", None, path)
     assert (hill.cone_index_kpa, hill.source) == (900.5, "Prüfer, Mai")
     assert find_soil("north", 20.0, path).effects["wheel_slip"].value == {"ratio": 0.06}
+
+
+def test_a_line_with_more_cells_than_columns_is_refused_and_not_cut(tmp_path: Path) -> None:
+    path = tmp_path / "soils.csv"
+    path.write_text("name,cone_index_kpa\nhill,900,penetrometer\n", encoding="utf-8")
+    row = build_soil_row(diagnosis(SLIP), SoilLine(path, "north", 22.0))
+    with pytest.raises(VehicleError, match=r"Line 2 of .*soils.csv.* has more values than the table has columns"):
+        format_soil_table(row, path)
 
 
 def test_a_plan_drives_with_the_soil_in_place_of_the_tractor_file(tmp_path: Path) -> None:

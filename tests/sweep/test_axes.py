@@ -37,6 +37,9 @@ def test_the_name_says_the_unit_and_clocks_are_times_of_python_too() -> None:
     speed, start = read_axes({"speed_mps": [2.5, 5.0], "start": [time(7), "08:30"]})
     assert (speed.option.name, speed.values, speed.written) == ("speed_kmh", (2.5, 5.0), (9.0, 18.0))
     assert (start.values, start.written) == ((25200, 30600), ("07:00", "08:30"))
+    start, deadline = read_axes({"start_s": [time(7), "08:30"], "deadline_s": np.array([61200, 63000])})
+    assert (start.values, deadline.values) == ((25200, 30600), (61200, 63000))
+    assert deadline.written == ("17:00", "17:30")
 
 
 @given(st.integers(1, 50), st.integers(0, 40), st.integers(1, 7))
@@ -52,6 +55,9 @@ def test_a_range_has_both_ends(first: int, steps: int, step: int) -> None:
     ({"headland_passes": "1.5:3"}, "holds '1.5:3', which is no number"),
     ({"sections": "1:3:0.5"}, "holds '1:3:0.5', which is no number"),
     ({"start": [25200]}, "'25200' is not a time of day; write hh:mm"),
+    ({"start_s": [25201]}, "holds 25201; give seconds of the day, from 0 to 86340, in whole minutes of 60"),
+    ({"start_s": 86400}, "holds 86400; give seconds of the day"),
+    ({"start_s": float("nan")}, "holds nan; give seconds of the day"),
     ({"width": "6:3"}, "holds the range '6:3'"),
     ({"width": "3:6:0"}, "holds the range '3:6:0'"),
     ({"width": ""}, "has no value"),

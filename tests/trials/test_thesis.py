@@ -106,6 +106,7 @@ def test_the_plain_law_is_carried_past_the_path_by_the_locked_third_stage(eg105:
         -drive_step_response(eg105, -200, 5.0, "soil", steering, limit_m=limit).trace.compute_path()[:, 0].min() - 2.0
         for steering, limit in (("proposed", 1000.0), ("proposed", 0.7), ("unlatched", 1000.0))
     )
+    assert plain > 0
     assert plain > 1.8 * limited and plain > 1.8 * unlatched
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from fields.errors import HeadlandError
+from fields.text_files import count_noun
 from planner.pipeline.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
 from planner.task_logs.formats.isoxml_logs import TLG_EPOCH, parse_time_log
 from planner.task_logs.formats.log_format import format_time
@@ -152,7 +153,9 @@ def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     assert any("midnight" in note for note in run.notes)
 
 
-@pytest.mark.parametrize(("rows", "day"), [(range(5), 0), ((100,), 0), (range(200, 211), 65_535)])
+@pytest.mark.parametrize(("rows", "day"), [
+    (range(5), 0), ((100,), 0), (range(200, 211), 65_535), (range(150), 0), (range(150), 5),
+])  # fmt: skip
 def test_rows_whose_day_the_receiver_did_not_know_last_no_years(taskdata: Path, rows: Iterable[int], day: int) -> None:
     data, place, starts = bytearray(binary()), 0, []
     while place < len(data):
@@ -162,9 +165,20 @@ def test_rows_whose_day_the_receiver_did_not_know_last_no_years(taskdata: Path, 
         struct.pack_into("<H", data, starts[row] + 4, day)
     (taskdata / "TLG00001.bin").write_bytes(bytes(data))
     (run,) = read_task_logs(str(taskdata)).runs
-    assert run.time_s[-1] <= drive()[0][-1] and run.start.startswith("2026-05-04T08:00:0")
+    assert run.time_s[-1] <= drive()[0][-1] and run.start.startswith("2026-05-04T08:0")
     assert [note for note in run.notes if "midnight" in note] == []
-    assert any("without a time skipped" in note for note in run.notes)
+    assert f"{count_noun(len(tuple(rows)), 'row')} whose day the receiver did not know skipped" in run.notes
+
+
+def test_a_log_without_any_day_is_read_and_has_no_start(taskdata: Path) -> None:
+    data, place = bytearray(binary()), 0
+    while place < len(data):
+        struct.pack_into("<H", data, place + 4, 65_535)
+        place += 16 + 5 * data[place + 15]
+    (taskdata / "TLG00001.bin").write_bytes(bytes(data))
+    (run,) = read_task_logs(str(taskdata)).runs
+    np.testing.assert_array_equal(run.time_s, drive()[0])
+    assert run.start == "" and not any("skipped" in note for note in run.notes)
 
 
 def test_speeds_of_makers_by_what_their_device_shows(taskdata: Path) -> None:

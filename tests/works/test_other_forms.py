@@ -103,6 +103,19 @@ def test_names_in_another_encoding_are_read_and_told(tmp_path: Path) -> None:
     assert any("Latin-1" in note for note in run.notes)
 
 
+@pytest.mark.parametrize(("undated", "day"), [(0, ""), (60, "1970-01-01"), (60, "1980-01-06")])
+def test_rows_over_a_season_have_a_time_and_those_of_an_epoch_have_none(tmp_path: Path, undated: int, day: str) -> None:
+    stamps = [f"{day}T00:{row % 60:02}:00" for row in range(undated)]
+    stamps += [f"{START + timedelta(days=row):%Y-%m-%dT%H:%M:%S}" for row in range(90 - undated)]
+    places = lonlat(np.column_stack([np.arange(90.0), np.zeros(90)]))
+    lines = [f"{stamp},{lon:.8f},{lat:.8f}" for stamp, (lon, lat) in zip(stamps, places, strict=True)]
+    (tmp_path / "run.csv").write_text("\n".join(["time,longitude,latitude", *lines]))
+    (run,) = read_task_logs(str(tmp_path / "run.csv")).runs
+    skipped = [f"{undated} rows whose day the receiver did not know skipped"] if undated else []
+    assert len(run.time_s) == 90 - undated and [note for note in run.notes if "skipped" in note] == skipped
+    assert run.start == START.isoformat()
+
+
 @pytest.mark.parametrize("comma", [False, True])
 def test_a_recorded_path_of_agopengps(tmp_path: Path, comma: bool) -> None:
     folder = agopengps(tmp_path, comma)
@@ -194,6 +207,21 @@ def test_times_that_are_not_in_seconds_are_refused(tmp_path: Path, form: str) ->
     (tmp_path / "log.csv").write_text(plain_lines(stamps))
     with pytest.raises(LogError, match=r"the time column begins with .*; write seconds, or 2020-01-02T17:30:20"):
         read_task_logs(str(tmp_path / "log.csv"))
+
+
+@pytest.mark.parametrize("first", [3.456e8, 6e5, 5.9e8])
+@pytest.mark.parametrize("step", [1000.0, 200.0, 100.0])
+def test_milliseconds_of_the_week_are_refused(tmp_path: Path, first: float, step: float) -> None:
+    (tmp_path / "log.csv").write_text(plain_lines([f"{first + step * row:.0f}" for row in range(90)]))
+    with pytest.raises(LogError, match="which is not in seconds; write seconds, or 2020-01-02T17:30:20"):
+        read_task_logs(str(tmp_path / "log.csv"))
+
+
+@pytest.mark.parametrize(("first", "step"), [(3.456e8, 1.0), (345_600.0, 1.0), (8.4e8, 1.0), (3.456e8, 60.0)])
+def test_seconds_of_any_count_are_read(tmp_path: Path, first: float, step: float) -> None:
+    (tmp_path / "log.csv").write_text(plain_lines([f"{first + step * row:.0f}" for row in range(90)]))
+    (run,) = read_task_logs(str(tmp_path / "log.csv")).runs
+    assert run.time_s[-1] == 89.0 * step
 
 
 @pytest.mark.parametrize(

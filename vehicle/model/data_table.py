@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -39,14 +38,13 @@ def _parse_rows(table: CellTable, row_type: type[Row], noun: str) -> tuple[Row, 
     if not table.rows:
         raise VehicleError(f"The table {place} is empty; give a line of names of columns and a line for {noun}.")
     return tuple(
-        _parse_row(table.header, cells, row_type, f"Line {number} of {place}", noun) for number, cells in table.rows
+        _parse_row(cells, row_type, f"Line {number} of {place}", noun)
+        for (number, _), cells in zip(table.rows, table.list_named_cells(), strict=True)
     )
 
 
-def _parse_row(header: Sequence[str], cells: Sequence[str], row_type: type[Row], place: str, noun: str) -> Row:
-    if len(cells) > len(header):
-        raise VehicleError(f"{place} has more values than the table has columns; put texts with commas in quotes.")
+def _parse_row(cells: dict[str, str], row_type: type[Row], place: str, noun: str) -> Row:
     try:
-        return row_type(**{name: cell.strip() for name, cell in zip(header, cells, strict=False) if cell.strip()})
+        return row_type(**{name: cell.strip() for name, cell in cells.items() if cell.strip()})
     except ValidationError as error:
         raise VehicleError(f"{place} is not {noun}: {describe_validation_errors(error, row_type)}.") from None

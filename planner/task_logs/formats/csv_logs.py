@@ -47,6 +47,8 @@ REQUIRED_COLUMNS = ("time", "longitude", "latitude")
 TRUE_TEXTS = ("true", "on", "yes", "working", "down")
 FALSE_TEXTS = ("", "false", "off", "no", "not working", "up", "nan", "null", "none", "n/a", "-")
 MAX_SECONDS = 1e10  # in the year 2286, since 1970
+WEEK_S, WEEK_MS, MINUTE_S = 604_800, 604_800_000, 60
+MIN_STEP_MS = 50.0  # between the rows of a receiver
 TIME_HINT = "write seconds, or 2020-01-02T17:30:20"
 
 
@@ -127,7 +129,7 @@ def _parse_times(table: CellTable, column: str) -> tuple[Array, datetime | None]
     seconds, first = np.array(table.list_numbers(column)), shorten_value(table.get_cell(0, column))
     if np.isfinite(seconds).mean() > 0.5:
         known = seconds[np.isfinite(seconds)]
-        if np.abs(known).max() > MAX_SECONDS or _are_times_of_day(known):
+        if np.abs(known).max() > MAX_SECONDS or _are_times_of_day(known) or _are_milliseconds_of_week(known):
             raise LogError(f"the time column begins with {first}, which is not in seconds; {TIME_HINT}.")
         return seconds, None
     stamps = np.array([parse_timestamp(cell) for cell in table.list_cells(column)])
@@ -141,6 +143,13 @@ def _are_times_of_day(numbers: Array) -> bool:
     whole = np.floor(numbers)
     is_dense = np.ptp(whole) > 100.0 and float(np.median(np.diff(whole))) < 40.0  # seconds would say 60 to 99 too
     return bool(is_dense and whole.min() >= 0.0 and max((whole % 100.0).max(), (whole // 100.0 % 100.0).max()) < 60.0)
+
+
+def _are_milliseconds_of_week(numbers: Array) -> bool:
+    """Whether numbers are milliseconds of a GPS week: too far apart for seconds, unless these are whole minutes."""
+    is_in_week = numbers.min() >= 0.0 and WEEK_S < numbers.max() <= WEEK_MS
+    step = float(np.median(np.diff(numbers))) if len(numbers) > 1 else 0.0
+    return bool(is_in_week and (numbers % 1.0 == 0.0).all() and step >= MIN_STEP_MS and step % MINUTE_S != 0.0)
 
 
 def _find_numbers(table: CellTable, columns: Mapping[str, str], name: str) -> Array | None:

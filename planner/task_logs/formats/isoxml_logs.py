@@ -43,6 +43,7 @@ _POSITION_FIELDS = {"A": "i", "B": "i", "C": "i", "D": "B", "E": "H", "F": "H", 
 DEGREES_PER_UNIT = 1e-7
 METRES_PER_MM = 1.0 / KILO
 TLG_EPOCH = datetime(1980, 1, 1)
+NO_DAY = 0xFFFF  # in place of a day that is not available
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
 COUNTER_DDIS = {
@@ -67,7 +68,7 @@ class TimeLog:
 
     Attributes:
         columns: DDI as four hexadecimal digits, and device element, of every column.
-        time_s: (n,) seconds since 1980-01-01.
+        time_s: (n,) seconds since 1980-01-01, which stands for a day that is not available too.
         lat_deg, lon_deg: (n,) degrees, NaN if not logged.
         fix_status: (n,) status of the position, 0 for none, NaN if not logged.
         values: (n, columns), NaN before the first value.
@@ -105,7 +106,7 @@ def parse_time_log(header: bytes, records: bytes, label: str) -> TimeLog:
     empty = np.full(len(heads), np.nan)
     return TimeLog(
         columns,
-        heads[:, 1] * float(DAY_S) + heads[:, 0] / 1e3,
+        np.where(heads[:, 1] == NO_DAY, 0.0, heads[:, 1]) * float(DAY_S) + heads[:, 0] / 1e3,
         table.get("A", empty) * DEGREES_PER_UNIT,
         table.get("B", empty) * DEGREES_PER_UNIT,
         table.get("D", empty),
@@ -231,9 +232,9 @@ def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
 
 
 def _correct_days(time_s: Array, notes: list[str]) -> Array:
-    """Times, NaN where the terminal did not know the day; one that does not count it at midnight is corrected."""
-    has_day = find_dated_rows(time_s)
-    corrected_s, known_s = np.full(len(time_s), np.nan), time_s[has_day]
+    """Times of a terminal that does not count the day at midnight, corrected with a note; rows without a day stay."""
+    has_day = find_dated_rows(time_s, TLG_EPOCH)
+    corrected_s, known_s = time_s.copy(), time_s[has_day]
     jumps_back = np.diff(known_s, prepend=known_s[:1]) < -0.5 * DAY_S
     if jumps_back.any():
         notes.append("the log does not count the day at midnight; this was corrected")
@@ -269,6 +270,7 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
 def _compute_counter_rises(log: TimeLog, time_s: Array) -> dict[str, float]:
     """The rises of totals over the log; of several elements the largest."""
     totals = {}
+    time_s = np.where(find_dated_rows(time_s, TLG_EPOCH), time_s, np.nan)
     for name, (ddi, unit) in COUNTER_DDIS.items():
         rises = [
             _sum_counter_rises(time_s, column * unit, MAX_RISE_PER_S[name])

@@ -17,8 +17,10 @@ from vehicle.identification.logs.series import find_decreasing_entries
 from vehicle.model.gnss import project_to_metres
 
 MIN_ROWS = 10
-MAX_LOG_DAYS = 30  # of one log; a time farther from the others is wrong
-
+EPOCHS = (datetime(1970, 1, 1), datetime(1980, 1, 1), datetime(1980, 1, 6))
+"""Of Unix, ISOXML and GPS: what a receiver counts from until it knows the day."""
+UNDATED_S = (-DAY_S, 7 * DAY_S)
+"""From an epoch, in any time zone, for as long as a receiver may count before it knows the day."""
 
 LogFormat = FileFormat[LogContents]
 
@@ -26,15 +28,17 @@ LogFormat = FileFormat[LogContents]
 def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> LoggedRun:
     """The run without unusable rows, its time from 0; notes give the number of dropped rows by reason.
 
-    `epoch` is when the times of the run were 0; None if unknown, as is its start then. Raises LogError if fewer than
-    MIN_ROWS rows remain.
+    `epoch` is when the times of the run were 0; None if unknown, as is its start then and where no row has a known
+    day. Raises LogError if fewer than MIN_ROWS rows remain.
     """
     lon, lat = run.lonlat.T
     has_position = np.isfinite(run.lonlat).all(axis=1) & (np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)
     has_position &= (np.abs(lat) > 1e-6) | (np.abs(lon) > 1e-6)  # receivers without a position log 0, 0
     dropped = [(int((~has_position).sum()), "without a position")]
-    rows = np.flatnonzero(has_position & find_dated_rows(run.time_s))
-    dropped.append((int(has_position.sum()) - len(rows), "without a time"))
+    has_time = has_position & np.isfinite(run.time_s)
+    dropped.append((int(has_position.sum() - has_time.sum()), "without a time"))
+    rows = np.flatnonzero(has_time & find_dated_rows(run.time_s, epoch))
+    dropped.append((int(has_time.sum()) - len(rows), "whose day the receiver did not know"))
     is_late = find_decreasing_entries(run.time_s[rows])
     rows = rows[~is_late]
     dropped.append((int(is_late.sum()), "out of order in time"))
@@ -49,16 +53,26 @@ def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> Logge
     notes = [f"{count_noun(count, 'row')} {why} skipped" for count, why in dropped if count]
     run = run.select_rows(rows)
     first_s = float(run.time_s[0])
-    start = "" if epoch is None else format_time(epoch, first_s)
+    is_undated = bool(_are_near_epochs(run.time_s[:1], epoch)[0])
+    start = "" if epoch is None or is_undated else format_time(epoch, first_s)
     return replace(run, time_s=run.time_s - first_s, start=start, notes=(*run.notes, *notes))
 
 
-def find_dated_rows(time_s: Array) -> Mask:
-    """Whether the time of each row (n,) is known; a receiver that does not know the day logs the first of its epoch."""
-    known_s = np.sort(time_s[np.isfinite(time_s)])
-    if not len(known_s):
-        return np.zeros(len(time_s), dtype=np.bool_)
-    return np.asarray(np.abs(time_s - known_s[len(known_s) // 2]) < MAX_LOG_DAYS * DAY_S)
+def find_dated_rows(time_s: Array, epoch: datetime | None) -> Mask:
+    """Whether each row (n,) has a time on a known day; where none has, whether it has a time.
+
+    `epoch` is when the times were 0; None if unknown, as are their days then.
+    """
+    has_time = np.isfinite(time_s)
+    is_dated = has_time & ~_are_near_epochs(time_s, epoch)
+    return is_dated if is_dated.any() else has_time
+
+
+def _are_near_epochs(time_s: Array, epoch: datetime | None) -> Mask:
+    """Whether times are on the days that receivers log that do not know the day: those of an epoch."""
+    starts_s = [] if epoch is None else [(one - epoch).total_seconds() for one in EPOCHS]
+    near = [(time_s >= start_s + UNDATED_S[0]) & (time_s < start_s + UNDATED_S[1]) for start_s in starts_s]
+    return np.asarray(np.any([np.zeros(len(time_s), dtype=np.bool_), *near], axis=0))
 
 
 def format_time(epoch: datetime, seconds: float) -> str:
