@@ -99,6 +99,17 @@ def _find_shot(pose, b, radii, costs, settling, kinds, backed, max_reverse, guid
 
 
 @compile_function
+def _time_step(step, bend_before, gear_before, is_tight, costs) -> float:  # type: ignore[no-untyped-def]
+    """Seconds of a step (1, 3: length, curvature, gear), with what a change of either costs."""
+    length, bend, gear = step[0, 0], step[0, 1], step[0, 2]
+    slow = costs[0] if bend == 0.0 else min(costs[0], math.sqrt(costs[4] / abs(bend)))
+    seconds = length / (costs[1] if gear < 0.0 else slow) * (TIGHT_FACTOR if is_tight else 1.0)
+    if gear != gear_before:
+        return seconds + costs[2] + costs[3] * abs(bend - bend_before)  # type: ignore[no-any-return]
+    return seconds + BEND_S if bend != bend_before else seconds  # type: ignore[no-any-return]
+
+
+@compile_function
 def search_move(  # type: ignore[no-untyped-def]
     a, b, remaining, radii, costs, settling, kinds, max_reverse, far, most, guide, points, reach, grid, frame, margin
 ):
@@ -110,8 +121,6 @@ def search_move(  # type: ignore[no-untyped-def]
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
     step_m = max(LEAST_STEP_M, STEP_RADII * radius)
-    forward, back = costs[0], costs[1]
-    slow = min(forward, math.sqrt(costs[4] * radius))
     size, body = 6 * most + 8, (guide, points, reach, grid, frame, margin)
     poses, spent_s, came = np.empty((size, 3)), np.empty(size), np.empty(size, np.int64)
     bends, ways, backed = np.zeros(size), np.ones(size), np.zeros(size)
@@ -153,16 +162,9 @@ def search_move(  # type: ignore[no-untyped-def]
                 left_m = _get_remaining_m(u, v, remaining, frame)
                 if left_m == np.inf:
                     continue
-                step_s = step_m / (back if gear < 0.0 else slow if side else forward)
-                if room < margin + AMPLE_M:
-                    step_s *= TIGHT_FACTOR
+                seconds = spent_s[node] + _time_step(step, bends[node], ways[node], room < margin + AMPLE_M, costs)
                 if is_far:
-                    step_s += far * step_m
-                seconds = spent_s[node] + step_s
-                if gear != ways[node]:
-                    seconds += costs[2] + costs[3] * abs(bend - bends[node])
-                elif bend != bends[node]:
-                    seconds += BEND_S
+                    seconds += far * step_m
                 key = _find_cell(u, v, after, way, step_m)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue
@@ -171,7 +173,7 @@ def search_move(  # type: ignore[no-untyped-def]
                 spent_s[count], came[count] = seconds, node
                 bends[count], ways[count], backed[count] = bend, gear, behind
                 off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
-                heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / forward, count))
+                heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / costs[0], count))
                 count += 1
     if far_s == np.inf:
         return np.empty((0, 3)), np.inf
