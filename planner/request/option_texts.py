@@ -7,12 +7,11 @@ from collections.abc import Iterable
 from datetime import date, time
 from typing import Any
 
-from fields.units import DAY_S
+from fields.units import DAY_S, MINUTE_S
 from planner.errors import RequestError, mark_parameter, shorten_value
 from strategies.names import STRATEGY_NAMES
 
 MAX_TRACTORS = 50
-MINUTE_S = 60
 MAX_DIGITS = 40  # nobody types a longer number on purpose
 
 
@@ -61,7 +60,7 @@ def write_clock(value: Any, parameter: str) -> str:
     if not (0 <= value < DAY_S and value % MINUTE_S == 0):
         raise RequestError(
             f"{mark_parameter(parameter)} holds {shorten_value(value)}; give seconds of the day, from 0 to "
-            f"{DAY_S - MINUTE_S}, in whole minutes of {MINUTE_S}.",
+            f"{DAY_S - MINUTE_S:.0f}, in whole minutes of {MINUTE_S:.0f}.",
             parameter=parameter,
         )
     return format_clock(value)

@@ -70,8 +70,8 @@ def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Sequence[Sequenc
     kept_m, befores = np.zeros(len(allowed)), list[list[int]]()
     for place, run in enumerate(runs):
         befores.append([int(np.argmax(kept_m[: last + 1])) for last in range(len(allowed))])
-        before_m = np.maximum.accumulate(kept_m)
-        kept_m = np.where(allowed[order][:, run].all(axis=1), before_m + own_m[place, order], -np.inf)
+        is_allowed = allowed[order][:, run].all(axis=1)
+        kept_m = np.where(is_allowed, kept_m[befores[-1]] + own_m[place, order], -np.inf)
     if not runs or kept_m.max() == -np.inf:
         return allowed
     dealt, last = allowed.copy(), int(np.argmax(kept_m))

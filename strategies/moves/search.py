@@ -99,14 +99,17 @@ def _find_shot(pose, b, radii, costs, settling, kinds, backed, max_reverse, guid
 
 
 @compile_function
-def _time_step(step, bend_before, gear_before, is_tight, costs) -> float:  # type: ignore[no-untyped-def]
-    """Seconds of a step (1, 3: length, curvature, gear), with what a change of either costs."""
+def _add_step_s(spent_s, step, bend_before, gear_before, slow, costs, tightness, far) -> float:  # type: ignore[no-untyped-def]
+    """Seconds spent up to the end of a step (1, 3: length, curvature, gear), arcs at the speed `slow`, with what a
+    change of either costs; a step takes `tightness` times as long and is charged `far` s/m."""
     length, bend, gear = step[0, 0], step[0, 1], step[0, 2]
-    slow = costs[0] if bend == 0.0 else min(costs[0], math.sqrt(costs[4] / abs(bend)))
-    seconds = length / (costs[1] if gear < 0.0 else slow) * (TIGHT_FACTOR if is_tight else 1.0)
+    step_s = length / (costs[1] if gear < 0.0 else slow if bend != 0.0 else costs[0]) * tightness + far * length
+    seconds = spent_s + step_s
     if gear != gear_before:
-        return seconds + costs[2] + costs[3] * abs(bend - bend_before)  # type: ignore[no-any-return]
-    return seconds + BEND_S if bend != bend_before else seconds  # type: ignore[no-any-return]
+        seconds += costs[2] + costs[3] * abs(bend - bend_before)
+    elif bend != bend_before:
+        seconds += BEND_S
+    return seconds  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -120,7 +123,7 @@ def search_move(  # type: ignore[no-untyped-def]
     `most` is the number of poses that may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
-    step_m = max(LEAST_STEP_M, STEP_RADII * radius)
+    step_m, slow = max(LEAST_STEP_M, STEP_RADII * radius), min(costs[0], math.sqrt(costs[4] * radius))
     size, body = 6 * most + 8, (guide, points, reach, grid, frame, margin)
     poses, spent_s, came = np.empty((size, 3)), np.empty(size), np.empty(size, np.int64)
     bends, ways, backed = np.zeros(size), np.ones(size), np.zeros(size)
@@ -162,9 +165,8 @@ def search_move(  # type: ignore[no-untyped-def]
                 left_m = _get_remaining_m(u, v, remaining, frame)
                 if left_m == np.inf:
                     continue
-                seconds = spent_s[node] + _time_step(step, bends[node], ways[node], room < margin + AMPLE_M, costs)
-                if is_far:
-                    seconds += far * step_m
+                tightness, far_here = TIGHT_FACTOR if room < margin + AMPLE_M else 1.0, far if is_far else 0.0
+                seconds = _add_step_s(spent_s[node], step, bends[node], ways[node], slow, costs, tightness, far_here)
                 key = _find_cell(u, v, after, way, step_m)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue

@@ -12,6 +12,7 @@ import shapely
 from strategies.lines.deal_apart import list_rings
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.order_tours import SUM_SHARE
 from strategies.site.site import ORDER_S, Site
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegGate, LegTask, Mission, Plan
 
@@ -62,6 +63,18 @@ def list_stages(site: Site, lines: Sequence[WorkLine], order: str) -> list[int]:
 
 def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
+
+
+def charge_order(
+    site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_], *, goes_on: bool
+) -> Floats:
+    """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged that leave the order of passes or of furrows.
+
+    Of a fleet whoever leaves it pays in full, not only who finishes last; where work goes on, where tractors stand
+    decides what they go on with.
+    """
+    charged_s = charge_rounds(site, lines, order, allowed) + charge_furrows(site, lines, allowed)
+    return charged_s / SUM_SHARE if len(allowed) > 1 and not goes_on else charged_s
 
 
 def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_]) -> Floats:

@@ -28,7 +28,6 @@ from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
-from strategies.programmes.order_tours import SUM_SHARE
 from strategies.programmes.programme import (
     Programme,
     Sketch,
@@ -39,7 +38,7 @@ from strategies.programmes.programme import (
     sketch_programme,
 )
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import charge_furrows, charge_rounds, find_first_tasks, list_stages, stagger_starts
+from strategies.programmes.stages import charge_order, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
@@ -335,10 +334,8 @@ class DealtLines:
     def _pose_tours(self, allowed: Flags, barred: Sequence[int]) -> TourProblem:
         """The search for tours of lines that each tractor may work (tractors, n), without nodes that are barred."""
         may = self.wishes.limit(self.moves.lines, allowed)
-        site, lines = self.moves.site, self.moves.lines
-        charged_s = charge_rounds(site, lines, self.order, may) + charge_furrows(site, lines, may)
-        if len(may) > 1 and self.context.going_on is None:  # where they stand decides what they go on with
-            charged_s /= SUM_SHARE  # whoever leaves the order pays for it, not only who finishes last
+        goes_on = self.context.going_on is not None
+        charged_s = charge_order(self.moves.site, self.moves.lines, self.order, may, goes_on=goes_on)
         return TourProblem(self.table, may, self.stages, charged_s, self.served_s, self.check, barred)
 
     def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
