@@ -87,8 +87,7 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.comparisons import compare_headlands as compare
-    from planner.pipeline.comparisons import list_headland_questions, list_headland_requests
+    from planner.pipeline.comparisons import compare_ways, list_headland_questions, list_headland_requests
     from planner.pipeline.many_fields import share_obstacles
     from reports.plan.headland_report import (
         build_headland_table,
@@ -124,7 +123,7 @@ def compare_headlands(
         executor_choice.open_executor(len(questions)) as executor,
         create_progress_callback("Comparing headlands") as progress,
     ):
-        comparison = compare(questions, executor, progress, render_refusal)
+        comparison = compare_ways(questions, executor, progress, render_refusal)
     comparison = replace(comparison, operations_per_year=operations_per_year)
     reasons = {row.refusal for row in comparison.rows}
     if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:  # whatever the way

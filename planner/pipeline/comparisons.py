@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 from planner.errors import HeadlandError, RequestError, mark_parameter
 from planner.evaluation.work_order import WorkOrder
@@ -18,8 +17,8 @@ from planner.pipeline.many_fields import FieldQuestion, answer_question
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_checks import FULL_CIRCLE_DEG
 from planner.request.plan_request import CONTOUR, HEADLAND_ORDERS_BY_OPERATION, STRAIGHT, PlanRequest
-from reports.plan.bearing_report import BearingChoice, BearingComparison
-from reports.plan.comparison import ComparisonRow, HeadlandChoice, HeadlandComparison
+from reports.common.rendering import pick_values
+from reports.plan.comparison import WAY_KEYS, ComparedWay, WayComparison
 from strategies.path_planning.turn_kinds import CORNERS
 
 USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
@@ -45,35 +44,24 @@ def list_headland_questions(
     orders: Iterable[WorkOrder], *, with_maps: bool = False, simulate_all: bool = False
 ) -> list[FieldQuestion]:
     """Every order with its way to work the headland as label."""
-    return [FieldQuestion(each, _build_choice(each.request), simulate_all, with_maps, True) for each in orders]
+    return [
+        FieldQuestion(each, ComparedWay(**pick_values(each.request, WAY_KEYS)), simulate_all, with_maps, True)
+        for each in orders
+    ]
 
 
-def _build_choice(request: PlanRequest) -> HeadlandChoice:
-    return HeadlandChoice(request.corners, request.headland_order, request.headland_passes, request.width_m)
-
-
-def answer_all(
+def compare_ways(
     questions: Sequence[FieldQuestion],
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
-) -> tuple[ComparisonRow[Any], ...]:
-    """The rows of a comparison, planned on an executor; `progress` is called with (done, total).
+) -> WayComparison:
+    """Plan every question on an executor; `progress` is called with (done, total).
 
     What cannot be planned has its reason, as `describe_refusal` words it. Raises WorkerError if processes keep ending.
     """
     tasks = [(question, describe_refusal) for question in questions]
-    return tuple(collect_answers(executor, answer_question, tasks, progress))
-
-
-def compare_headlands(
-    questions: Sequence[FieldQuestion],
-    executor: Executor,
-    progress: Progress | None = None,
-    describe_refusal: Callable[[HeadlandError], str] = str,
-) -> HeadlandComparison:
-    """Answer all questions of `list_headland_questions`; see `answer_all`."""
-    return HeadlandComparison(answer_all(questions, executor, progress, describe_refusal))
+    return WayComparison(tuple(collect_answers(executor, answer_question, tasks, progress)))
 
 
 def list_bearing_requests(request: PlanRequest, bearings_deg: Sequence[float]) -> list[PlanRequest]:
@@ -100,22 +88,20 @@ def compare_bearings(
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
-) -> BearingComparison:
-    """Plan every request of `list_bearing_requests`; see `answer_all`.
+) -> WayComparison:
+    """Plan every request of `list_bearing_requests`; see `compare_ways`.
 
     Raises RequestError without heights, and the refusal that all requests share, as it is of the field or its heights.
     """
-    questions = [
-        FieldQuestion(each, BearingChoice(each.request.bearing_deg, each.request.swaths), with_layout=True)
-        for each in orders
-    ]
-    rows = answer_all(questions, executor, progress, describe_refusal)
-    refusals = {row.refusal for row in rows}
+    labels = [ComparedWay(**pick_values(each.request, ("bearing_deg", "swaths"))) for each in orders]
+    questions = [FieldQuestion(each, label, with_layout=True) for each, label in zip(orders, labels, strict=True)]
+    comparison = compare_ways(questions, executor, progress, describe_refusal)
+    refusals = {row.refusal for row in comparison.rows}
     if None not in refusals and len(refusals) == 1:
         raise RequestError(str(refusals.pop()))
-    if all(row.layout is None or row.layout.cross_slope_pct is None for row in rows):
+    if all(row.layout is None or row.layout.cross_slope_pct is None for row in comparison.rows):
         raise RequestError(
             f"Bearings are compared on slopes, and no heights are known; give {mark_parameter('elevation')}.",
             parameter="elevation",
         )
-    return BearingComparison(rows)
+    return comparison

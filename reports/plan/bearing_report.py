@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from rich.console import Group, RenderableType
 from rich.text import Text
@@ -12,51 +11,39 @@ from reports.common.language import translate
 from reports.common.rendering import EXPORT_DECIMALS, format_json
 from reports.common.text_tables import TableColumn, build_table, format_sentence
 from reports.common.wording import NO_VALUE, VOLUME, format_duration, format_number
-from reports.plan.comparison import Comparison, ComparisonRow
+from reports.plan.comparison import WayComparison, WayRow
 from reports.plan.figures import FIGURES
 from reports.plan.plan_wording import format_energy, name_energy_column
 
 CONTOUR = "contour"
 
 
-@dataclass(frozen=True)
-class BearingChoice:
-    """A bearing, None where planning chooses, and the form of swaths: straight, or along contours."""
-
-    requested_deg: float | None
-    form: str
-
-    @property
-    def is_chosen(self) -> bool:
-        """Whether a plan has this bearing by itself."""
-        return self.requested_deg is None and self.form != CONTOUR
+def _is_chosen(row: WayRow) -> bool:
+    """Whether a plan has the bearing of a row by itself."""
+    return row.label.bearing_deg is None and row.label.swaths != CONTOUR
 
 
-BearingRow = ComparisonRow[BearingChoice]
-BearingComparison = Comparison[BearingChoice]
-
-
-def name_row(row: BearingRow) -> str:
+def name_row(row: WayRow) -> str:
     """A bearing in words."""
-    if row.label.form == CONTOUR:
+    if row.label.swaths == CONTOUR:
         return translate("along contours")
-    laid_deg = None if row.layout is None else row.layout.bearing_deg
-    bearing = laid_deg if row.label.requested_deg is None else row.label.requested_deg
+    is_chosen = _is_chosen(row)
+    bearing = _get_layout_figure(row, "bearing_deg") if is_chosen else row.label.bearing_deg
     degrees = NO_VALUE if bearing is None else f"{format_number(bearing, 0)}°"
-    return translate("{bearing} (chosen)", bearing=degrees) if row.label.is_chosen else degrees
+    return translate("{bearing} (chosen)", bearing=degrees) if is_chosen else degrees
 
 
-def _get_layout_figure(row: BearingRow, key: str) -> float | None:
+def _get_layout_figure(row: WayRow, key: str) -> float | None:
     return None if row.layout is None else getattr(row.layout, key)
 
 
-def _get_rollover_deg(row: BearingRow) -> float | None:
+def _get_rollover_deg(row: WayRow) -> float | None:
     """The least margin to rolling over, degrees; None where the tractor file does not tell."""
     place = row.get_figure("rollover")
     return None if place is None else place.amount
 
 
-def describe_bearings(comparison: BearingComparison) -> list[str]:
+def describe_bearings(comparison: WayComparison) -> list[str]:
     """Which bearing is quickest, and which takes least fuel."""
     quickest = comparison.find_least("finished_s")
     if quickest is None:
@@ -76,12 +63,12 @@ def describe_bearings(comparison: BearingComparison) -> list[str]:
     return sentences
 
 
-def build_bearing_table(comparison: BearingComparison) -> RenderableType:
+def build_bearing_table(comparison: WayComparison) -> RenderableType:
     """The answer, one line per bearing, and why some have no plan."""
     first, *others = describe_bearings(comparison)
     quickest = comparison.find_least("finished_s")
     energy = FIGURES["fuel_l" if comparison.find_least("energy_kwh") is None else "energy_kwh"]
-    figures: list[tuple[TableColumn, Callable[[BearingRow], str]]] = [
+    figures: list[tuple[TableColumn, Callable[[WayRow], str]]] = [
         (TableColumn(translate("Bearing"), is_text=True, is_unbroken=True), name_row),
         (TableColumn(translate("Time")), lambda row: format_duration(row.get_figure("finished_s"))),
         (TableColumn(name_energy_column(energy.key == "energy_kwh")),
@@ -108,7 +95,7 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
     )
 
 
-def format_bearing_json(comparison: BearingComparison) -> str:
+def format_bearing_json(comparison: WayComparison) -> str:
     """The comparison as JSON text with a trailing newline.
 
     Keys: ``field`` and ``bearings``, each with ``requested_deg``, ``form``, ``bearing_deg``, ``is_chosen``, ``time_s``,
@@ -117,10 +104,10 @@ def format_bearing_json(comparison: BearingComparison) -> str:
     """
     rows = [
         {
-            "requested_deg": row.label.requested_deg,
-            "form": row.label.form,
+            "requested_deg": row.label.bearing_deg,
+            "form": row.label.swaths,
             "bearing_deg": _get_layout_figure(row, "bearing_deg"),
-            "is_chosen": row.label.is_chosen,
+            "is_chosen": _is_chosen(row),
             "time_s": row.get_figure("finished_s"),
             "fuel_l": row.get_figure("fuel_l"),
             "energy_kwh": row.get_figure("energy_kwh"),

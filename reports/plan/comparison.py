@@ -16,12 +16,14 @@ from typing import Any, Generic, TypeVar
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_records import UnworkedPiece
-from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.wording import format_area, format_width
 from reports.plan.map_data import SmallMap
 from reports.plan.plan_wording import describe_part, format_ground_place
 
 Label = TypeVar("Label")
+WAY_KEYS = ("corners", "headland_order", "headland_passes", "width_m")
+YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,22 @@ class LayoutFigures:
     cut_off: UnworkedPiece | None = None
     cross_slope_pct: float | None = None
     erosion_share: float | None = None
+
+
+@dataclass(frozen=True)
+class ComparedWay:
+    """In what a request differs from others: parameters as it has them; None where it leaves them open.
+
+    Ways to work the headland have kind of corners, "first" or "last", passes and width; directions have a bearing and
+    the form of swaths, straight or along contours.
+    """
+
+    corners: str | None = None
+    headland_order: str | None = None
+    headland_passes: int | None = None
+    width_m: float | None = None
+    bearing_deg: float | None = None
+    swaths: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,21 +101,14 @@ class ComparisonRow(Generic[Label]):
         return self.ranking is None or self.ranking.is_recommended
 
     @property
-    def charged_cost(self) -> float:
-        """The stated cost with missed ground finished at the plan's own rate; 0 without a plan."""
-        return 0.0 if self.best is None else self.best.ranked_cost
+    def parts(self) -> tuple[FieldPartPlan, ...]:
+        """Further parts of a divided field, each with a plan of its own."""
+        return () if self.ranking is None else self.ranking.parts
 
     @property
-    def overlap_m2(self) -> float:
-        """Ground worked more than once."""
-        return 100.0 * ((self.best and self.best.overlap_pct) or 0.0) * self.area_ha
-
-    @property
-    def cut_off_m2(self) -> float:
-        """Ground that the plan does not reach."""
-        parts = () if self.ranking is None else self.ranking.parts
-        cut_off = None if self.layout is None else self.layout.cut_off
-        return sum(part.ground.m2 for part in parts) or (0.0 if cut_off is None else cut_off.m2)
+    def cut_off(self) -> UnworkedPiece | None:
+        """All ground that obstacles cut off; None without any, and where the layout was not asked for."""
+        return None if self.layout is None else self.layout.cut_off
 
     def get_figure(self, key: str) -> Any:
         """A figure of the best plan; None without a plan."""
@@ -106,10 +117,16 @@ class ComparisonRow(Generic[Label]):
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTotals(Generic[Label]):
-    """Sums over the requests of one label: of their best plans, where there are any."""
+    """Sums over the requests of one label: of their best plans, where there are any.
+
+    `names_width` says that other ways have another working width. In a year every field is worked
+    `operations_per_year` times.
+    """
 
     label: Label
     rows: tuple[ComparisonRow[Label], ...]
+    names_width: bool = False
+    operations_per_year: int = 1
 
     @cached_property
     def driven(self) -> tuple[PlanResult, ...]:
@@ -127,6 +144,19 @@ class ComparisonTotals(Generic[Label]):
         return math.fsum(row.area_ha for row in self.rows if row.best is not None)
 
     @property
+    def end_s(self) -> float:
+        """Seconds until all fields are done, one after the other."""
+        return math.fsum(plan.stated_end_s for plan in self.driven)
+
+    @property
+    def time_s(self) -> float:
+        """Seconds of field work, one field after the other; roads, preparation, breaks and nights do not count.
+
+        On a farm, where a plan has a `ready_s`, its end by the clock would have them too.
+        """
+        return sum(plan.stated_end_s if plan.ready_s is None else plan.stated_s for plan in self.driven)
+
+    @property
     def cost(self) -> float:
         """The stated costs."""
         return math.fsum(plan.stated_cost or 0.0 for plan in self.driven)
@@ -138,14 +168,68 @@ class ComparisonTotals(Generic[Label]):
         return math.fsum(cost or 0.0 for cost in costs)
 
     @property
+    def risked_cost(self) -> float:
+        """Expected loss on late ground, which nobody pays."""
+        return self.cost - self.paid_cost
+
+    @property
+    def charged_cost(self) -> float:
+        """The costs with missed ground finished at each plan's own rate, by which ways are compared."""
+        return sum(plan.ranked_cost for plan in self.driven)
+
+    @property
+    def cost_per_ha(self) -> float | None:
+        """The cost of a worked hectare."""
+        return self.charged_cost / self.area_ha if self.driven else None
+
+    @property
+    def charged_cost_per_year(self) -> float:
+        """The costs of a year with missed ground finished."""
+        return self.operations_per_year * self.charged_cost
+
+    @property
     def missed_m2(self) -> float:
         """Ground that is not worked."""
         return math.fsum(plan.missed_m2 or 0.0 for plan in self.driven)
 
     @property
+    def worked_pct(self) -> float:
+        """Share of the ground that is worked, percent."""
+        return 100.0 - 0.01 * self.missed_m2 / self.area_ha
+
+    @property
+    def overlap_m2(self) -> float:
+        """Ground worked more than once."""
+        return sum(100.0 * (row.get_figure("overlap_pct") or 0.0) * row.area_ha for row in self.rows)
+
+    @property
     def over_finished_m2(self) -> float:
         """Finished ground under wheels, headland included."""
         return math.fsum(plan.over_finished_m2 or 0.0 for plan in self.driven)
+
+    @property
+    def cut_off_m2(self) -> float:
+        """Ground that the plans do not reach."""
+        return sum(
+            sum(part.ground.m2 for part in row.parts) or (row.cut_off.m2 if row.cut_off else 0.0) for row in self.rows
+        )
+
+    @property
+    def fuel_l(self) -> float | None:
+        """Litres of fuel; None where they are not known of every plan."""
+        return _sum_known(plan.fuel_l for plan in self.driven)
+
+    @property
+    def energy_kwh(self) -> float | None:
+        """Kilowatt-hours of electric tractors; None where they are not known of every plan."""
+        return _sum_known(plan.energy_kwh for plan in self.driven)
+
+    @cached_property
+    def year(self) -> dict[str, float | None]:
+        """Hours of field work, fuel, electricity and what is paid in a year; None where they are not known."""
+        sums = (self.time_s / 3600.0, self.fuel_l, self.energy_kwh, self.paid_cost)
+        values = [self.operations_per_year * one if self.driven and one is not None else None for one in sums]
+        return dict(zip(YEAR_KEYS, values, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,6 +237,7 @@ class Comparison(Generic[Label]):
     """Requests compared, in the order asked for."""
 
     rows: tuple[ComparisonRow[Label], ...]
+    operations_per_year: int = 1
 
     @cached_property
     def labels(self) -> tuple[Label, ...]:
@@ -163,6 +248,12 @@ class Comparison(Generic[Label]):
     def fields(self) -> tuple[str, ...]:
         """The fields as requested, each once."""
         return tuple(dict.fromkeys(row.requested_field for row in self.rows))
+
+    @cached_property
+    def field_names(self) -> Mapping[str, str]:
+        """The fields as their files name them, by their names in the request."""
+        names = {each.requested_field: each.field_name for each in self.rows}
+        return names | {each.requested_field: each.field_name for each in self.rows if each.ranking is not None}
 
     @property
     def currency(self) -> str:
@@ -175,128 +266,48 @@ class Comparison(Generic[Label]):
         known = [(value, number) for number, value in enumerate(values) if value is not None]
         return self.rows[min(known)[1]] if known else None
 
-
-YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
-
-
-@dataclass(frozen=True)
-class HeadlandChoice:
-    """One way to work the headland: kind of corners, "first" or "last", passes, width; None: not given."""
-
-    corners: str
-    headland_order: str | None
-    headland_passes: int | None = None
-    width_m: float | None = None
-
-
-HeadlandRow = ComparisonRow[HeadlandChoice]
-
-
-@dataclass(frozen=True, eq=False)
-class HeadlandTotals(ComparisonTotals[HeadlandChoice]):
-    """One way to work the headland on all fields of a comparison.
-
-    `names_width` says that other ways have another working width. In a year every field is worked
-    `operations_per_year` times.
-    """
-
-    names_width: bool = False
-    operations_per_year: int = 1
-
-    @property
-    def time_s(self) -> float:
-        """Seconds of field work, one field after the other; roads, preparation, breaks and nights do not count.
-
-        On a farm, where a plan has a `ready_s`, its end by the clock would have them too.
-        """
-        return sum(plan.stated_end_s if plan.ready_s is None else plan.stated_s for plan in self.driven)
-
-    @property
-    def charged_cost(self) -> float:
-        """The costs with missed ground finished, by which ways are compared."""
-        return sum(each.charged_cost for each in self.rows)
-
-    @property
-    def cost_per_ha(self) -> float | None:
-        """The cost of a worked hectare."""
-        return self.charged_cost / self.area_ha if self.driven else None
-
-    @property
-    def overlap_m2(self) -> float:
-        """Ground worked more than once."""
-        return sum(each.overlap_m2 for each in self.rows)
-
-    @property
-    def cut_off_m2(self) -> float:
-        """Ground that the plans do not reach."""
-        return sum(each.cut_off_m2 for each in self.rows)
-
-    @property
-    def fuel_l(self) -> float | None:
-        """Litres of fuel; None where they are not known of every plan."""
-        return _sum_known(plan.fuel_l for plan in self.driven)
-
-    @property
-    def energy_kwh(self) -> float | None:
-        """Kilowatt-hours of electric tractors; None where they are not known of every plan."""
-        return _sum_known(plan.energy_kwh for plan in self.driven)
-
-    @property
-    def charged_cost_per_year(self) -> float:
-        """The costs of a year with missed ground finished."""
-        return self.operations_per_year * self.charged_cost
+    def sum_over_fields(self, rows: Iterable[ComparisonRow[Label]] | None = None) -> list[ComparisonTotals[Label]]:
+        """Totals of all or some rows by label, in the order asked for."""
+        by_label: dict[Label, list[ComparisonRow[Label]]] = {}
+        for each in self.rows if rows is None else rows:
+            by_label.setdefault(each.label, []).append(each)
+        has_widths, times = (
+            len({way.width_m for way in self.labels if isinstance(way, ComparedWay)}) > 1,
+            self.operations_per_year,
+        )
+        return [ComparisonTotals(label, tuple(some), has_widths, times) for label, some in by_label.items()]
 
     @cached_property
-    def year(self) -> dict[str, float | None]:
-        """Hours of field work, fuel, electricity and what is paid in a year; None where they are not known."""
-        sums = (self.time_s / 3600.0, self.fuel_l, self.energy_kwh, self.paid_cost)
-        values = [self.operations_per_year * one if self.driven and one is not None else None for one in sums]
-        return dict(zip(YEAR_KEYS, values, strict=True))
-
-
-@dataclass(frozen=True, eq=False)
-class HeadlandComparison(Comparison[HeadlandChoice]):
-    """Every way to work the headland on every field, in the order of the request; see HeadlandTotals."""
-
-    operations_per_year: int = 1
+    def totals(self) -> list[ComparisonTotals[Label]]:
+        """One entry per label: those that work everywhere by cost, then those that work on most fields."""
+        return sorted(self.sum_over_fields(), key=_get_merit)
 
     @cached_property
-    def totals(self) -> tuple[HeadlandTotals, ...]:
-        """One entry per way: those that work everywhere by cost, then those that work on most fields."""
-        return tuple(self.sum_over_fields(self.rows))
+    def totals_by_field(self) -> Mapping[str, list[ComparisonTotals[Label]]]:
+        """The ways on each field, the best first."""
+        return {
+            name: sorted(
+                self.sum_over_fields(each for each in self.rows if each.requested_field == name), key=_get_merit
+            )
+            for name in self.fields
+        }
 
     @cached_property
-    def best(self) -> HeadlandTotals | None:
+    def best(self) -> ComparisonTotals[Label] | None:
         """The cheapest way that works on every field that any way works on; None where no plan works."""
         workable = {each.requested_field for each in self.rows if each.best is not None}
         first = self.totals[0] if self.totals else None
         return first if first is not None and workable and len(first.driven) == len(workable) else None
 
-    def sum_over_fields(self, plans: Iterable[HeadlandRow]) -> list[HeadlandTotals]:
-        """Totals of some plans by way, the best first."""
-        by_choice: dict[HeadlandChoice, list[HeadlandRow]] = {}
-        for each in plans:
-            by_choice.setdefault(each.label, []).append(each)
-        has_widths = len({choice.width_m for choice in self.labels}) > 1
-        totals = [
-            HeadlandTotals(choice, tuple(some), has_widths, self.operations_per_year)
-            for choice, some in by_choice.items()
-        ]
-        return sorted(totals, key=lambda one: (-len(one.driven), round(one.charged_cost, 6), one.time_s))
 
-    @cached_property
-    def totals_by_field(self) -> Mapping[str, list[HeadlandTotals]]:
-        """The ways on each field, the best first."""
-        return {
-            name: self.sum_over_fields(each for each in self.rows if each.requested_field == name)
-            for name in self.fields
-        }
+WayRow = ComparisonRow[ComparedWay]
+WayTotals = ComparisonTotals[ComparedWay]
+WayComparison = Comparison[ComparedWay]
 
-    @cached_property
-    def field_names(self) -> Mapping[str, str]:
-        """The fields as their files name them, by their names in the request."""
-        names = {each.requested_field: each.field_name for each in self.rows}
-        return names | {each.requested_field: each.field_name for each in self.rows if each.ranking is not None}
+
+def _get_merit(totals: ComparisonTotals[Any]) -> tuple[int, float, float]:
+    """Sort key of ways: on how many fields they work, cost, time."""
+    return -len(totals.driven), round(totals.charged_cost, 6), totals.time_s
 
 
 def _sum_known(amounts: Iterable[float | None]) -> float | None:
@@ -305,32 +316,32 @@ def _sum_known(amounts: Iterable[float | None]) -> float | None:
     return sum(one for one in known if one is not None) if known and None not in known else None
 
 
-def name_choice(totals: HeadlandTotals) -> str:
+def name_choice(totals: WayTotals) -> str:
     """``square, first, 3 passes, 6 m``, with what planning chose where the request left it open."""
     parts = [totals.label.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
-def describe_choice(totals: HeadlandTotals) -> str:
+def describe_choice(totals: WayTotals) -> str:
     """``square corners, headland first, 3 passes``."""
-    corners = translate("{corners} corners", corners=totals.label.corners)
+    corners = translate("{corners} corners", corners=totals.label.corners or "")
     order = _name_order(totals)
     headland = translate("headland {order}", order=order) if order else ""
     parts = [corners, headland, _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
-def _name_order(totals: HeadlandTotals) -> str:
+def _name_order(totals: WayTotals) -> str:
     orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
     return totals.label.headland_order or "/".join(orders)
 
 
-def _name_width(totals: HeadlandTotals) -> str:
+def _name_width(totals: WayTotals) -> str:
     width_m = totals.label.width_m
     return format_width(width_m) if totals.names_width and width_m is not None else ""
 
 
-def _name_passes(totals: HeadlandTotals) -> str:
+def _name_passes(totals: WayTotals) -> str:
     planned = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
     passes = totals.label.headland_passes
     counts = planned if passes is None else [passes]
@@ -341,7 +352,7 @@ def _name_passes(totals: HeadlandTotals) -> str:
     return translate("{least}-{most} passes", least=counts[0], most=counts[-1])
 
 
-def list_missing(comparison: HeadlandComparison) -> list[str]:
+def list_missing(comparison: WayComparison) -> list[str]:
     """A sentence for every reason why a way has no plan on a field."""
     ways_by_reason: dict[tuple[str, str], list[str]] = {}
     for name, totals in comparison.totals_by_field.items():
@@ -357,7 +368,7 @@ def list_missing(comparison: HeadlandComparison) -> list[str]:
     ]
 
 
-def list_cut_off(comparison: HeadlandComparison) -> list[str]:
+def list_cut_off(comparison: WayComparison) -> list[str]:
     """A sentence for every part of a field that is cut off, why and what would work it, and where nothing is.
 
     It is said at every width by its best way.
@@ -368,9 +379,7 @@ def list_cut_off(comparison: HeadlandComparison) -> list[str]:
         texts_by_label = {}
         for _, one in sorted(best_by_width.items()):
             label = ", ".join(filter(None, (comparison.field_names[name], _name_width(one))))
-            each = one.rows[0]
-            parts = () if each.ranking is None else each.ranking.parts
-            cut_off = None if each.layout is None else each.layout.cut_off
+            parts, cut_off = one.rows[0].parts, one.rows[0].cut_off
             texts_by_label[label] = [translate_sentence(describe_part(part)) for part in parts]
             if cut_off is not None and not parts:
                 text = translate(

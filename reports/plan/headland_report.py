@@ -13,7 +13,6 @@ from reports.common.rendering import (
     EXPORT_DECIMALS,
     format_entries_csv,
     format_json,
-    make_json_safe,
     pick_values,
     render_template,
 )
@@ -30,10 +29,11 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
 )
 from reports.plan.comparison import (
+    WAY_KEYS,
     YEAR_KEYS,
-    HeadlandComparison,
-    HeadlandRow,
-    HeadlandTotals,
+    WayComparison,
+    WayRow,
+    WayTotals,
     describe_choice,
     list_cut_off,
     list_missing,
@@ -50,7 +50,7 @@ TOTAL_KEYS = (
 )  # fmt: skip
 
 
-def compute_extra_cost(totals: HeadlandTotals, best: HeadlandTotals) -> float:
+def compute_extra_cost(totals: WayTotals, best: WayTotals) -> float:
     """How much more one way costs than the best on the same ground in a year."""
     return totals.charged_cost_per_year - best.charged_cost_per_year
 
@@ -60,7 +60,7 @@ def format_hours(value: float | None) -> str:
     return format_number(value, 1 if value is None or value >= LEAST_ROUNDED_HOURS else 2)
 
 
-def describe_comparison(comparison: HeadlandComparison) -> list[str]:
+def describe_comparison(comparison: WayComparison) -> list[str]:
     """Which way is worth it, by how much, and where: the first sentence is the answer."""
     best = comparison.best
     if best is None:
@@ -97,7 +97,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
     ]
 
 
-def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
+def _describe_worth(comparison: WayComparison, best: WayTotals) -> str:
     """The first sentence: the best way and what it saves against the next and the dearest."""
     others = [one for one in comparison.totals[1:] if len(one.driven) == len(best.driven)]
     names = [comparison.field_names[each.requested_field] for each in best.rows if each.best is not None]
@@ -149,22 +149,22 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
     )
 
 
-def _get_energy_per_year(totals: HeadlandTotals) -> float | None:
+def _get_energy_per_year(totals: WayTotals) -> float | None:
     """Electricity in kWh, or fuel in the unit of the reader; None where it is not known."""
     kwh, litres = totals.year["energy_kwh_per_year"], totals.year["fuel_l_per_year"]
     return kwh if kwh is not None or litres is None else VOLUME.convert(litres)
 
 
-def _get_energy_unit(comparison: HeadlandComparison) -> str:
+def _get_energy_unit(comparison: WayComparison) -> str:
     return VOLUME.unit if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
 
 
-def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
+def _describe_saving(other: WayTotals, best: WayTotals, comparison: WayComparison) -> str:
     extra = compute_extra_cost(other, best)
     return f"{format_money(extra, comparison.currency)} ({100.0 * extra / other.charged_cost_per_year:.1f} %)"
 
 
-def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
+def format_cost_per_ha(totals: WayTotals, comparison: WayComparison) -> str:
     """The cost of a worked hectare with its currency."""
     return f"{_format_rate(totals)} {comparison.currency or ''}/{FIELD_AREA.unit}"
 
@@ -173,12 +173,12 @@ def _count_fields(count: int) -> str:
     return translate_count("{count} field", "{count} fields", count)
 
 
-def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
+def _describe_places(comparison: WayComparison, best: WayTotals) -> Iterator[str]:
     """Where the best way matters most, and on which fields another one is better."""
     if len(comparison.fields) < 2:
         return
     gains: dict[str, float] = {}
-    losses: dict[str, tuple[HeadlandTotals, HeadlandTotals]] = {}
+    losses: dict[str, tuple[WayTotals, WayTotals]] = {}
     for field, totals in comparison.totals_by_field.items():
         driven = [one for one in totals if one.driven]
         same = next((one for one in driven if one.label == best.label), None)
@@ -210,7 +210,7 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
         yield translate("It saves most on {field}: {saving} against the dearest way there.", field=name, saving=gain)
 
 
-def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
+def _describe_ground_left(comparison: WayComparison, best: WayTotals) -> Iterator[str]:
     """What the best way misses and drives over, beside the ways that miss and drive over least."""
     alike = [one for one in comparison.totals if len(one.driven) == len(best.driven)]
     least_missed = min(alike, key=lambda one: round(one.missed_m2))
@@ -233,12 +233,10 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
     yield f"{'; '.join(texts)}."
 
 
-def tabulate_ways(
-    comparison: HeadlandComparison, totals: Sequence[HeadlandTotals], best: HeadlandTotals | None
-) -> FittedTable:
+def tabulate_ways(comparison: WayComparison, totals: Sequence[WayTotals], best: WayTotals | None) -> FittedTable:
     """A row per way, the best in bold; fuel only where it is known of all ways."""
 
-    def format_extra(one: HeadlandTotals) -> str:  # only where both work on as many fields
+    def format_extra(one: WayTotals) -> str:  # only where both work on as many fields
         if best is None or len(one.driven) != len(best.driven):
             return NO_VALUE
         return translate("best") if one is best else f"+{format_price(max(compute_extra_cost(one, best), 0.0))}"
@@ -249,7 +247,7 @@ def tabulate_ways(
     has_energy = bool(driven) and any(
         all(getattr(one, key) is not None for one in driven) for key in ("fuel_l", "energy_kwh")
     )
-    figures: list[tuple[TableColumn, Callable[[HeadlandTotals], str]]] = [
+    figures: list[tuple[TableColumn, Callable[[WayTotals], str]]] = [
         (TableColumn(translate("Headland"), is_text=True, is_unbroken=True), name_choice),
         (TableColumn(f"{unit}/{FIELD_AREA.unit}"), _format_rate),
         (TableColumn(translate("More")), format_extra),
@@ -269,7 +267,7 @@ def tabulate_ways(
     return FittedTable(tuple(column for column, _ in figures), rows, styles)
 
 
-def _format_rate(totals: HeadlandTotals) -> str:
+def _format_rate(totals: WayTotals) -> str:
     return format_number(FIELD_AREA.convert_rate(totals.cost_per_ha), 1)
 
 
@@ -290,7 +288,7 @@ def _build_year_column(unit: str) -> TableColumn:
     return TableColumn(heading, heading.replace("/", "/\n"))
 
 
-def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
+def build_headland_table(comparison: WayComparison) -> RenderableType:
     """The answer, one line per way, one per field where there are several, and what has no plan."""
     first, *others = describe_comparison(comparison)
     parts: list[RenderableType] = [format_sentence(first, style="bold"), *map(format_sentence, others), Text("")]
@@ -306,7 +304,7 @@ def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
     return Group(*parts)
 
 
-def describe_figures(comparison: HeadlandComparison) -> str:
+def describe_figures(comparison: WayComparison) -> str:
     """What the columns are."""
     figures = translate(
         "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: "
@@ -316,7 +314,7 @@ def describe_figures(comparison: HeadlandComparison) -> str:
     return f"{figures} {year}"
 
 
-def tabulate_fields(comparison: HeadlandComparison) -> FittedTable:
+def tabulate_fields(comparison: WayComparison) -> FittedTable:
     """The best way on each field, and what it saves against the dearest there."""
     unit = comparison.currency or translate("Cost")
     columns = (
@@ -342,7 +340,7 @@ def tabulate_fields(comparison: HeadlandComparison) -> FittedTable:
     return FittedTable(columns, tuple(rows))
 
 
-def format_headland_json(comparison: HeadlandComparison) -> str:
+def format_headland_json(comparison: WayComparison) -> str:
     """The comparison as JSON text with a trailing newline.
 
     Keys: ``answer`` (sentences), ``cut_off`` (sentences), ``currency``, ``operations_per_year``, ``best`` (a way:
@@ -356,10 +354,10 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
         "cut_off": list_cut_off(comparison),
         "currency": comparison.currency or None,
         "operations_per_year": comparison.operations_per_year,
-        "best": None if best is None else make_json_safe(best.label),
+        "best": None if best is None else pick_values(best.label, WAY_KEYS),
         "totals": [
             {
-                **make_json_safe(one.label),
+                **pick_values(one.label, WAY_KEYS),
                 "fields": len(one.driven),
                 **{key: getattr(one, key) if one.driven else None for key in TOTAL_KEYS},
                 **one.year,
@@ -371,7 +369,7 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
                 **_describe_row(each),
                 "plan": None if each.best is None else build_plan_entry(each.best),
                 "meets_request": None if each.best is None else each.meets_request,
-                "parts": [build_part_entry(part) for part in (() if each.ranking is None else each.ranking.parts)],
+                "parts": [build_part_entry(part) for part in each.parts],
                 "refusal": each.reason,
             }
             for each in comparison.rows
@@ -380,18 +378,18 @@ def format_headland_json(comparison: HeadlandComparison) -> str:
     return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
-def _describe_row(each: HeadlandRow) -> dict[str, Any]:
+def _describe_row(each: WayRow) -> dict[str, Any]:
     """The field and the way, as JSON and CSV have them."""
     return {
         "requested_field": each.requested_field,
         "field": None if each.ranking is None else each.field_name,
         "area_ha": each.area_ha or None,
-        **make_json_safe(each.label),
+        **pick_values(each.label, WAY_KEYS),
         "headland_m": None if each.layout is None else each.layout.headland_m,
     }
 
 
-def format_headland_csv(comparison: HeadlandComparison) -> str:
+def format_headland_csv(comparison: WayComparison) -> str:
     """A row per field and way: the way, the figures of its best plan, or the reason why there is none."""
     head = (
         "requested_field", "field", "area_ha", "corners", "headland_order", "headland_passes", "headland_m",
@@ -416,7 +414,7 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
     return format_entries_csv(head, rows)
 
 
-def render_headland_page(comparison: HeadlandComparison) -> str:
+def render_headland_page(comparison: WayComparison) -> str:
     """The page as HTML text."""
     names = list(comparison.field_names.values())
     fields = tabulate_fields(comparison)
@@ -445,7 +443,7 @@ def render_headland_page(comparison: HeadlandComparison) -> str:
 
 
 def _tabulate(
-    comparison: HeadlandComparison, totals: Sequence[HeadlandTotals], best: HeadlandTotals | None
+    comparison: WayComparison, totals: Sequence[WayTotals], best: WayTotals | None
 ) -> tuple[list[str], list[dict[str, Any]]]:
     """Headings and rows of a table of ways."""
     table = tabulate_ways(comparison, totals, best)
@@ -453,7 +451,7 @@ def _tabulate(
     return [column.heading for column in table.columns], rows
 
 
-def _build_section(comparison: HeadlandComparison, field: str) -> dict[str, Any]:
+def _build_section(comparison: WayComparison, field: str) -> dict[str, Any]:
     """One field: its table and its maps, the best way first."""
     totals = comparison.totals_by_field[field]
     driven = [one for one in totals if one.driven]

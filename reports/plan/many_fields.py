@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import zip_longest
 from pathlib import PurePath
@@ -36,9 +35,6 @@ from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
 FieldRow = ComparisonRow[float]  # a field at one working width, m
-TOTAL_KEYS = (
-    "area_ha", "time_s", "cost", "missed_m2", "over_finished_m2", "paid_cost", "cost_per_ha", "risked_cost",
-)  # fmt: skip
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_finished_m2")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
@@ -73,41 +69,17 @@ def format_many_fields_json(records: Sequence[FieldRow]) -> str:
         for record in records
     ]  # fmt: skip
     totals = [
-        {"width_m": one.label, "fields": len(one.driven), **pick_values(one, TOTAL_KEYS)}
+        {"width_m": one.label, "fields": len(one.driven), "area_ha": one.area_ha, "time_s": one.end_s,
+         **pick_values(one, ("cost", "missed_m2", "over_finished_m2", "paid_cost")),
+         "cost_per_ha": one.cost / one.area_ha, "risked_cost": one.risked_cost}
         for one in sum_over_fields(records)
-    ]
+    ]  # fmt: skip
     return format_json({"fields": shown, "totals": totals}, EXPORT_DECIMALS, is_ascii=False)
 
 
-class FieldsTotal(ComparisonTotals[float]):
-    """All fields at one width, in metres; the rest of the cost beside what is paid is expected loss on late ground."""
-
-    @property
-    def time_s(self) -> float:
-        """Seconds until all fields are done, one after the other."""
-        return math.fsum(plan.stated_end_s for plan in self.driven)
-
-    @property
-    def risked_cost(self) -> float:
-        """Expected loss on late ground, which nobody pays."""
-        return self.cost - self.paid_cost
-
-    @property
-    def worked_pct(self) -> float:
-        """Share of the ground that is worked, percent."""
-        return 100.0 - 0.01 * self.missed_m2 / self.area_ha
-
-    @property
-    def cost_per_ha(self) -> float:
-        """Cost of a hectare of field."""
-        return self.cost / self.area_ha
-
-
-def sum_over_fields(records: Sequence[FieldRow]) -> list[FieldsTotal]:
+def sum_over_fields(records: Sequence[FieldRow]) -> list[ComparisonTotals[float]]:
     """One total for every width with a plan, in the order of the request."""
-    widths_m = dict.fromkeys(record.label for record in records)
-    totals = [FieldsTotal(width, tuple(one for one in records if one.label == width)) for width in widths_m]
-    return [total for total in totals if total.driven]
+    return [total for total in Comparison(tuple(records)).sum_over_fields() if total.driven]
 
 
 _PLAN_DROPS = {
@@ -135,7 +107,7 @@ def tabulate_records(records: Sequence[FieldRow]) -> FittedTable:
         rows.append((record.field_name, area, f"{record.label:g}", headland, bearing, *cells))
     total_rows = tuple(
         (translate("Total"), format_number(one.area_ha, 2), f"{one.label:g}", "", "", "", "",
-         format_duration(one.time_s), format_number(one.worked_pct, 1), format_price(one.cost), "")[: len(columns)]
+         format_duration(one.end_s), format_number(one.worked_pct, 1), format_price(one.cost), "")[: len(columns)]
         for one in sum_over_fields(records)
         if len(one.driven) > 1
     )  # fmt: skip
@@ -246,9 +218,9 @@ def list_many_sentences(records: Sequence[FieldRow]) -> list[str]:
             count=len(total.driven),
             fields=fields,
             area=FIELD_AREA.format(total.area_ha, 2),
-            time=format_duration(total.time_s),
+            time=format_duration(total.end_s),
             cost=cost,
-            rate=f"{format_money(FIELD_AREA.convert_rate(total.cost_per_ha), currency)}/{FIELD_AREA.unit}",
+            rate=f"{format_money(FIELD_AREA.convert_rate(total.cost / total.area_ha), currency)}/{FIELD_AREA.unit}",
             worked=format_number(total.worked_pct, 1),
         )
         sentences.append(text)

@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.comparisons import compare_headlands
+from planner.pipeline.comparisons import compare_ways
 from planner.pipeline.many_fields import FieldQuestion
-from reports.plan.comparison import HeadlandComparison
+from reports.plan.comparison import WayComparison
 from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
@@ -31,22 +31,22 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def kept() -> dict[str, HeadlandComparison]:
+def kept() -> dict[str, WayComparison]:
     """Comparisons by their questions."""
     return {}
 
 
 @pytest.fixture
-def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, HeadlandComparison]) -> None:
+def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, WayComparison]) -> None:
     """What was compared before with the same questions is not compared again, as its output is what is tested."""
 
-    def compare(questions: Sequence[FieldQuestion], *more: Any) -> HeadlandComparison:
+    def compare(questions: Sequence[FieldQuestion], *more: Any) -> WayComparison:
         key = str(questions)
         if key not in kept:
-            kept[key] = compare_headlands(questions, *more)
+            kept[key] = compare_ways(questions, *more)
         return kept[key]
 
-    monkeypatch.setattr("planner.pipeline.comparisons.compare_headlands", compare)
+    monkeypatch.setattr("planner.pipeline.comparisons.compare_ways", compare)
 
 
 def mask_figures(line: str) -> str:

@@ -22,7 +22,8 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.comparisons import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
-from reports.plan.bearing_report import BearingChoice, BearingComparison, BearingRow, describe_bearings
+from reports.plan.bearing_report import describe_bearings
+from reports.plan.comparison import ComparedWay, WayComparison, WayRow
 from strategies.path_planning.errors import StrategyError
 from vehicle.model.terrain import Terrain
 from vehicle.records import WORKING
@@ -106,8 +107,8 @@ def test_bearings_compared_end_with_the_chosen_one_and_contours() -> None:
 
 
 def test_no_bearing_that_works_is_said() -> None:
-    row = BearingRow("cone", BearingChoice(0.0, "straight"), refusal="too steep")
-    comparison = BearingComparison((row,))
+    row = WayRow("cone", ComparedWay(bearing_deg=0.0, swaths="straight"), refusal="too steep")
+    comparison = WayComparison((row,))
     assert describe_bearings(comparison) == ["No bearing works; the reasons are below."]
 
 

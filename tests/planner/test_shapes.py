@@ -13,7 +13,7 @@ from shapely.affinity import translate
 from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.comparisons import compare_headlands, list_headland_questions, list_headland_requests
+from planner.pipeline.comparisons import compare_ways, list_headland_questions, list_headland_requests
 from planner.pipeline.executors import LocalPool, SerialExecutor
 from planner.pipeline.many_fields import hash_question
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
@@ -114,7 +114,7 @@ def test_plans_are_made_saved_driven_again_and_compared(tmp_path: Any) -> None:
     driven = simulate_saved_plan(tmp_path / "plan.json")
     assert driven.request == request and driven.run.duration_s == answer.run.duration_s
     orders = map(WorkOrder, list_headland_requests(request, ("round",), ("last",)))
-    comparison = compare_headlands(list_headland_questions(orders), SerialExecutor())
+    comparison = compare_ways(list_headland_questions(orders), SerialExecutor())
     assert comparison.rows[0].field_name == "North"
     assert hash_question(WorkOrder(request)) == hash_question(WorkOrder(request))
 
