@@ -22,7 +22,9 @@ class OptionHelp:
 
     `help` refers to other options as {name}, and `api_help` replaces it where the API takes something else. An option
     has the name of its parameter without the unit, unless `name` is given. `declaration` is what the command line calls
-    a yes-or-no option with an opposite. With `from_farm` a farm file may set the parameter.
+    a yes-or-no option with an opposite. With `from_farm` a farm file may set the parameter. `flags` are yes-or-no
+    options that set it together: for each its value and its help, by name. Where an option does not take what its
+    parameter holds, `parse` reads what it takes, of the type `kind` and by default `written`.
     """
 
     help: str
@@ -32,22 +34,10 @@ class OptionHelp:
     choices: tuple[str, ...] = ()
     declaration: str = ""
     from_farm: bool = False
-
-
-@dataclass(frozen=True)
-class OptionTextForm:
-    """What an option takes where this is not what its parameter holds: its type, its default, and how it is read."""
-
-    type: Any
-    parse: Callable[[Any], Any]
-    default: Any = None
-
-
-@dataclass(frozen=True)
-class FlagOptions:
-    """Yes-or-no options that set one parameter together: for each its value and its help, by name."""
-
-    values: Mapping[str, tuple[str, str]]
+    flags: Mapping[str, tuple[str, str]] | None = None
+    parse: Callable[[Any], Any] | None = None
+    kind: Any = str
+    written: Any = None
 
 
 @dataclass(frozen=True)
@@ -108,19 +98,17 @@ def list_options(model: type) -> tuple[RequestOption, ...]:
     for parameter in fields(model):
         annotation, default = annotations[parameter.name], parameter.default
         rules = find_annotation_metadata(annotation, OptionHelp)
-        form = find_annotation_metadata(annotation, OptionTextForm)
         limits = find_annotation_metadata(annotation, NumberLimits)
-        flags = find_annotation_metadata(annotation, FlagOptions)
         assert rules is not None, f"{parameter.name} has no option"
-        for name, (value, help_text) in ({} if flags is None else flags.values).items():
+        for name, (value, help_text) in (rules.flags or {}).items():
             options.append(RequestOption(name, parameter.name, bool, False, help_text, rules, value=value))
-        if flags is None:
-            if form is None and limits is not None and limits.scale != 1.0:
-                written = None if default is None else float(cast(Any, default)) / limits.scale
-                form = OptionTextForm(float, partial(mul, limits.scale), written)
-            name = rules.name or strip_unit(parameter.name)
-            kind, parse = (get_plain_type(annotation), None) if form is None else (form.type, form.parse)
-            default = default if form is None else form.default
+        if rules.flags is None:
+            name, kind, parse = rules.name or strip_unit(parameter.name), get_plain_type(annotation), rules.parse
+            if parse is not None:
+                kind, default = rules.kind, rules.written
+            elif limits is not None and limits.scale != 1.0:
+                kind, parse = float, partial(mul, limits.scale)
+                default = None if default is None else float(cast(Any, default)) / limits.scale
             options.append(RequestOption(name, parameter.name, kind, default, rules.help, rules, parse, limits))
     return tuple(options)
 

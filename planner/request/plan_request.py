@@ -23,7 +23,7 @@ from planner.request.option_texts import (
     parse_number_pair,
     parse_strategies,
 )
-from planner.request.options import FlagOptions, NumberLimits, OptionHelp, OptionTextForm, convert_options_to_parameters
+from planner.request.options import NumberLimits, OptionHelp, convert_options_to_parameters
 from planner.request.recent_rain import MAX_ET0_MM
 from planner.request.validation import (
     STRICT,
@@ -174,10 +174,11 @@ class PlanRequest:
     ] = "eg105"
     tractors: Annotated[
         Counts,
-        OptionHelp("Tractor counts to try: 3, 1-6 or 1,3,5.", MACHINES, from_farm=True),
-        OptionTextForm(str, parse_counts, "1-6"),
+        OptionHelp(
+            "Tractor counts to try: 3, 1-6 or 1,3,5.", MACHINES, from_farm=True, parse=parse_counts, written="1-6"
+        ),
     ] = (1, 2, 3, 4, 5, 6)
-    strategies: Annotated[Names, OptionHelp(_STRATEGIES_HELP, WORK), OptionTextForm(str, parse_strategies, "all")] = (
+    strategies: Annotated[Names, OptionHelp(_STRATEGIES_HELP, WORK, parse=parse_strategies, written="all")] = (
         STRATEGY_NAMES
     )
     turn: Annotated[
@@ -209,13 +210,10 @@ class PlanRequest:
     ] = 0.0
     start_s: Annotated[
         ClockTime | None,
-        OptionHelp("Start of work, hh:mm.", COSTS),
-        OptionTextForm(str, partial(parse_clock, parameter="start_s")),
+        OptionHelp("Start of work, hh:mm.", COSTS, parse=partial(parse_clock, parameter="start_s")),
     ] = None
     deadline_s: Annotated[
-        ClockTime | None,
-        OptionHelp(_DEADLINE_HELP, COSTS),
-        OptionTextForm(str, partial(parse_clock, parameter="deadline_s")),
+        ClockTime | None, OptionHelp(_DEADLINE_HELP, COSTS, parse=partial(parse_clock, parameter="deadline_s"))
     ] = None
     seed: Annotated[
         Count, OptionHelp("Seed; the same seed gives the same bytes.", RISK), NumberLimits("seed", high=MAX_SEED)
@@ -240,12 +238,14 @@ class PlanRequest:
     ] = "till"
     headland_order: Annotated[
         str | None,
-        OptionHelp("When the headland is worked.", WORK, choices=HEADLAND_ORDERS),
-        FlagOptions(
-            {
+        OptionHelp(
+            "When the headland is worked.",
+            WORK,
+            choices=HEADLAND_ORDERS,
+            flags={
                 "headland_first": (HEADLAND_FIRST, "Work the headland before the tracks."),
                 "headland_last": (HEADLAND_LAST, "Work the headland after the tracks."),
-            }
+            },
         ),
     ] = None
     corners: Annotated[
@@ -288,8 +288,9 @@ class PlanRequest:
             "Direction of the tracks in one cell: 2=45; once for every such cell.",
             FIELD,
             api_help="Direction of the tracks by cell, such as 2=45.",
+            parse=parse_cell_bearings,
+            kind=list[str],
         ),
-        OptionTextForm(list[str], parse_cell_bearings),
     ] = ()
     refill: Annotated[
         str | None,
@@ -301,8 +302,11 @@ class PlanRequest:
     ] = None
     entrance: Annotated[
         Place | None,
-        OptionHelp("Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file.", FIELD),
-        OptionTextForm(str, partial(parse_number_pair, parameter="entrance")),
+        OptionHelp(
+            "Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file.",
+            FIELD,
+            parse=partial(parse_number_pair, parameter="entrance"),
+        ),
     ] = None
     obstacles: Annotated[
         Names,
@@ -311,8 +315,9 @@ class PlanRequest:
             "every obstacle.",
             FIELD,
             api_help="More obstacles to avoid, each LON,LAT or LON,LAT,RADIUS (X,Y with {local}; 1 m by default).",
+            parse=tuple,
+            kind=list[str],
         ),
-        OptionTextForm(list[str], tuple),
     ] = ()
     ignored: Annotated[
         Names,
@@ -320,8 +325,9 @@ class PlanRequest:
             "Leave out an obstacle of the file, by its name or number (headland field lists them); once for every one.",
             FIELD,
             api_help="Obstacles of the file to leave out, by name or number.",
+            parse=tuple,
+            kind=list[str],
         ),
-        OptionTextForm(list[str], tuple),
     ] = ()
     part: Annotated[
         Count | None,
@@ -410,8 +416,9 @@ class PlanRequest:
             "Tracks and headland passes that one tractor works: 2=5-8; once for every such tractor.",
             WORK,
             api_help="Tracks and headland passes that one tractor works, such as 2=5-8.",
+            parse=tuple,
+            kind=list[str],
         ),
-        OptionTextForm(list[str], tuple),
     ] = ()
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from numbers import Integral, Rational, Real
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic import BeforeValidator, ConfigDict, ValidationError, ValidationInf
 from fields.raw_document import GeoShape, convert_crs_to_text, is_shape_text, name_field, write_shape_text
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value, suggest_name
 from planner.request.option_texts import convert_clock_to_seconds, convert_time_to_text
-from planner.request.options import NumberLimits, OptionHelp, find_annotation_metadata, get_plain_type, list_options
+from planner.request.options import get_plain_type, list_options
 
 MAX_NUMBER = 10**18
 STRICT = ConfigDict(strict=True, extra="forbid")
@@ -187,7 +187,8 @@ def format_given_values(request: Any) -> str:
 
 def check_option_limits(request: Any) -> None:
     """Raise RequestError for a number beyond the limits of its option, or a word that is none of its choices."""
-    for name, limits, choices in _list_limited(type(request)):  # type: ignore[arg-type]
+    for option in list_options(type(request)):
+        name, limits, choices = option.parameter, option.limits, option.rules.choices
         value = getattr(request, name)
         if value is None:
             continue
@@ -203,19 +204,6 @@ def check_option_limits(request: Any) -> None:
             raise RequestError(
                 f"{mark_parameter(name)} {value!r} is unknown{close}; use {', '.join(choices)}.", parameter=name
             )
-
-
-@functools.cache
-def _list_limited(model: Hashable) -> tuple[tuple[str, NumberLimits | None, tuple[str, ...]], ...]:
-    """The parameters of a model that have limits or choices, with these."""
-    found = []
-    for name, annotation in get_type_hints(cast("type", model), include_extras=True).items():
-        option = find_annotation_metadata(annotation, OptionHelp)
-        limits = find_annotation_metadata(annotation, NumberLimits)
-        choices = () if option is None else tuple(option.choices)
-        if limits is not None or choices:
-            found.append((name, limits, choices))
-    return tuple(found)
 
 
 def describe_fault(fault: Mapping[str, Any], location: str) -> str:
