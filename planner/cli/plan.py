@@ -31,6 +31,7 @@ from planner.cli.common.outputs import (
     OutputContent,
     check_output_paths,
     list_input_files,
+    render_requested,
     write_before_printing,
     write_results,
 )
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
     from planner.pipeline.many_fields import FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
-    from reports.common.plan_results import PlanRanking
     from reports.plan.many_fields import FieldRow
 
 
@@ -238,8 +238,8 @@ def plan(
     result = simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
-    remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
-    print_remarks([*remarks, *describe_hidden_strategies()])
+    learned = [f"From the farm's own logs: {words}." for words in result.ranking.scenario.get("learned", ())]
+    print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
         if form.is_for_programs:
@@ -253,11 +253,6 @@ def plan(
         )
     if not result.ranking.is_recommended:
         raise typer.Exit(NO_RESULT_STATUS)
-
-
-def _describe_learned_values(ranking: PlanRanking) -> list[str]:
-    """A sentence for every value from the farm's own logs."""
-    return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
 
 
 def simulate_plans(
@@ -289,32 +284,14 @@ def _render_plan_outputs(
     from reports.common.language import use_reader
     from reports.plan.shortfall_wording import list_shortfall_sentences
 
-    best = result.ranking.best
-    drive = None if best is None or not (html or png) else result.pictures[best.strategy, best.tractors]
-    results: list[tuple[Path, OutputContent]] = []
     with use_reader():
         sentences = [] if is_answer_seen else list_shortfall_sentences(result.ranking)
     for sentence in sentences:
         print_sentence(sentence, err=True)
-    field_picture = None
-    if best is None and (html or png or save):
-        from planner.pipeline.outputs.pictures import build_refused_picture
-
-        field_picture = build_refused_picture(result.context, result.ranking)
+    if result.ranking.best is None and (html or png or save):
         shown = "; the map shows the field and where plans fail" if html or png else ""
         print_sentence(f"No plan is feasible, so there is no plan to save{shown}.", err=True)
-    if html:
-        from reports.plan.ranking_page import render_plan_page
-
-        results.append((html, render_plan_page(result.ranking, drive, result.pictures, field_picture)))
-    if png:
-        from reports.plan.map_figure import draw_plan_map, render_png
-
-        shown_drive = drive or field_picture
-        assert shown_drive is not None
-        results.append((png, render_png(draw_plan_map(shown_drive, result.ranking.field_name))))
-    if save and result.run:
-        from planner.pipeline.outputs.saved_plans import write_saved_plan
-
-        results.append((save, write_saved_plan(result.context, result.run.plan, result.ranking)))
-    return results
+    files = result.get_view().files
+    return render_requested(
+        (html, files[".html"]), (png, files[".png"]), (save if result.run else None, files[".json"])
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -118,18 +117,18 @@ def show(
     count = len(saved_run.steps)
     if tractor is not None and not 1 <= tractor <= count:
         raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
-    stated = read_stated_figures(saved_run.saved)
+    start = None if saved_run.request.start_s is None else format_clock(saved_run.request.start_s)
     facts = {
         "field": saved_run.request.field_name,
         "strategy": _get_strategy(saved_run),
-        "start": _format_start(saved_run),
+        "start": start,
         "time_s": saved_run.run.duration_s,
-        "stated": None if stated is None else asdict(stated),
+        "stated": read_stated_figures(saved_run.saved),
     }
     AnswerForm(json).print_answer(
         saved_run,
         json=lambda run: format_leg_lists_json(run.steps, facts, tractor),
-        screen=lambda run: build_leg_tables(_format_title(run), run.steps, _format_start(run), tractor),
+        screen=lambda run: build_leg_tables(_format_title(run), run.steps, start, tractor),
     )
 
 
@@ -150,11 +149,12 @@ def _format_title(saved_run: SavedPlanRun) -> str:
     stated = read_stated_figures(saved_run.saved)
     if stated is None:
         return f"{request.field_name}: {', '.join([*parts, f'done in {duration}'])}"
-    late = "" if stated.late_end_s is None else f" (95 % {format_end(stated.late_end_s)})"
-    parts.append(f"done {format_end(stated.end_s)}{late}")
-    if stated.cost is not None:
-        parts.append(f"{format_price(stated.cost)} {stated.currency or ''}".rstrip())
-    if stated.late_end_s is not None:
+    late_s, cost = stated["late_end_s"], stated["cost"]
+    late = "" if late_s is None else f" (95 % {format_end(late_s)})"
+    parts.append(f"done {format_end(stated['end_s'])}{late}")
+    if cost is not None:
+        parts.append(f"{format_price(cost)} {stated['currency'] or ''}".rstrip())
+    if late_s is not None:
         parts.append(f"without delays in {duration}")
     return f"{request.field_name}: {', '.join(parts)}"
 
@@ -163,7 +163,3 @@ def _get_strategy(saved_run: SavedPlanRun) -> str | None:
     """The strategy in the notes of the plan; None where they have none."""
     name = saved_run.saved.plan.notes.get("strategy")
     return name if isinstance(name, str) else None
-
-
-def _format_start(saved_run: SavedPlanRun) -> str | None:
-    return None if saved_run.request.start_s is None else format_clock(saved_run.request.start_s)

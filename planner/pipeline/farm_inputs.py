@@ -6,14 +6,13 @@ import os
 from collections.abc import Collection, Container, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from fields.units import MPS_PER_KMH
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FarmPrices
 from planner.farm.value_sources import find_unchanged_learned_values
 from planner.request.farm_choice import FarmChoice
 from planner.request.options import convert_options_to_parameters, list_given_parameters, list_options
@@ -21,9 +20,6 @@ from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from vehicle.energy.draft import TILL
 from vehicle.model.tractor import list_tractor_names
-
-if TYPE_CHECKING:
-    from planner.pipeline.going_on import ContinuedPlan
 
 
 @dataclass(frozen=True)
@@ -64,16 +60,18 @@ class GivenOptions:
             return request
         names = {*self.given_names} | ({"field"} if "fields" in self.given_names else set())
         given = {option.parameter for option in list_options(PlanRequest) if option.name in names}
-        return self.continued.complete_request(request, given)
+        from planner.pipeline.going_on import keep_parameters
+
+        return keep_parameters(self.continued, request, given)
 
     @cached_property
-    def continued(self) -> ContinuedPlan | None:
-        """The saved plan that goes on, if there is one among what is done; raises HeadlandError."""
+    def continued(self) -> WorkOrder | None:
+        """What the saved plan asked for that goes on, if there is one among what is done; raises HeadlandError."""
         if not self.done:
             return None
-        from planner.pipeline.going_on import read_continued_plan
+        from planner.pipeline.going_on import read_continued_order
 
-        return read_continued_plan(self.done, self.without)
+        return read_continued_order(self.done, self.without)
 
     def build_order(self, request: PlanRequest) -> WorkOrder:
         """The request completed by the farm; raises HeadlandError."""
@@ -87,9 +85,11 @@ class GivenOptions:
             given |= {"tractors", "start_s"}
         order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
         if self.continued is not None:
+            from planner.pipeline.going_on import equip_order
+
             is_farm = self.farm is not None
             keeps_tractor = not is_farm and "tractor" not in given
-            order = self.continued.equip_order(order, keeps_tractor=keeps_tractor, is_from_farm=is_farm)
+            order = equip_order(self.continued, order, keeps_tractor=keeps_tractor, is_from_farm=is_farm)
         return replace(order, done=self.done, without=self.without)
 
 
@@ -108,8 +108,11 @@ def complete_request_by_farm(
     if farm is None:
         return WorkOrder(request)
     farm_tractor = _select_tractor(request, farm, given_parameters, implement_name)
-    if farm_tractor is not None and "tractors" in given_parameters:
-        _check_tractor_count(farm_tractor, max(request.tractors))
+    if farm_tractor is not None and "tractors" in given_parameters and max(request.tractors) > farm_tractor.count:
+        raise RequestError(
+            f"{mark_parameter('tractors')} asks for {max(request.tractors)}, and the farm has {farm_tractor.count} x "
+            f"{farm_tractor.name}; ask for {farm_tractor.count} at most, or change its count in the farm file."
+        )
     farm_implement = _select_implement(farm, farm_tractor, implement_name)
     given_parameters = {*given_parameters, "start_s"} if request.start_s is not None else given_parameters
     if request.headland_order is not None or request.no_headland or "operation" in given_parameters:
@@ -125,8 +128,10 @@ def complete_request_by_farm(
     sized_implement = farm_implement.simulated_implement
     if "width_m" in given_parameters:
         sized_implement = sized_implement.model_copy(update={"width_m": request.width_m, "frame_width_m": None})
+    price_fields = {"price_per_hour": "per_hour", "price_per_tractor": "transport_per_tractor"}
+    prices = {own: getattr(request, name) for name, own in price_fields.items() if name in given_parameters}
     terms = CostTerms(
-        _merge_prices(request, farm, given_parameters),
+        farm.prices.model_copy(update=prices),
         farm_tractor,
         farm_implement,
         learned_notes=_describe_learned_values(farm, farm_implement),
@@ -153,14 +158,6 @@ def _describe_learned_values(farm: FarmFile, farm_implement: FarmImplement) -> t
     )
 
 
-def _merge_prices(request: PlanRequest, farm: FarmFile, given_parameters: Container[str]) -> FarmPrices:
-    """The prices of the farm, replaced where the request gives them."""
-    price_fields = {"price_per_hour": "per_hour", "price_per_tractor": "transport_per_tractor"}
-    return farm.prices.model_copy(
-        update={own: getattr(request, name) for name, own in price_fields.items() if name in given_parameters}
-    )
-
-
 def _select_tractor(
     request: PlanRequest, farm: FarmFile, given_parameters: Container[str], implement_name: str | None
 ) -> FarmTractor | None:
@@ -171,16 +168,6 @@ def _select_tractor(
         return farm.get_tractor(request.tractor)
     farm_implement = None if implement_name is None else farm.get_implement(implement_name)
     return next(each for each in farm.tractors if farm_implement is None or farm.is_compatible(each, farm_implement))
-
-
-def _check_tractor_count(farm_tractor: FarmTractor, requested: int) -> None:
-    """Refuse more tractors than the farm has of this kind."""
-    if requested > farm_tractor.count:
-        raise RequestError(
-            f"{mark_parameter('tractors')} asks for {requested}, and the farm has {farm_tractor.count} x "
-            f"{farm_tractor.name}; ask for {farm_tractor.count} at "
-            "most, or change its count in the farm file."
-        )
 
 
 def _select_implement(farm: FarmFile, farm_tractor: FarmTractor | None, implement_name: str | None) -> FarmImplement:

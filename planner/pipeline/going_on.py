@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,6 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import DoneWork, PlanningContext, Stand
 from planner.evaluation.ground.coverage import MIN_PIECE_WIDTH_M, locate_antenna
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.planned_layout import PlannedLayout
 from planner.evaluation.work_order import DoneSource, WorkOrder, match_plan_time
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.saved_plans import (
@@ -57,7 +56,6 @@ from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, Leg
 from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
 from vehicle.missions.run import SimulationRun
-from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import STANDING, WAITING
 
 PLAN_ERROR_M = 0.5 * MIN_PIECE_WIDTH_M  # a plan of ours: what is narrower than a piece to go back for is its error
@@ -75,7 +73,13 @@ def go_on(context: PlanningContext, order: WorkOrder) -> PlanningContext:
 
     Raises HeadlandError for work of another field, machine or time, and where nothing is left.
     """
-    _check_without(order)
+    if order.without and not any(map(match_plan_time, order.done)):
+        raise RequestError(
+            f"{mark_parameter('without')} leaves machines out of a saved plan, and there is none in "
+            f"{mark_parameter('done')}; give one with a time (plan.json@13:20), or ask for fewer "
+            f"{mark_parameter('tractors')}.",
+            parameter="without",
+        )
     if not order.done:
         return context
     field = context.layout.field
@@ -137,14 +141,14 @@ def continue_order(order: WorkOrder) -> WorkOrder:
 
     The same order where no plan goes on from where its machines stand. Raises HeadlandError.
     """
-    continued = None if order.from_road else read_continued_plan(order.done, order.without)
+    continued = None if order.from_road else read_continued_order(order.done, order.without)
     if continued is None:
         return order
     request = order.request
     is_same = order.tractor is None and request.tractor in (PlanRequest.tractor, continued.request.tractor)
-    order = continued.equip_order(order, keeps_tractor=is_same)
+    order = equip_order(continued, order, keeps_tractor=is_same)
     given = {one.name for one in fields(request) if getattr(request, one.name) != one.default}
-    return replace(order, request=continued.complete_request(request, given | {"field", "local", "crs", "swap_axes"}))
+    return replace(order, request=keep_parameters(continued, request, given | {"field", "local", "crs", "swap_axes"}))
 
 
 def check_source_exists(source: str) -> None:
@@ -156,17 +160,6 @@ def check_source_exists(source: str) -> None:
             f"There is no file {quote_path(name)}; {mark_parameter('done')} takes a file of worked ground, logs, or a "
             "saved plan with a time (plan.json@13:20).",
             parameter="done",
-        )
-
-
-def _check_without(order: WorkOrder) -> None:
-    """Refuse machines that are left out of no plan."""
-    if order.without and not any(map(match_plan_time, order.done)):
-        raise RequestError(
-            f"{mark_parameter('without')} leaves machines out of a saved plan, and there is none in "
-            f"{mark_parameter('done')}; give one with a time (plan.json@13:20), or ask for fewer "
-            f"{mark_parameter('tractors')}.",
-            parameter="without",
         )
 
 
@@ -187,54 +180,11 @@ def _read_works(order: WorkOrder, context: PlanningContext) -> list[DoneWork]:
     return works
 
 
-@dataclass(frozen=True)
-class ContinuedPlan:
-    """What a saved plan asked for, from the time on at which it is left, its machines with what they carry, its layout.
+def read_continued_order(sources: Sequence[DoneSource], without: Sequence[int] = ()) -> WorkOrder | None:
+    """What the last saved plan among some sources asked for, from the time on at which it is left; None without one.
 
-    The tractor is without what soil and heights do to it, as those of the order that goes on do the same or other.
-    Earlier Headlands saved that there is a tank, but not how large: then `has_unknown_tank`.
-    """
-
-    file: str
-    request: PlanRequest
-    tractor: Tractor
-    implement: Implement
-    supply: Supply | None
-    has_unknown_tank: bool
-    layout: PlannedLayout
-
-    def complete_request(self, request: PlanRequest, given: Collection[str]) -> PlanRequest:
-        """The request of this plan, with the `given` parameters of another in place of its own."""
-        return replace(self.request, **{name: getattr(request, name) for name in given})
-
-    def equip_order(self, order: WorkOrder, *, keeps_tractor: bool, is_from_farm: bool = False) -> WorkOrder:
-        """An order on the layout of this plan, by its machines where it keeps the tractor.
-
-        They carry what is given, or what a farm's implement says, else what the plan says. Raises RequestError where
-        none of them does and there is a tank.
-        """
-        supply = order.supply
-        if supply is None and not is_from_farm:
-            self._check_tank_is_known()
-            supply = self.supply
-        order = replace(order, supply=supply, layout=self.layout)
-        if not keeps_tractor:
-            return order
-        return replace(order, tractor=self.tractor, implement=order.implement or self.implement)
-
-    def _check_tank_is_known(self) -> None:
-        if self.has_unknown_tank:
-            raise RequestError(
-                f"The implement of the plan {quote_path(self.file)} has a tank, and the plan does not say how large; "
-                f"add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
-                parameter="farm",
-            )
-
-
-def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = ()) -> ContinuedPlan | None:
-    """The last saved plan among some sources, with the machines that are left; None without one.
-
-    Raises HeadlandError.
+    It is for the machines that are left, with what they carry, on its layout. The tractor is without what soil and
+    heights do to it, as those of the order that goes on do the same or other. Raises HeadlandError.
     """
     match = next((match for source in reversed(sources) if (match := match_plan_time(source))), None)
     if match is None:
@@ -242,16 +192,42 @@ def read_continued_plan(sources: Sequence[DoneSource], without: Sequence[int] = 
     saved, request = _read_plan(match["file"])
     left = len(_list_machines_left(saved, without))
     start_s = None if request.start_s is None else int(_read_clock(match)) % DAY_S
-    later = replace(request, tractors=(left,), start_s=start_s)
-    return ContinuedPlan(
-        match["file"],
-        later,
-        read_bare_tractor(saved, request),
-        read_machines(saved, request)[1],
-        read_supply(saved),
-        has_unknown_tank(saved, request),
-        read_planned_layout(saved),
+    return WorkOrder(
+        replace(request, tractors=(left,), start_s=start_s),
+        tractor=read_bare_tractor(saved, request),
+        implement=read_machines(saved, request)[1],
+        supply=read_supply(saved),
+        done=(match[0],),
+        layout=read_planned_layout(saved),
     )
+
+
+def keep_parameters(continued: WorkOrder, request: PlanRequest, given: Collection[str]) -> PlanRequest:
+    """The request of a plan that goes on, with the `given` parameters of another in place of its own."""
+    return replace(continued.request, **{name: getattr(request, name) for name in given})
+
+
+def equip_order(
+    continued: WorkOrder, order: WorkOrder, *, keeps_tractor: bool, is_from_farm: bool = False
+) -> WorkOrder:
+    """An order on the layout of a plan that goes on, by its machines where it keeps the tractor.
+
+    They carry what is given, or what a farm's implement says, else what the plan says. Raises RequestError where none
+    of them does and there is a tank: earlier Headlands saved that there is one, but not how large.
+    """
+    supply = order.supply
+    if supply is None and not is_from_farm:
+        supply, match = continued.supply, match_plan_time(continued.done[0])
+        if match is not None and supply is None and has_unknown_tank(*_read_plan(match["file"])):
+            raise RequestError(
+                f"The implement of the plan {quote_path(match['file'])} has a tank, and the plan does not say how "
+                f"large; add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
+                parameter="farm",
+            )
+    order = replace(order, supply=supply, layout=continued.layout)
+    if not keeps_tractor:
+        return order
+    return replace(order, tractor=continued.tractor, implement=order.implement or continued.implement)
 
 
 def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -> list[Candidate]:

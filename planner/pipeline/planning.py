@@ -280,12 +280,15 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
     request, field = context.request, context.layout.field
     if best is None or request.part is not None:
         return
+    before = context.going_on
     width_m = measure_passage_m(context.tractor, context.implement)
     for part in list_field_parts(replace(field, done=None), request.margin_m, width_m)[1:]:
         alike = replace(
             request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_UNASKED_OF_PARTS
         )
-        done = _list_done(context, part.region)
+        done: tuple[DoneWork, ...] = ()  # the work in the part, as whoever comes there by road takes it
+        if before is not None and not clip_area(before.ground, part.region).is_empty:
+            done = (DoneWork(before.ground, before.error_m),)
         own_order = replace(order, request=alike, done=done, without=(), from_road=True, layout=None)
         try:
             own_plan, reason = _plan_part(own_order, executor)
@@ -302,14 +305,6 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
             own_plan,
             None if own_plan is not None else reason,
         )
-
-
-def _list_done(context: PlanningContext, region: shapely.Polygon) -> tuple[DoneWork, ...]:
-    """The work of a context that is done in a region, as whoever comes there by road takes it; empty without any."""
-    going_on = context.going_on
-    if going_on is None or clip_area(going_on.ground, region).is_empty:
-        return ()
-    return (DoneWork(going_on.ground, going_on.error_m),)
 
 
 def _plan_part(order: WorkOrder, executor: Executor) -> tuple[PlanResult | None, str | None]:

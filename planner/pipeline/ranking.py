@@ -36,11 +36,11 @@ from planner.risk.costs import are_prices_given, build_hire_terms, describe_pric
 from reports.common.language import mark_text
 from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
+from reports.common.rendering import pick_values
 from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
 from strategies.registry import get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
-from vehicle.model.tractor import Tractor
 
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
@@ -80,19 +80,15 @@ def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
     start = request.start_s
     if start is None:
         return ()
-    notes = []
-    if request.deadline_s is not None and request.deadline_s < start:
-        notes.append(_describe_next_day_time("The deadline", format_clock(request.deadline_s), start))
-    clocks = re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or "")
-    next_day_times = [
-        one for one in (3600 * int(hours) + 60 * int(minutes) for hours, minutes in clocks) if one <= start
-    ]
-    notes += [_describe_next_day_time("Rain", format_clock(one), start) for one in next_day_times]
-    return tuple(notes)
-
-
-def _describe_next_day_time(subject: str, clock_text: str, start_s: int) -> str:
-    return f"{subject} at {clock_text} means {clock_text} the next day, as the start is at {format_clock(start_s)}."
+    late = request.deadline_s is not None and request.deadline_s < start
+    times = [("The deadline", request.deadline_s or 0)] if late else []
+    for hours, minutes in re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or ""):
+        rain_s = 3600 * int(hours) + 60 * int(minutes)
+        times += [("Rain", rain_s)] if rain_s <= start else []
+    return tuple(
+        f"{subject} at {clock} means {clock} the next day, as the start is at {format_clock(start)}."
+        for subject, clock in ((subject, format_clock(at_s)) for subject, at_s in times)
+    )
 
 
 def _describe_duties(day: Workday) -> str:
@@ -154,16 +150,27 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked.
     Raises RequestError for a margin that takes most of the field, or much of it if no plan works.
     """
-    results = [add_piece_location(result, context) for result in mark_worked_shares(results, context)]
+    field = context.layout.field
+    results = [
+        replace(one, largest_missed=locate_piece(field, piece.m2, piece.x_m, piece.y_m)) if piece else one
+        for one, piece in ((one, one.largest_missed) for one in mark_worked_shares(results, context))
+    ]
     check_margin(context, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)
-    pareto_front = _find_pareto_front(feasible)
+    front: list[PlanResult] = []  # what no plan beats in time and number of tractors; of equal counts the quickest
+    for result in sorted(feasible, key=lambda r: (r.tractors, r.ranked_s)):
+        if not front or result.ranked_s < front[-1].ranked_s - TIME_TOLERANCE_S:
+            front.append(result)
     ranked = [
-        replace(result, rank=place, on_pareto_front=result in pareto_front)
-        for place, result in enumerate(feasible, start=1)
+        replace(result, rank=place, on_pareto_front=result in front) for place, result in enumerate(feasible, start=1)
     ]
     infeasible = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
-    request, field, elevation = context.request, context.layout.field, context.physics.elevation
+    request, elevation = context.request, context.physics.elevation
+    terms = context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+    tractor_effects = {name: dict(setting.value) for name, setting in context.tractor.effects.items()}
+    model = context.tractor.discrepancy_model
+    if model is not None and model.on:
+        tractor_effects[DISCREPANCY_KEY] = dict(model.amounts)
     ranking = PlanRanking(
         field_name=field.name,
         area_ha=field.area_ha,
@@ -173,9 +180,11 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         deadline=None if request.deadline_s is None else format_clock(request.deadline_s),
         allowed_s=request.time_limit_s,
         assumptions=list_assumptions(context),
-        tractor_effects=list_tractor_effects(context.tractor),
+        tractor_effects=tractor_effects,
         scenario=export_request(context),
-        **_describe_currency_and_cost(context),
+        currency=terms.prices.currency,
+        prices_assumed=not are_prices_given(request, context.cost_terms),
+        money_sentences=(f"The cost covers {describe_prices(terms)}.",),
         cut_off_m2=field.cut_off_m2,
         pull=context.pull,
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
@@ -210,17 +219,6 @@ def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     return f"No recommendation: only {worked_pct:.1f} % of {ground} is worked; {most_pct:.0f} % is {reason}."
 
 
-def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
-    """The currency and a sentence on what the cost covers."""
-    request = context.request
-    terms = context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
-    return {
-        "currency": terms.prices.currency,
-        "prices_assumed": not are_prices_given(request, context.cost_terms),
-        "money_sentences": (f"The cost covers {describe_prices(terms)}.",),
-    }
-
-
 def add_clock_times(ranking: PlanRanking, context: PlanningContext) -> PlanRanking:
     """The ranking with the times of day of its best plan."""
     workday, request = context.workday, context.request
@@ -251,14 +249,6 @@ def check_margin(context: PlanningContext, feasible: bool) -> None:
         )
 
 
-def add_piece_location(result: PlanResult, context: PlanningContext) -> PlanResult:
-    """The result with longitude and latitude of its largest missed piece if the field has a coordinate system."""
-    piece = result.largest_missed
-    if piece is None:
-        return result
-    return replace(result, largest_missed=locate_piece(context.layout.field, piece.m2, piece.x_m, piece.y_m))
-
-
 def locate_piece(field: Field, area_m2: float, x_m: float, y_m: float) -> UnworkedPiece:
     """A piece of ground with longitude and latitude if the field has a coordinate system."""
     if field.crs is None:
@@ -277,7 +267,20 @@ def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
 
 def export_request(context: PlanningContext) -> dict[str, Any]:
     """The request of a ranking as plain values, with the values chosen for what it left open."""
-    request, layout = context.request, context.layout
+    request, layout, physics, estimate = context.request, context.layout, context.physics, context.physics.moisture
+    implement, estimated = dict[str, Any](), dict[str, Any]()
+    if request.draft is not None or request.depth_cm is not None:  # else both follow from the operation
+        rule = request.find_draft_rule()
+        assert rule is not None  # a request with either is refused where nothing is pulled
+        implement = {"draft": rule.name, "depth_cm": rule.depth_cm if rule.follows_depth else None}
+    if estimate is not None:  # the rain of the last days and the moisture that it makes
+        estimated = {
+            "rain_mm": estimate.rain_mm,
+            "rain_days": estimate.days,
+            "et0_mm": round(estimate.et0_mm, 2),
+            "estimated_moisture_pct": round(estimate.moisture_pct, 2),
+            "estimated_moisture_range_pct": [round(estimate.low_pct, 2), round(estimate.high_pct, 2)],
+        }
     return {
         "field": layout.field.name,
         "width_m": layout.width_m,
@@ -287,18 +290,12 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "swath_form": request.swaths,
         "cells": describe_cells(layout),
         "radius_m": context.driving_rules.radius_m,
-        "clearance_m": request.clearance_m,
-        "margin_m": request.margin_m,
+        **pick_values(request, ("clearance_m", "margin_m")),
         "tractor": context.tractor.name,
         "turn": request.turn,
         "speed_kmh": request.speed_mps / MPS_PER_KMH,
         "headland_passes": layout.headland_passes,
-        "operation": request.operation,
-        "headland_order": request.headland_order,
-        "corners": request.corners,
-        "overhang_m": request.overhang_m,
-        "no_headland": request.no_headland,
-        "open_edges": request.open_edges,
+        **pick_values(request, ("operation", "headland_order", "corners", "overhang_m", "no_headland", "open_edges")),
         "sections": request.sections,
         "transport_width_m": context.implement.transport_width_m,
         "turn_speed_kmh": request.effective_turn_speed_mps / MPS_PER_KMH,
@@ -306,59 +303,17 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "price_per_tractor": request.price_per_tractor,
         "start": None if request.start_s is None else format_clock(request.start_s),
         "deadline": None if request.deadline_s is None else format_clock(request.deadline_s),
-        "seed": request.seed,
-        "gnss": request.gnss,
+        **pick_values(request, ("seed", "gnss")),
         "samples": 0 if context.criteria is None else context.criteria.samples,
-        "rain": request.rain,
-        "objective": request.objective,
+        **pick_values(request, ("rain", "objective")),
         **({} if context.supply is None else export_supply(context.supply)),
         "budget": request.budget,
-        "elevation": None if context.physics.elevation is None else context.physics.elevation.source,
-        "soil": None if context.physics.soil is None else context.physics.soil.name,
-        "moisture_pct": None if context.physics.soil is None else context.physics.soil.moisture_pct,
-        **_export_implement(request),
-        **_export_estimate(context),
+        "elevation": None if physics.elevation is None else physics.elevation.source,
+        "soil": None if physics.soil is None else physics.soil.name,
+        "moisture_pct": None if physics.soil is None else physics.soil.moisture_pct,
+        **implement,
+        **estimated,
     }
-
-
-def _export_implement(request: PlanRequest) -> dict[str, Any]:
-    """The implement and the depth that a request asks for; nothing where they follow from its operation."""
-    if request.draft is None and request.depth_cm is None:
-        return {}
-    rule = request.find_draft_rule()
-    assert rule is not None  # a request with either is refused where nothing is pulled
-    return {"draft": rule.name, "depth_cm": rule.depth_cm if rule.follows_depth else None}
-
-
-def _export_estimate(context: PlanningContext) -> dict[str, Any]:
-    """The rain of the last days and the moisture that it makes; nothing without rain."""
-    estimate = context.physics.moisture
-    if estimate is None:
-        return {}
-    return {
-        "rain_mm": estimate.rain_mm,
-        "rain_days": estimate.days,
-        "et0_mm": round(estimate.et0_mm, 2),
-        "estimated_moisture_pct": round(estimate.moisture_pct, 2),
-        "estimated_moisture_range_pct": [round(estimate.low_pct, 2), round(estimate.high_pct, 2)],
-    }
-
-
-def _find_pareto_front(feasible: list[PlanResult]) -> list[PlanResult]:
-    """Feasible plans that no other plan beats in time and number of tractors; of equal counts the quickest."""
-    front: list[PlanResult] = []
-    for result in sorted(feasible, key=lambda r: (r.tractors, r.ranked_s)):
-        if not front or result.ranked_s < front[-1].ranked_s - TIME_TOLERANCE_S:
-            front.append(result)
-    return front
-
-
-def list_tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
-    """Effects of a tractor file with their values, and its discrepancy model, if on, under DISCREPANCY_KEY."""
-    amounts = {name: dict(setting.value) for name, setting in tractor.effects.items()}
-    if tractor.discrepancy_model is not None and tractor.discrepancy_model.on:
-        amounts[DISCREPANCY_KEY] = dict(tractor.discrepancy_model.amounts)
-    return amounts
 
 
 def _describe_headland(context: PlanningContext) -> str:

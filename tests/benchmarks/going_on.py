@@ -25,7 +25,7 @@ from fields.geometry.overlays import unite_areas
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.going_on import cut_run, read_continued_plan
+from planner.pipeline.going_on import cut_run, read_continued_order
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import LEAVE
@@ -187,7 +187,7 @@ def main() -> None:
             lost = number % 2 == 1
             without = (int(random.integers(count)) + 1,) if lost else ()
             source = f"{file}@{int(cut_s) // 3600}:{int(cut_s) % 3600 // 60:02d}:{int(cut_s) % 60:02d}"
-            continued = read_continued_plan([source], without)
+            continued = read_continued_order([source], without)
             assert continued is not None
             request = replace(continued.request, strategies=("split-field",))
             uncut_s = measure_rest_s(whole, cut_s, without)

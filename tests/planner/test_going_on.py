@@ -27,7 +27,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.settings import FarmTimes
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
-from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_plan, sum_used
+from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_order, sum_used
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan, plan_order
@@ -69,7 +69,7 @@ def whole(folder: Path) -> PlanningResult:
 
 
 def go_on(folder: Path, source: str, without: tuple[int, ...] = (), **changes: Any) -> PlanningResult:
-    continued = read_continued_plan([source], without)
+    continued = read_continued_order([source], without)
     request = replace(continued.request, **changes)
     return plan(request, done=source, without=without, executor=SerialExecutor())
 
@@ -233,14 +233,14 @@ def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, 
         with pytest.raises(HeadlandError, match=words):
             plan(asked, done=done, executor=SerialExecutor())
     with pytest.raises(HeadlandError, match="names machine 3, and the plan has 2"):
-        read_continued_plan([source], (3,))
+        read_continued_order([source], (3,))
     with pytest.raises(HeadlandError, match="leaves no machine"):
-        read_continued_plan([source], (1, 2))
+        read_continued_order([source], (1, 2))
     with pytest.raises(HeadlandError, match="without leaves machines out of a saved plan, and there is none in done"):
         plan(request, without=1, executor=SerialExecutor())
     (folder / "garbled.json").write_text("{", encoding="utf-8")
     with pytest.raises(HeadlandError, match=r"garbled.json' cannot be gone on with\. The plan is not JSON"):
-        read_continued_plan([f"{folder}/garbled.json@0:05"])
+        read_continued_order([f"{folder}/garbled.json@0:05"])
 
 
 def write_changed_plan(folder: Path, name: str, change: Callable[[dict[str, Any]], None]) -> str:

@@ -14,7 +14,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
-from planner.pipeline.going_on import continue_order, read_continued_plan
+from planner.pipeline.going_on import continue_order, read_continued_order
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_supply, simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
@@ -87,8 +87,7 @@ def test_a_plan_of_an_earlier_headland_that_does_not_say_how_large_its_tank_is_a
     source = change_plan(folder, say_it_in_words)
     with pytest.raises(HeadlandError, match=r"has a tank, and the plan does not say how large; add farm"):
         plan(whole.context.request, done=source, executor=SerialExecutor())
-    continued = read_continued_plan([source])
-    assert continued.has_unknown_tank and continued.supply is None
+    assert read_continued_order([source]).supply is None
 
 
 @pytest.mark.slow
@@ -107,7 +106,7 @@ def test_a_plan_of_an_earlier_headland_that_does_not_say_how_large_its_tank_is_a
 def test_a_garbled_supply_is_told(folder: Path, whole: PlanningResult, wrong: dict[str, Any]) -> None:
     source = change_plan(folder, lambda machines: machines["supply"].update(wrong))
     with pytest.raises(HeadlandError, match="supply in the scenario of the plan is garbled; save the plan again"):
-        read_continued_plan([source])
+        read_continued_order([source])
 
 
 @pytest.mark.slow

@@ -59,6 +59,7 @@ LATER_IMPLEMENT = ("transport_width_m", "fold_s")
 COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
 WORKDAY_KEY = "workday"  # among these: what precedes field work, breaks and shift
+OLD_PLAN = "a farm's plan from an older Headland that saved no machines"  # why a plan may have no machines
 MOST_BREAKS = 1000  # of a saved day
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
 MAX_SAVED_NODES = 4_000_000
@@ -91,9 +92,10 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
     request = read_request(saved)
     run = rerun_plan(saved, request)
     if run.outcome != DONE:
+        old_plan = "" if MACHINES_KEY in saved.scenario else f", or it is {OLD_PLAN}"
         raise MissionError(
             f"The plan is not driven to its end ({run.outcome}): it or the tractor {request.tractor!r} was changed "
-            f"since it was saved{_describe_old_plan(saved)}; plan again."
+            f"since it was saved{old_plan}; plan again."
         )
     tractor = read_machines(saved, request)[0]
     measures = measure_steps(run, tractor, read_physics(saved, request, tractor))
@@ -219,15 +221,6 @@ def has_unknown_tank(saved: SavedPlan, request: PlanRequest) -> bool:
     return tractor.battery is None and is_loaded and read_supply(saved) is None
 
 
-def _describe_old_plan(saved: SavedPlan) -> str:
-    """A possible cause for a plan saved without machines."""
-    return (
-        ""
-        if MACHINES_KEY in saved.scenario
-        else ", or it is a farm's plan from an older Headland that saved no machines"
-    )
-
-
 def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Implement]:
     """The machines saved with the plan, or the tractor of its request and a default implement of its width.
 
@@ -238,8 +231,8 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
         name = request.tractor
         if name not in list_tractor_names() and not os.path.lexists(name):
             raise RequestError(
-                f"The tractor {name!r} of the plan is neither known nor an existing file{_describe_old_plan(saved)}; "
-                "plan again, or put the tractor's file back.",
+                f"The tractor {name!r} of the plan is neither known nor an existing file, or it is {OLD_PLAN}; plan "
+                "again, or put the tractor's file back.",
                 parameter="tractor",
             )
         with attach_parameter("tractor"):
@@ -285,30 +278,25 @@ def _export_request(request: PlanRequest) -> dict[str, Any]:
     return {name: value for name, value in asdict(request).items() if name not in defaults or value != defaults[name]}
 
 
-@dataclass(frozen=True)
-class StatedFigures:
-    """Begin and end of field work (s by the clock; the end in half and in 95 % of the samples) and the cost that a
-    ranking stated."""
+def read_stated_figures(saved: SavedPlan) -> dict[str, Any] | None:
+    """What the ranking of a saved plan stated; None where nothing readable was saved.
 
-    begin_s: float
-    end_s: float
-    late_end_s: float | None
-    cost: float | None
-    currency: str | None
-
-
-def read_stated_figures(saved: SavedPlan) -> StatedFigures | None:
-    """What the ranking of a saved plan stated; None where nothing readable was saved."""
+    That are begin and end of field work (`begin_s`, `end_s` and `late_end_s`: by the clock, the end in half and in 95 %
+    of the samples), `cost` and `currency`; None where one is not known.
+    """
     stated = saved.plan.notes.get(STATED_KEY)
     if not isinstance(stated, dict) or not isinstance(stated.get("end_s"), int | float):
         return None
-    begin_s, late_end_s, cost = (
-        stated[key] if isinstance(stated.get(key), int | float) else None for key in ("begin_s", "late_end_s", "cost")
-    )
+    figures = {
+        key: stated[key] if isinstance(stated.get(key), int | float) else None
+        for key in ("begin_s", "end_s", "late_end_s", "cost")
+    }
     currency = stated.get("currency")
-    return StatedFigures(
-        begin_s or 0.0, stated["end_s"], late_end_s, cost, currency if isinstance(currency, str) else None
-    )
+    return {
+        **figures,
+        "begin_s": figures["begin_s"] or 0.0,
+        "currency": currency if isinstance(currency, str) else None,
+    }
 
 
 def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
@@ -319,7 +307,7 @@ def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
     stated = read_stated_figures(saved)
     values = None if stated is None else saved.plan.notes[STATED_KEY].get(WORKDAY_KEY)
     if values is None:
-        return Workday(duties_before=() if stated is None else (Duty(ROAD, stated.begin_s),))
+        return Workday(duties_before=() if stated is None else (Duty(ROAD, stated["begin_s"]),))
     try:
         breaks_s = tuple((int(first), int(last)) for first, last in values["breaks_s"])
         begin_s, end_s = (None if at is None else int(at) for at in values["shift_s"])
@@ -342,10 +330,14 @@ def _export_stated_figures(plan: Plan, workday: Workday | None, ranking: PlanRan
     if workday is not None:
         duties = {"before_s": workday.before_field_s, "breaks_s": workday.breaks_s, "shift_s": workday.shift_s}
         day = {WORKDAY_KEY: duties}
-    stated = StatedFigures(
-        result.ready_s or 0.0, result.stated_end_s, result.stated_late_end_s, result.stated_cost, ranking.currency
-    )
-    return {STATED_KEY: {**day, **asdict(stated)}}
+    stated = {
+        "begin_s": result.ready_s or 0.0,
+        "end_s": result.stated_end_s,
+        "late_end_s": result.stated_late_end_s,
+        "cost": result.stated_cost,
+        "currency": ranking.currency,
+    }
+    return {STATED_KEY: {**day, **stated}}
 
 
 def _export_ground(context: PlanningContext) -> dict[str, Any]:
