@@ -57,14 +57,10 @@ def build_battery_supply(
     worked_m = [*lengths_m, headland_m]
     if sum(supply.compute_need(length_m, layout.width_m) for length_m in worked_m) <= AMPLE_SHARE * drive.usable_kwh:
         return None
-    return _set_trips_apart(located, layout, rules, ground)
-
-
-def _set_trips_apart(supply: BatterySupply, layout: Layout, rules: DrivingRules, ground: str) -> BatterySupply:
-    """The supply with the energy of the way to its place and back set apart."""
-    if supply.place is None:
-        return supply
-    place, corners = shapely.Point(supply.place), shapely.points(shapely.get_coordinates(layout.field.boundary))
+    if located.place is None:
+        return located
+    # The energy of the way to its place and back is set apart.
+    place, corners = shapely.Point(located.place), shapely.points(shapely.get_coordinates(layout.field.boundary))
     trip_m = DETOUR_FACTOR * float(shapely.distance(place, corners).max())
-    trip_kwh = (1.0 + ESTIMATE_MARGIN) * supply.meter.compute_straight_kwh(trip_m, rules.turn_speed_mps, False, ground)
-    return replace(supply, trip_kwh=trip_kwh, capacity=supply.usable_kwh - 2.0 * trip_kwh)
+    trip_kwh = (1.0 + ESTIMATE_MARGIN) * located.meter.compute_straight_kwh(trip_m, rules.turn_speed_mps, False, ground)
+    return replace(located, trip_kwh=trip_kwh, capacity=located.usable_kwh - 2.0 * trip_kwh)

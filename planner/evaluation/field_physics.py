@@ -226,7 +226,14 @@ def list_soil_rows(soil: str) -> tuple[Soil, ...]:
 def _find_soil_place(soil: str) -> tuple[str, Path | None]:
     """Name and table of a soil; of a table with one soil the name may be left out."""
     name, path = split_soil_name(soil)
-    return name if name or path is None else _find_only_name(path), path
+    if name or path is None:
+        return name, path
+    names = list(load_soils(path))
+    if len(names) > 1:
+        raise RequestError(
+            f"The table {str(path)!r} has {len(names)} soils; name one as {mark_parameter('soil')} {path}#{names[0]}."
+        )
+    return names[0], path
 
 
 def split_soil_name(soil: str) -> tuple[str, Path | None]:
@@ -235,13 +242,3 @@ def split_soil_name(soil: str) -> tuple[str, Path | None]:
     if stem.lower().endswith(TABLE_SUFFIX):
         return name, Path(stem)
     return ("", Path(soil)) if soil.lower().endswith(TABLE_SUFFIX) else (soil, None)
-
-
-def _find_only_name(path: Path) -> str:
-    """The name of the soil of a table with one soil."""
-    names = list(load_soils(path))
-    if len(names) > 1:
-        raise RequestError(
-            f"The table {str(path)!r} has {len(names)} soils; name one as {mark_parameter('soil')} {path}#{names[0]}."
-        )
-    return names[0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.field_physics import FieldPhysics, split_soil_name
+from planner.evaluation.field_physics import split_soil_name
 from planner.risk.costs import get_grid_factor
 from reports.common.language import mark_text
 from vehicle.energy.trafficability import compute_grip_at_work, compute_trafficability, describe_trafficability
@@ -16,8 +16,12 @@ HOURS_A_DAY = 24
 
 def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     """Heights, soil and load in sentences; nothing where the fuel is not known and the ground is level."""
-    physics = context.physics
-    sentences = [*_describe_heights(physics), *_describe_soil(physics.soil)]
+    physics, sentences = context.physics, list[str]()
+    if physics.elevation is not None:
+        heights = physics.elevation.source.rstrip(".")
+        sentences.append(f"Tractors drive on the heights of {heights}: gravity, power, grip and cross slopes count.")
+    if physics.soil is not None:
+        sentences.append(_describe_soil(physics.soil))
     if physics.moisture is not None:
         sentences.append(_describe_estimate(physics.moisture, is_used=context.request.moisture_pct is None))
     if physics.soil is not None:
@@ -32,24 +36,13 @@ def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def _describe_heights(physics: FieldPhysics) -> list[str]:
-    elevation = physics.elevation
-    if elevation is None:
-        return []
-    return [
-        f"Tractors drive on the heights of {elevation.source.rstrip('.')}: gravity, power, grip and cross slopes count."
-    ]
-
-
-def _describe_soil(soil: Soil | None) -> list[str]:
-    if soil is None:
-        return []
+def _describe_soil(soil: Soil) -> str:
     name, moisture = soil.name, "" if soil.moisture_pct is None else f"{soil.moisture_pct:.3g}"
     what = mark_text(f"{name} at {moisture} % moisture") if moisture else name
     if soil.cone_index_kpa is None:
-        return [f"The soil is {what} ({soil.source})."]
+        return f"The soil is {what} ({soil.source})."
     interval = "" if soil.low_kpa is None or soil.high_kpa is None else f" ({soil.low_kpa:.0f} to {soil.high_kpa:.0f})"
-    return [f"The soil is {what}, cone index {soil.cone_index_kpa:.0f}{interval} kPa: {soil.source}."]
+    return f"The soil is {what}, cone index {soil.cone_index_kpa:.0f}{interval} kPa: {soil.source}."
 
 
 def _describe_estimate(estimate: MoistureEstimate, *, is_used: bool) -> str:

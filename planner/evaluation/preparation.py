@@ -335,14 +335,10 @@ def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: f
     boundary = field.boundary
     rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
     is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
-    return headland_passes if is_left_handed else tuple(map(reverse_pass, headland_passes))
-
-
-def reverse_pass(headland_pass: HeadlandPass) -> HeadlandPass:
-    """A headland pass driven the other way."""
-    return replace(
-        headland_pass,
-        sides=tuple(
-            HeadlandPassSide(s.points[::-1], -s.end_turn_rad, -s.start_turn_rad) for s in headland_pass.sides[::-1]
-        ),
+    if is_left_handed:
+        return headland_passes
+    sides = (
+        tuple(HeadlandPassSide(s.points[::-1], -s.end_turn_rad, -s.start_turn_rad) for s in one.sides[::-1])
+        for one in headland_passes
     )
+    return tuple(replace(one, sides=turned) for one, turned in zip(headland_passes, sides, strict=True))

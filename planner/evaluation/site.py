@@ -59,14 +59,19 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
 
     ground, proof_ground = build_grounds(shapely.Polygon())
     crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
-    is_kept = keeps_ground(operation, rule)
+    is_kept, implement, standing, folded = keeps_ground(operation, rule), context.implement, None, None
+    if crop_stands and HEADLAND_FIRST in context.request.headland_orders:  # known as deep as the headland
+        outline = shapely.Polygon(field.whole_boundary.exterior)
+        standing = build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)
+    if implement.folds:
+        folded = FoldedBody(build_body(context.tractor, implement.folded), implement.fold_s)
     return Site(
         layout=context.layout,
         headland_passes=context.headland_passes,
         rules=context.driving_rules,
         costs=context.costs,
         body=body,
-        folded=_build_folded_body(context),
+        folded=folded,
         ground=ground,
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
@@ -74,7 +79,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         keeps_ground=is_kept,
         furrow_s=ORDER_S if rule is not None and rule.in_furrows else 0.0,
         kept=build_ground(intersect(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
-        standing=_build_standing_ground(context) if crop_stands else None,
+        standing=standing,
         wheels_s_per_m=KEPT_WHEELS_S_PER_M if crop_stands or is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
@@ -86,21 +91,6 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         is_alike=context.physics.terrain is None and not field.ground_zones,
         corner_factor=CORNER_FACTORS.get(context.request.corners, MISSED_FACTOR),
     )
-
-
-def _build_standing_ground(context: PlanningContext) -> Ground | None:
-    """The ground inside the outline, known as deep as the headland; None where that does not come first."""
-    if HEADLAND_FIRST not in context.request.headland_orders:
-        return None
-    outline = shapely.Polygon(context.layout.field.whole_boundary.exterior)
-    return build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)
-
-
-def _build_folded_body(context: PlanningContext) -> FoldedBody | None:
-    implement = context.implement
-    if not implement.folds:
-        return None
-    return FoldedBody(build_body(context.tractor, implement.folded), implement.fold_s)
 
 
 def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[WorkLine]] | None = None) -> SiteMoves:
@@ -161,7 +151,11 @@ def _compute_allowed(
     edges = intersect(field.compute_overhang_region(overhang_m), near)
     outside = unite([edges, lane]).buffer(tolerance_m, join_style="mitre")
     obstacle_m = context.request.margin_m + tolerance_m
-    blocked = [one.buffer(max(obstacle_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
+    blocked = []
+    for one in field.solid_obstacles:
+        west, south, east, north = one.bounds
+        half_m = 0.5 * float(min(east - west, north - south))
+        blocked.append(one.buffer(max(obstacle_m, LEAST_SEEN_M - half_m)))
     return subtract(outside, unite([*blocked, fences.buffer(fence_m)]))
 
 
@@ -170,12 +164,6 @@ def _measure_beside_guide_m(context: PlanningContext) -> float:
     body = build_body(context.tractor, context.implement)
     rear_m, front_m, half_m = body.boxes[0]
     return max(0.0, min(half_m, front_m - body.guide_m, body.guide_m - rear_m))
-
-
-def _measure_half_m(shape: shapely.Geometry) -> float:
-    """Half the shorter side of the box round a shape (m)."""
-    west, south, east, north = shape.bounds
-    return 0.5 * float(min(east - west, north - south))
 
 
 def build_lane_ground(context: PlanningContext) -> shapely.Geometry:

@@ -96,15 +96,11 @@ def check_graph_in_physics(
         unfinished_count += repeat.outcome != DONE
         if repeat.outcome == DONE and not repeat.contacts:
             simulated_s[number] = repeat.duration_s
-            factor[:, number] = _replace_quick_factors(graph, build_leg_graph(repeat), factor[:, number])
+            # Gears and wheels limit turns: quick ones take their simulated factors.
+            driven_factor = build_leg_graph(repeat).driven_s / np.maximum(graph.driven_s, MIN_LEG_S)
+            is_quick_turn = (graph.kind != WORK_PASS) & (factor[:, number] < 1.0) & (graph.driven_s > MIN_LEG_S)
+            factor[:, number] = np.where(is_quick_turn, driven_factor, factor[:, number])
     return PhysicsCheck(simulated_s, apply_factors(graph, factor).finish_s, contact_count, unfinished_count)
-
-
-def _replace_quick_factors(graph: LegGraph, simulated_graph: LegGraph, factor: Array) -> Array:
-    """The factors, with those of quick turns replaced by the simulated ones: gears and wheels limit turns."""
-    is_quick_turn = (graph.kind != WORK_PASS) & (factor < 1.0)
-    simulated_factor = simulated_graph.driven_s / np.maximum(graph.driven_s, MIN_LEG_S)
-    return np.where(is_quick_turn & (graph.driven_s > MIN_LEG_S), simulated_factor, factor)
 
 
 def scale_speeds(plan: Plan, graph: LegGraph, factor: Array, acceleration_mps2: float = ACCELERATION_MPS2) -> Plan:
@@ -284,20 +280,14 @@ def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) ->
         eligible, shortfall, objective = _select_eligible(in_time, plans, criteria)
         best_plan = choose_best(eligible, objective, criteria.samples)
         chosen_key = best_plan.strategy, best_plan.tractors
-    currency, samples = criteria.cost_terms.prices.currency, criteria.samples
+    prices = criteria.cost_terms.prices
+    currency, samples = prices.currency, criteria.samples
     shortfalls = () if shortfall is None else (shortfall,)
     updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, shortfalls=shortfalls)
-    return replace(updated, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated)))
-
-
-def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> tuple[str, ...]:
-    """Sentences on what the cost covers."""
-    terms, prices = criteria.cost_terms, criteria.cost_terms.prices
-    samples = f"{criteria.samples:,}"
-    covered = f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}."
-    per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
+    count, per_ha = f"{samples:,}", format_price(prices.late_per_ha + prices.seed_per_ha)
+    covered = f"Cost in {currency}, mean of {count} samples: {describe_prices(criteria.cost_terms)}."
     late = f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}."
-    return (covered, late) if includes_late else (covered,)
+    return replace(updated, money_sentences=(covered, late) if has_late_ground_loss(updated) else (covered,))
 
 
 def _select_eligible(

@@ -123,8 +123,9 @@ def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
 
     Numbers by the name of a clock's parameter are seconds of the day.
     """
-    ordered = sorted(given, key=str) if isinstance(given, set | frozenset) else given
-    values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in _iterate(ordered)]
+    several = given if isinstance(given, Iterable) else [given]
+    ordered = sorted(several, key=str) if isinstance(several, set | frozenset) else several
+    values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in ordered]
     if option.parameter in _CLOCKS:
         convert: Callable[[Any], str] = str if name == option.name else partial(write_clock, parameter=option.parameter)
         values = list(map(convert, values))
@@ -135,10 +136,6 @@ def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
             parameter=option.parameter,
         )
     return [part for value in values for part in (_split_text(option, value) if isinstance(value, str) else [value])]
-
-
-def _iterate(given: Any) -> Iterable[Any]:
-    return given if isinstance(given, Iterable) else [given]
 
 
 def _split_text(option: RequestOption, text: str) -> list[Any]:

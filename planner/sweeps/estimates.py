@@ -45,6 +45,7 @@ K = TypeVar("K")
 T = TypeVar("T")
 MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
 UNCERTAINTY_PCT = (3.0, 4.0, 30.0)  # of one, two, more tractors at other speeds, from tests.benchmarks.sweeps
+MOST_KNOWN = len(UNCERTAINTY_PCT)
 DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
 SUMMED = UNLAID | {"speed_mps", "turn_speed_mps", "headland_order"}
@@ -68,11 +69,6 @@ class EstimatedLine:
     points: Points
 
 
-def _describe_line(name: str, line: WorkLine, tractor: int | None, place: int | None, way: int) -> EstimatedLine:
-    path = shapely.LineString(line.paths[way]).simplify(DRAWN_M)
-    return EstimatedLine(name, tractor, place, tuple(path.coords))
-
-
 @dataclass(frozen=True, eq=False)
 class _TimedTours:
     """Tours at a speed: seconds of every tractor, of all at work, and metres of their moves."""
@@ -80,14 +76,6 @@ class _TimedTours:
     times: DrivenTimes
     order: str
     worked_share: float
-
-
-@dataclass(frozen=True)
-class _DriveFactors:
-    """By how much a drive takes longer than tours by themselves, and how much more ground it works than their lines."""
-
-    time: float = 1.0
-    ground: float = 1.0
 
 
 class GroundEstimates:
@@ -98,7 +86,7 @@ class GroundEstimates:
         self._context, self._drives = context, drives
         self._covered_share = compute_covered_share(get_site_moves(context))
         self._sketches = OrderedDict[tuple[int, str, LineWishes], SketchedPlan | StrategyError]()
-        self._drive_factors = dict[tuple[int, str | None], _DriveFactors | StrategyError]()
+        self._drive_factors = dict[tuple[int, str | None], tuple[float, float] | StrategyError]()
         self._moves = OrderedDict({_list_speeds(context.request): get_site_moves(context)})
         self._timed = OrderedDict[tuple[SketchedPlan, str | None, tuple[float, float]], _TimedTours]()
 
@@ -129,13 +117,10 @@ class GroundEstimates:
         if not timed:
             return PlanResult(STRATEGY.name, count, order.request.turn, False, str(refusal), is_simulated=False)
         result = _build_result(context, min(timed, key=_weigh_s))
-        return replace(result, uncertainty_pct=self._find_uncertainty_pct(order.request)) if self._drives else result
-
-    def _find_uncertainty_pct(self, request: PlanRequest) -> float:
-        """Percent by which a drive of a request for one number of tractors may differ; 0 at the speed of the drive."""
-        if _list_speeds(request) == _list_speeds(self._context.request):
-            return 0.0
-        return UNCERTAINTY_PCT[min(request.tractors[0], len(UNCERTAINTY_PCT)) - 1]
+        if not self._drives:
+            return result
+        is_as_driven = _list_speeds(order.request) == _list_speeds(self._context.request)
+        return replace(result, uncertainty_pct=0.0 if is_as_driven else UNCERTAINTY_PCT[min(count, MOST_KNOWN) - 1])
 
     def knows(self, order: WorkOrder) -> bool:
         """Whether tours, and moves at its speeds, are there for all that an order asks for."""
@@ -206,9 +191,12 @@ class GroundEstimates:
             for place, node in enumerate(tour, start=1)
         }
         lines = [(number, line) for number, line in enumerate(get_site_moves(self._context).lines) if line.task.is_work]
-        return tuple(
-            _describe_line(name_line(line.task), line, *places.get(number, (None, None, 0))) for number, line in lines
-        )
+        estimated = []
+        for number, line in lines:
+            tractor, place, way = places.get(number, (None, None, 0))
+            path = shapely.LineString(line.paths[way]).simplify(DRAWN_M)
+            estimated.append(EstimatedLine(name_line(line.task), tractor, place, tuple(path.coords)))
+        return tuple(estimated)
 
     def list_outlines(self) -> tuple[Points, ...]:
         """The outline of the field and its holes, metres."""
@@ -227,7 +215,8 @@ class GroundEstimates:
             try:
                 sketch = sketch_plans(context, STRATEGY, tractors)[0]
                 idle = next((number for number, tour in enumerate(sketch.tours) if not tour), None)
-                found = sketch if idle is None else _refuse_idle(tractors)
+                idle_words = f"There is no work for tractor {tractors} that is worth the drive."
+                found = sketch if idle is None else StrategyError(idle_words)
             except StrategyError as refusal:
                 found = refusal
         keep_last(self._sketches, key, found, MOST_SKETCHES)
@@ -240,18 +229,19 @@ class GroundEstimates:
         if timed is None:
             driven = self._get_drive_factors(len(sketch.tours), context.request.headland_order)
             alone = _time_tours(context, sketch, self._get_moves(context), self._covered_share)
-            times = replace(alone.times, tractor_s=driven.time * alone.times.tractor_s)
-            timed = replace(alone, times=times, worked_share=min(driven.ground * alone.worked_share, 1.0))
+            longer, more = driven
+            times = replace(alone.times, tractor_s=longer * alone.times.tractor_s)
+            timed = replace(alone, times=times, worked_share=min(more * alone.worked_share, 1.0))
         keep_last(self._timed, key, timed, MOST_SKETCHES * MOST_SPEEDS)
         return timed
 
-    def _get_drive_factors(self, tractors: int, headland: str | None) -> _DriveFactors:
-        """What a drive differs by from tours by themselves, with the headland first or last, None for the better.
+    def _get_drive_factors(self, tractors: int, headland: str | None) -> tuple[float, float]:
+        """By how much a drive takes longer than tours by themselves, and works more ground than their lines.
 
-        Raises StrategyError where none can be driven.
+        With the headland first or last, None for the better. Raises StrategyError where none can be driven.
         """
         if not self._drives:
-            return _DriveFactors()
+            return 1.0, 1.0
         key = tractors, headland
         if key not in self._drive_factors:
             try:
@@ -263,7 +253,7 @@ class GroundEstimates:
             raise found
         return found
 
-    def _measure_drive_factors(self, tractors: int, headland: str | None) -> _DriveFactors:
+    def _measure_drive_factors(self, tractors: int, headland: str | None) -> tuple[float, float]:
         """The plan to take by the rule of `headland plan`, as driven, over the tours of split-field alone.
 
         Raises StrategyError where none can be driven.
@@ -281,7 +271,7 @@ class GroundEstimates:
         moves = self._get_moves(context)
         alone = min((_time_tours(context, one, moves, self._covered_share) for one in sketches), key=_weigh_s)
         time = driven.time_s / float(alone.times.tractor_s.max())
-        return _DriveFactors(time, 0.01 * driven.worked_pct / alone.worked_share)
+        return time, 0.01 * driven.worked_pct / alone.worked_share
 
     def _get_moves(self, context: PlanningContext) -> SiteMoves:
         """The moves at the speeds of a context, between the same lines."""
@@ -347,10 +337,6 @@ def _scale_tours(timed: _TimedTours, tractors: int, ratio: float) -> _TimedTours
         others_s = (tractors * mean_s - last_s) / max(1, tractors - 1)
         tractor_s = np.array([last_s] + [others_s] * (tractors - 1))
     return replace(timed, times=DrivenTimes(tractor_s, ratio * times.work_s, ratio * times.turn_s))
-
-
-def _refuse_idle(tractors: int) -> StrategyError:
-    return StrategyError(f"There is no work for tractor {tractors} that is worth the drive.")
 
 
 def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:

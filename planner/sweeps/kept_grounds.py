@@ -113,8 +113,15 @@ class KeptGrounds:
         field_key = _build_key(order, files, SUMMED | {"width_m"})
         ground = self._grounds.pop(key, None)
         if ground is None:
-            ground = self._lay_out(_forget_wishes(order), field_key)
-            self._unprepared = [(ground.estimates, each) for each in _list_prepared(order)]
+            # What is wanted of single lines changes no layout.
+            laid = replace(order, request=replace(order.request, leave_out=None, work_first=None, give=()))
+            ground = self._lay_out(laid, field_key)
+            faster = [replace(order, request=replace(order.request, speed_mps=each)) for each in PREPARED_MPS]
+            self._unprepared = [  # from these others are scaled, the last first: all numbers as asked, then faster
+                (ground.estimates, _set_tractors(one, count + 1))
+                for one in (*faster, order)
+                for count in reversed(range(MOST_PREPARED))
+            ]
         keep_last(self._grounds, key, ground, MOST_GROUNDS)
         if ground.is_borrowed:
             own = replace(order, request=_set_layout(order.request, ground.estimates.layout))
@@ -124,17 +131,14 @@ class KeptGrounds:
         return ground
 
     def _lay_out(self, reference: WorkOrder, field_key: str) -> _KeptGround:
-        borrowed = _borrow_layout(reference.request, self._layouts.get(field_key))
-        if borrowed is not None:
+        request, layout = reference.request, self._layouts.get(field_key)
+        own = request.bearing_deg, request.guidance_line, request.headland_m, request.headland_passes
+        asks_for_own = own != (None,) * 4 or request.cell_bearings or request.swaths != STRAIGHT
+        if layout is not None and not asks_for_own:
             with suppress(HeadlandError):  # what fits one width may not fit another
-                return _KeptGround(_lay_out_undriven(replace(reference, request=borrowed)), True, field_key)
+                borrowed = replace(reference, request=_set_layout(request, layout))
+                return _KeptGround(_lay_out_undriven(borrowed), True, field_key)
         return _KeptGround(_lay_out_undriven(reference), False, field_key)
-
-
-def _list_prepared(order: WorkOrder) -> list[WorkOrder]:
-    """The orders from which others are scaled, the last one first: all numbers as asked, then at other speeds."""
-    faster = [replace(order, request=replace(order.request, speed_mps=each)) for each in PREPARED_MPS]
-    return [_set_tractors(one, count + 1) for one in (*faster, order) for count in reversed(range(MOST_PREPARED))]
 
 
 def _set_tractors(order: WorkOrder, count: int) -> WorkOrder:
@@ -151,19 +155,6 @@ def _build_key(order: WorkOrder, files: str, without: Iterable[str]) -> str:
     left_out = set(without)
     values = [(one.name, getattr(order.request, one.name)) for one in fields(PlanRequest) if one.name not in left_out]
     return repr((files, values, order.field, order.tractor, order.implement, order.supply))
-
-
-def _forget_wishes(order: WorkOrder) -> WorkOrder:
-    """The order without what is wanted of single lines, which changes no layout."""
-    return replace(order, request=replace(order.request, leave_out=None, work_first=None, give=()))
-
-
-def _borrow_layout(request: PlanRequest, layout: tuple[float, int] | None) -> PlanRequest | None:
-    """The request with bearing and headland passes of a layout; None without one, and where it asks for its own."""
-    own = request.bearing_deg, request.guidance_line, request.headland_m, request.headland_passes
-    if layout is None or own != (None,) * 4 or request.cell_bearings or request.swaths != STRAIGHT:
-        return None
-    return _set_layout(request, layout)
 
 
 def _set_layout(request: PlanRequest, layout: tuple[float, int]) -> PlanRequest:

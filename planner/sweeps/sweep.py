@@ -24,7 +24,6 @@ from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.parameter_names import UNLAID, WISHES
-from planner.request.plan_request import PlanRequest
 from planner.risk.costs import are_prices_given, build_hire_terms
 from planner.sweeps.axes import Axis, list_points
 from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
@@ -36,6 +35,7 @@ _ADDED = (
     "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s",
     "fuel_l", "energy_kwh", "co2_kg",
 )  # fmt: skip
+_CLOCKS = ("start_s", "deadline_s")
 _PLANS = TypeAdapter(list[PlanResult])
 _DEFAULTS = {one.name: one.default for one in fields(PlanResult)}
 
@@ -71,15 +71,13 @@ def build_tasks(axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]],
         parameters = {axis.parameter: axis.values[place] for axis, place in zip(axes, values, strict=True)}
         of_ground = by_ground.setdefault(tuple(values[place] for place in places), {})
         of_ground[number] = build_order(parameters)
-    return [task for orders in by_ground.values() for task in _split_by_tractors(orders)]
-
-
-def _split_by_tractors(orders: Mapping[int, WorkOrder]) -> Iterator[EstimateTask]:
-    """The tasks of one ground, whose orders are by the number of their combination."""
-    middle = sorted(orders.values(), key=lambda order: order.request.speed_mps)[len(orders) // 2]
-    for count in sorted({order.request.tractors for order in orders.values()}, reverse=True):
-        numbers = tuple(number for number, order in orders.items() if order.request.tractors == count)
-        yield EstimateTask(numbers, tuple(orders[number] for number in numbers), middle)
+    tasks = []
+    for orders in by_ground.values():
+        middle = sorted(orders.values(), key=lambda order: order.request.speed_mps)[len(orders) // 2]
+        for count in sorted({order.request.tractors for order in orders.values()}, reverse=True):
+            numbers = tuple(number for number, order in orders.items() if order.request.tractors == count)
+            tasks.append(EstimateTask(numbers, tuple(orders[number] for number in numbers), middle))
+    return tasks
 
 
 def lay_out_ground(reference: WorkOrder) -> bytes | HeadlandError:
@@ -236,7 +234,11 @@ class Sweep:
         terms = first.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
         numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]
         areas_ha = [field.area_ha for field in read]
-        limits_s = [self._find_limit_s(request, self._points[number]) for number in numbers]
+        clocks = [
+            {name: at for name, at in self._get_parameters(self._points[number]).items() if name in _CLOCKS}
+            for number in numbers
+        ]
+        limits_s = [replace(request, **clock).time_limit_s for clock in clocks]
         plans = [
             join_fields([found[number] for found in self._found], areas_ha, limit_s)
             for number, limit_s in zip(numbers, limits_s, strict=True)
@@ -264,11 +266,6 @@ class Sweep:
             link=self.link,
         )
 
-    def _find_limit_s(self, request: PlanRequest, numbers: Sequence[int]) -> float | None:
-        """Seconds from the start to the deadline of a combination; None without a deadline."""
-        clock = {name: at for name, at in self._get_parameters(numbers).items() if name in ("start_s", "deadline_s")}
-        return replace(request, **clock).time_limit_s
-
     def _get_parameters(self, numbers: Sequence[int]) -> dict[str, Any]:
         return {axis.parameter: axis.values[number] for axis, number in zip(self.axes, numbers, strict=True)}
 
@@ -292,7 +289,8 @@ def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s:
     refused = next((plan for plan in plans if not plan.feasible), None)
     if refused is not None:
         return refused
-    sums: dict[str, Any] = {name: _add(plans, name) for name in _ADDED}
+    amounts = {name: [getattr(plan, name) for plan in plans] for name in _ADDED}
+    sums: dict[str, Any] = {name: None if None in some else math.fsum(some) for name, some in amounts.items()}
     clock: dict[str, Any] = dict.fromkeys(("ready_s", "home_s", "finished_done_s", "transport_s"))
     worked_ha = math.fsum(area_ha * (plan.worked_pct or 0.0) for plan, area_ha in zip(plans, areas_ha, strict=True))
     return replace(
@@ -309,8 +307,3 @@ def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s:
         fuel_l_per_ha=None,
         energy_kwh_per_ha=None,
     )
-
-
-def _add(plans: Sequence[PlanResult], name: str) -> float | None:
-    values = [getattr(plan, name) for plan in plans]
-    return None if None in values else math.fsum(values)

@@ -152,8 +152,8 @@ def format_sweep_json(result: SweepResult) -> str:
             "best": None if best is None else {"row": result.rows.index(best) + 1, **build_entry(best)},
             "front": [build_entry(one) for one in result.front],
             "influences": [
-                {"option": one.option.key, "time_share": one.time_share, "cost_share": one.cost_share}
-                for one in result.influences
+                {"option": option.key, "time_share": time_share, "cost_share": cost_share}
+                for option, (time_share, cost_share) in result.influences
             ],
             "without_plan": {"count": sum(not one.plan.feasible for one in result.plans), "reason": result.refusal},
             "plans": list_rows(result),
@@ -281,13 +281,11 @@ def _choose_colour(tractors: int) -> int:
 
 def _list_shares(result: SweepResult) -> list[dict[str, Any]]:
     """What the options explain of time and cost in percent, with the rest that only combinations explain."""
-    varied = [one for one in result.influences if len(one.option.values) > 1]
-    labels = [capitalize_first(one.option.label) for one in varied]
+    varied = [one for one in result.influences if len(one[0].values) > 1]
+    labels = [capitalize_first(option.label) for option, _ in varied]
     found = []
-    for colour, title, shares in (
-        (0, "Of the difference in time", [one.time_share for one in varied]),
-        (2, "Of the difference in cost", [one.cost_share for one in varied]),
-    ):
+    for place, colour, title in ((0, 0, "Of the difference in time"), (1, 2, "Of the difference in cost")):
+        shares = [both[place] for _, both in varied]
         if sum(shares) > 0.0:
             named = sorted(zip(shares, labels, strict=True), reverse=True)
             named.append((max(0.0, 1.0 - sum(shares)), "Several only together"))

@@ -56,15 +56,6 @@ class SweptPlan:
     plan: PlanResult
 
 
-@dataclass(frozen=True)
-class OptionInfluence:
-    """Shares of the variance of time and of cost between plans that an option explains by itself, 0 to 1."""
-
-    option: SweptOption
-    time_share: float
-    cost_share: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class SweepResult(ShownResult):
     """The plans of a sweep in the order of their combinations, all estimated and none driven.
@@ -141,15 +132,15 @@ class SweepResult(ShownResult):
         return front
 
     @cached_property
-    def influences(self) -> tuple[OptionInfluence, ...]:
-        """What every option explains of the differences of time and cost, the one that explains most first."""
+    def influences(self) -> tuple[tuple[SweptOption, tuple[float, float]], ...]:
+        """Options, and the shares of the variance of time and of cost that each explains by itself, largest first."""
         feasible = [one for one in self.plans if one.plan.feasible]
         times_s = np.array([one.plan.ranked_s for one in feasible])
         costs = np.array([one.plan.ranked_cost for one in feasible])
         numbers = np.array([one.numbers for one in feasible], np.int64).reshape(len(feasible), len(self.options))
         shares = [measure_influences(values, numbers).tolist() for values in (times_s, costs)]
-        found = [OptionInfluence(option, *both) for option, *both in zip(self.options, *shares, strict=True)]
-        return tuple(sorted(found, key=lambda one: -max(one.time_share, one.cost_share)))
+        found = [(option, (time, cost)) for option, time, cost in zip(self.options, *shares, strict=True)]
+        return tuple(sorted(found, key=lambda one: -max(one[1])))
 
     @property
     def refusal(self) -> str | None:
@@ -264,14 +255,13 @@ def describe_best(result: SweepResult) -> str:
 def describe_influences(result: SweepResult) -> str:
     """Of the differences in time and cost what options explain, "" where there are no differences."""
     sentences = []
-    for text, shares in (
-        (mark_text("Of the difference in time: {shares}."), {one.option: one.time_share for one in result.influences}),
-        (mark_text("Of the difference in cost: {shares}."), {one.option: one.cost_share for one in result.influences}),
-    ):
-        named = [(translate_sentence(option.label), share) for option, share in shares.items()]
+    texts = mark_text("Of the difference in time: {shares}."), mark_text("Of the difference in cost: {shares}.")
+    for place, text in enumerate(texts):
+        named = [(translate_sentence(option.label), shares[place]) for option, shares in result.influences]
         named.sort(key=lambda one: -one[1])
         if named and named[0][1] >= LEAST_SHARE:
-            named.append((translate("several options only together"), 1.0 - sum(shares.values())))
+            rest = 1.0 - sum(shares[place] for _, shares in result.influences)
+            named.append((translate("several options only together"), rest))
             words = [f"{name} {100.0 * share:.0f} %" for name, share in named if share >= LEAST_SHARE]
             sentences.append(translate(text, shares=", ".join(words)))
     return " ".join(sentences)

@@ -164,7 +164,11 @@ class FenceIntrusionCheck(_IntrusionCheck):
         shapely.prepare(self._area)
 
     def _measure_boxes_m(self, boxes: Boxes) -> float:
-        return max(_measure_overhang_m(boxes, self._area, self._shape), _measure_post_depth_m(boxes, self._shape))
+        corners = shapely.points(shapely.get_coordinates(boxes))
+        outside = shapely.distance(corners, self._area)
+        nearest = shapely.distance(corners, self._shape) <= outside + TOLERANCE_M
+        overhang_m = float(np.max(outside[nearest], initial=0.0))  # of the corners of boxes that touch the fence
+        return max(overhang_m, _measure_post_depth_m(boxes, self._shape))
 
 
 class ObstacleIntrusionCheck(_IntrusionCheck):
@@ -180,14 +184,6 @@ class ObstacleIntrusionCheck(_IntrusionCheck):
         inside = corners[shapely.contains_properly(self._area, corners)]
         over = float(np.max(shapely.distance(self._area.boundary, inside), initial=MIN_OVERLAP_M))
         return max(over, _measure_post_depth_m(boxes, self._area))
-
-
-def _measure_overhang_m(boxes: Boxes, area: shapely.Polygon, fence: shapely.Geometry) -> float:
-    """How far the corners of boxes that touch a fence are beyond it."""
-    corners = shapely.points(shapely.get_coordinates(boxes))
-    outside = shapely.distance(corners, area)
-    nearest = shapely.distance(corners, fence) <= outside + TOLERANCE_M
-    return float(np.max(outside[nearest], initial=0.0))
 
 
 def _measure_post_depth_m(boxes: Boxes, fence: shapely.Geometry) -> float:
@@ -342,7 +338,9 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
             owner = np.repeat(here, len(shapes) // max(len(here), 1))
             is_out = ~shapely.covers(ground, shapes)
             owner, shapes = owner[is_out], shapes[is_out]
-            farthest_m = max(farthest_m, _measure_farthest_m(shapes, ground))
+            edge = shapely.points(shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M)))
+            outside = edge[~shapely.intersects(ground, edge)]
+            farthest_m = max(farthest_m, float(np.max(shapely.distance(ground, outside), initial=0.0)))
             is_beyond[owner[~shapely.covers(allowed, shapes)]] = 1.0
         steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T)
         beyond_m += float((steps_m * 0.5 * (is_beyond[1:] + is_beyond[:-1])).sum())
@@ -372,10 +370,3 @@ def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags
     rows = np.append(np.arange(0, len(poses) - 1, CHECK_ROW_STEP), len(poses) - 1)
     passes_gate = run.find_task_rows(tractor, (ENTER, LEAVE))
     return poses[rows], passes_gate[rows], run.find_folded_rows(tractor)[rows]
-
-
-def _measure_farthest_m(shapes: npt.NDArray[np.object_], ground: shapely.Geometry) -> float:
-    """The farthest (m) that the edge of any of some shapes is from the ground; 0 without shapes."""
-    points = shapely.points(shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M)))
-    outside = points[~shapely.intersects(ground, points)]
-    return float(np.max(shapely.distance(ground, outside), initial=0.0))

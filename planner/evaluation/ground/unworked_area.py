@@ -55,7 +55,8 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         else list(_find_obstacle_losses(context, context.layout.field.original_boundary))
     )
     remainder = extract_polygons(shapely.difference(boundary, get_site_moves(context).covered_ground, grid_size=GRID_M))
-    cut_off = _find_cut_off_ground(context)
+    # Wide enough for the machines but without a passage to it: all rooms but the largest.
+    cut_off = extract_polygons(intersect(unite(_list_rooms(context)[1:]), boundary))
     parts_by_reason.append((_describe_cut_off(context), cut_off))
     remainder = extract_polygons(shapely.difference(remainder, cut_off, grid_size=GRID_M))
     for why, zone in _iter_zones(context):
@@ -108,12 +109,6 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
         mark_text(f"margin of {margin_m:g} m to {obstacle_kinds}"),
         extract_polygons(shapely.intersection(lost, near_obstacles, grid_size=GRID_M)),
     )
-
-
-def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
-    """Ground wide enough for the machines but without a passage to it: all rooms but the largest."""
-    rooms = unite(_list_rooms(context)[1:])
-    return extract_polygons(intersect(rooms, context.layout.field.workable_region))
 
 
 def _list_rooms(context: PlanningContext) -> list[shapely.Polygon]:
