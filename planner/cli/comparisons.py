@@ -189,7 +189,14 @@ def compare_bearings(
     from planner.pipeline.comparisons import compare_bearings as compare
     from reports.plan.bearing_report import build_bearing_table, format_bearing_json
 
-    chosen = USUAL_BEARINGS_DEG if bearings is None else _parse_bearings(bearings)
+    chosen: tuple[float, ...] = USUAL_BEARINGS_DEG
+    if bearings is not None:
+        try:
+            chosen = tuple(dict.fromkeys(map(float, bearings.split(","))))
+        except ValueError:
+            raise RequestError(
+                f"--bearings {shorten_value(bearings)} is not a list of degrees; write for instance 0,45,90,135."
+            ) from None
     given = read_given_options(context, options)
     completed = given.build_order(given.build_request(field=field))
     orders = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
@@ -203,14 +210,3 @@ def compare_bearings(
     AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
     if all(row.best is None for row in comparison.rows):
         raise typer.Exit(NO_RESULT_STATUS)
-
-
-def _parse_bearings(text: str) -> tuple[float, ...]:
-    """ "0,45,90" as degrees, each once; raises RequestError."""
-
-    try:
-        return tuple(dict.fromkeys(float(part) for part in text.split(",")))
-    except ValueError:
-        raise RequestError(
-            f"--bearings {shorten_value(text)} is not a list of degrees; write for instance 0,45,90,135."
-        ) from None

@@ -86,7 +86,12 @@ def list_layouts(
     if request.requested_headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
         least_m = _estimate_effort_m(layouts[0], rates)
         for more in range(1, 1 + (DEEPER_FROM_ONE_PASS if plain.headland_passes == 1 else 1)):
-            deeper = _build_deeper_layouts(request, field, plain.headland_passes + more, spacing_m, rates)
+            passes = plain.headland_passes + more
+            try:
+                inner = _lay_plain(request, field, passes, passes * request.width_m, spacing_m, rates)
+            except FieldError:  # no swath fits
+                continue
+            deeper = _list_promising_layouts(request, inner, rates, DEEPER)
             layouts += [one for one in deeper if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
     cumulative_swaths = accumulate(len(layout.swaths) for layout in layouts)
     return [
@@ -148,17 +153,6 @@ def _lay_plain(
         with suppress(FieldError):  # a little ground may take a swath in some bearings only
             return lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
     return lay(bearing_deg=bearing)
-
-
-def _build_deeper_layouts(
-    request: PlanRequest, field: Field, headland_passes: int, spacing_m: float, rates: EffortRates
-) -> list[Layout]:
-    """The most promising layouts inside this many headland passes; none if no swath fits."""
-    try:
-        plain = _lay_plain(request, field, headland_passes, headland_passes * request.width_m, spacing_m, rates)
-    except FieldError:
-        return []
-    return _list_promising_layouts(request, plain, rates, DEEPER)
 
 
 def _compute_limit_m(layout: Layout, least_m: float) -> float:
@@ -248,7 +242,11 @@ class SlopeCosts:
     def weigh(self, site: Site, level_s: float) -> float:
         """The cost of a site that takes `level_s` on level ground."""
         rules = site.rules
-        metres, slopes = self._measure_swaths(site.layout)
+        steps = [cut_into_steps(swath.points_m, STEP_M) for swath in site.layout.swaths]
+        vectors = np.concatenate([vector for _, vector in steps])
+        gradients = self.terrain.compute_gradients(np.concatenate([middle for middle, _ in steps]))
+        metres = np.hypot(*vectors.T)
+        slopes = (gradients * vectors).sum(axis=1) / metres
         directions = [(slopes, self.limit_speeds(slopes, rules.work_speed_mps)) for slopes in (slopes, -slopes)]
         if not self.counts_fuel:
             slowed_s = [float((metres / speeds).sum()) for _, speeds in directions]
@@ -280,14 +278,6 @@ class SlopeCosts:
         return estimate_consumption(
             self.tractor, self.load, self.rolling_share, metres, slopes * metres, speeds, is_working
         )
-
-    def _measure_swaths(self, layout: Layout) -> tuple[Floats, Floats]:
-        """Lengths (n,) of steps along all swaths, and slopes (n,) along them."""
-        steps = [cut_into_steps(swath.points_m, STEP_M) for swath in layout.swaths]
-        vectors = np.concatenate([vector for _, vector in steps])
-        gradients = self.terrain.compute_gradients(np.concatenate([middle for middle, _ in steps]))
-        metres = np.hypot(*vectors.T)
-        return metres, (gradients * vectors).sum(axis=1) / metres
 
 
 def build_slope_weigher(

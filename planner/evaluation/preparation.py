@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import shapely
 
 from fields.geometry.chosen_places import check_entrance, move_entrance_to_outline
 from fields.geometry.field import Field
@@ -226,16 +225,28 @@ def _lay_out_field(
     field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach)
     check_width(field, request.width_m)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
+    turn_kinds = list_allowed_kinds(request.turn)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
     create = partial(create, costs=turn_clock.measure_reversal_costs())
     free_space = compute_free_space(field, reach.margin_m)
 
     def build_context(layout: Layout) -> PlanningContext:
-        return _complete_context(create, request, field, layout, turn_clock, free_space, reach)
+        """The context of one layout: its turns timed and its headland passes laid."""
+        turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
+        turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
+        turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
+        return create(
+            layout=layout,
+            driving_rules=replace(rules, turn_s=turn_s),
+            free_space=free_space,
+            turn_kinds=turn_kinds,
+            fitting_turns=tuple(seconds is not None for seconds in turn_times),
+            headland_passes=lay_directed_passes(field, request.width_m, layout.headland_passes, rules.radius_m),
+        )
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
     turn_times = turn_clock.measure_best_times(
-        request.width_m, compute_available_turn_depth_m(headland_m, reach), list_allowed_kinds(request.turn)
+        request.width_m, compute_available_turn_depth_m(headland_m, reach), turn_kinds
     )
     rates = build_effort_rates(rules, turn_times)
     contexts: list[PlanningContext] = []
@@ -291,32 +302,6 @@ def _build_base_rules(
     ).scale_spacing()
 
 
-def _complete_context(
-    create: CreateContext,
-    request: PlanRequest,
-    field: Field,
-    layout: Layout,
-    turn_clock: TurnTimer,
-    free_space: shapely.Geometry,
-    reach: TurnReach,
-) -> PlanningContext:
-    """The context of one layout: its turns timed and its headland passes laid."""
-    turn_kinds = list_allowed_kinds(request.turn)
-    turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
-    turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
-    turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
-    bend_m = CORNER_BEND_RAD * turn_clock.driving_rules.radius_m
-    headland_passes = lay_directed_passes(field, request.width_m, layout.headland_passes, bend_m)
-    return create(
-        layout=layout,
-        driving_rules=replace(turn_clock.driving_rules, turn_s=turn_s),
-        free_space=free_space,
-        turn_kinds=turn_kinds,
-        fitting_turns=tuple(seconds is not None for seconds in turn_times),
-        headland_passes=headland_passes,
-    )
-
-
 def describe_shallow_headland(request: PlanRequest, needed_m: float) -> str:
     """A sentence that turns need more headland passes than asked for; "" where they fit or planning decides."""
     passes = request.headland_passes
@@ -329,9 +314,9 @@ def describe_shallow_headland(request: PlanRequest, needed_m: float) -> str:
     )
 
 
-def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: float) -> tuple[HeadlandPass, ...]:
-    """The headland passes; their direction is mirrored on a mirrored field."""
-    headland_passes = lay_headland_passes(field, width_m, pass_count, bend_m)
+def lay_directed_passes(field: Field, width_m: float, pass_count: int, radius_m: float) -> tuple[HeadlandPass, ...]:
+    """The headland passes for a turning radius; their direction is mirrored on a mirrored field."""
+    headland_passes = lay_headland_passes(field, width_m, pass_count, CORNER_BEND_RAD * radius_m)
     boundary = field.boundary
     rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
     is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0

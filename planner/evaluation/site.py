@@ -146,7 +146,10 @@ def _compute_allowed(
         gate = shapely.Point(context.gateway.in_pose[:2]).buffer(context.gate_half_width_m)
     fences = subtract(unite(field.fences), gate)
     outline = field.whole_boundary
-    overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + _measure_beside_guide_m(context))
+    body = build_body(context.tractor, context.implement)
+    rear_m, front_m, half_m = body.boxes[0]  # of the tractor, whose nearest side is outside before the guided point is
+    beside_m = max(0.0, min(half_m, front_m - body.guide_m, body.guide_m - rear_m))
+    overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + beside_m)
     near = shapely.Polygon(outline.exterior).buffer(overhang_m, join_style="mitre")
     edges = intersect(field.compute_overhang_region(overhang_m), near)
     outside = unite([edges, lane]).buffer(tolerance_m, join_style="mitre")
@@ -157,13 +160,6 @@ def _compute_allowed(
         half_m = 0.5 * float(min(east - west, north - south))
         blocked.append(one.buffer(max(obstacle_m, LEAST_SEEN_M - half_m)))
     return subtract(outside, unite([*blocked, fences.buffer(fence_m)]))
-
-
-def _measure_beside_guide_m(context: PlanningContext) -> float:
-    """From the guided point to the nearest side of the tractor (m), which is outside before the point is."""
-    body = build_body(context.tractor, context.implement)
-    rear_m, front_m, half_m = body.boxes[0]
-    return max(0.0, min(half_m, front_m - body.guide_m, body.guide_m - rear_m))
 
 
 def build_lane_ground(context: PlanningContext) -> shapely.Geometry:

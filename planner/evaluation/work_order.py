@@ -93,7 +93,12 @@ def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
     if request.entrance is not None:
         field = set_entrance(field, request.entrance)
     field = add_obstacles(leave_out_obstacles(field, request.ignored), request.obstacles)
-    _check_ground_zones(field)
+    for zone in field.ground_zones:  # a field file may hold those of unknown kinds, but no plan can use them
+        if zone.name not in list_ground_names():
+            raise RequestError(
+                f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
+                f"{', '.join(list_ground_names())}."
+            )
     return field.open_edges() if request.open_edges else field
 
 
@@ -103,16 +108,6 @@ def resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:
         return request
     bearing_deg = find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
     return replace(request, guidance_line=None, bearing_deg=bearing_deg)
-
-
-def _check_ground_zones(field: Field) -> None:
-    """Refuse ground zones of unknown kinds: a field file may hold them, but no plan can use them."""
-    for zone in field.ground_zones:
-        if zone.name not in list_ground_names():
-            raise RequestError(
-                f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
-                f"{', '.join(list_ground_names())}."
-            )
 
 
 def load_gnss_errors(request: PlanRequest) -> Table:

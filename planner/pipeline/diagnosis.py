@@ -154,7 +154,11 @@ def _explain_logs(
         if diagnosis.next_drive is None
         else build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
     )
-    return _add_plan_gain(replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan), machine)
+    diagnosis = replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan)
+    gain, why_not = measure_plan_gain(machine, diagnosis.tractor)
+    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
+    notes = (*diagnosis.notes, *([why_not] if why_not else []))
+    return TractorDiagnosis(**values | {"plan": gain, "notes": notes})
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: MappingSource = None) -> list[Log]:
@@ -169,14 +173,6 @@ def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: Ma
         first, paths = files[0][0], [Path(log) if Path(log).exists() else log for _, log in files]
         collected[first:first] = read_logs(paths, fixes, machine.wheelbase_m, mapping)
     return collected
-
-
-def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
-    """Add the change of a small plan by the extended tractor, or a note why there is none."""
-    gain, why_not = measure_plan_gain(machine, diagnosis.tractor)
-    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
-    notes = (*diagnosis.notes, *([why_not] if why_not else []))
-    return TractorDiagnosis(**values | {"plan": gain, "notes": notes})
 
 
 def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | None, str]:

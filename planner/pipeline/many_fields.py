@@ -19,7 +19,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from fields.documents.reader import FieldSummary, describe_listing, list_fields
+from fields.documents.reader import describe_listing, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
 from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles
@@ -140,17 +140,11 @@ def hash_question(order: WorkOrder, simulate_all: bool = False) -> str:
     files = [Path(name) for name in names if isinstance(name, str | Path) and os.path.isfile(name)]
     hashes = [hash_file(path) for path in (*list_field_files(request.field), *files)]
     hashes += hash_strategies(request.strategies)
-    return hash_content(order, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
-
-
-def _find_elevation_name(request: PlanRequest) -> str | None:
-    """The heights of a request or its field; None without any, and where the field cannot be read."""
-    if request.elevation is not None:
-        return request.elevation
-    try:
-        return get_elevation_name(request, read_requested_field(request, None))
-    except HeadlandError:  # the answer will be this refusal
-        return None
+    elevation = request.elevation
+    if elevation is None:
+        with suppress(HeadlandError):  # the answer will be this refusal
+            elevation = get_elevation_name(request, read_requested_field(request, None))
+    return hash_content(order, simulate_all, hashes, hash_height_files(elevation))
 
 
 class AnswerFileError(RequestError):
@@ -260,14 +254,15 @@ def expand_field_names(
     sentence on them. Raises FieldError for a file that cannot be read, RequestError for a pattern that matches no file.
     """
 
-    def list_parcels(place: str) -> tuple[FieldSummary, ...]:
-        listed = list_fields(place, local=local, crs=crs, swap_axes=swap_axes)
+    field_names: dict[str, None] = {}
+    for file in (file for name in names for file in _iter_files(name)):
+        source = parse_field_reference(file)
+        if source.key != ALL_FIELDS:
+            field_names[file] = None
+            continue
+        listed = list_fields(source.place, local=local, crs=crs, swap_axes=swap_axes)
         show_remarks(describe_listing(listed))
-        return listed
-
-    field_names = dict.fromkeys(
-        field for name in names for file in _iter_files(name) for field in _iter_parcels(file, list_parcels)
-    )
+        field_names |= {f"{source.place}#{parcel.key}": None for parcel in listed if parcel.inside is None}
     if len(field_names) > MAX_FIELDS:
         raise RequestError(
             f"{mark_parameter('field')} matches {len(field_names)} fields; plan at most {MAX_FIELDS} at once."
@@ -285,15 +280,6 @@ def _iter_files(name: str) -> Iterator[str]:
     if not files:
         raise RequestError(f"No file matches {place!r}; check the folder and the extension.", parameter="field")
     yield from (file + key for file in files)
-
-
-def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, ...]]) -> Iterator[str]:
-    source = parse_field_reference(name)
-    if source.key != ALL_FIELDS:
-        yield name
-        return
-    for parcel in (one for one in list_parcels(source.place) if one.inside is None):
-        yield f"{source.place}#{parcel.key}"
 
 
 def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:

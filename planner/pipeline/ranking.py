@@ -44,6 +44,10 @@ from vehicle.model.effects import DISCREPANCY_KEY
 
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
+ENTRANCE_SENTENCE = (
+    "All tractors enter and leave through the entrance, one after another; these drives are simulated and timed. "
+    "Outside the field tractors block nobody. Field work is done when the last one sets out for the entrance."
+)
 MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
 
 
@@ -331,16 +335,6 @@ def _describe_headland(context: PlanningContext) -> str:
     )
 
 
-def _describe_entrance(context: PlanningContext) -> tuple[str, ...]:
-    """How the tractors come and leave; nothing without an entrance."""
-    if context.gateway is None:
-        return ()
-    return (
-        "All tractors enter and leave through the entrance, one after another; these drives are simulated and timed. "
-        "Outside the field tractors block nobody. Field work is done when the last one sets out for the entrance.",
-    )
-
-
 def _describe_counted_day_parts(context: PlanningContext) -> tuple[str, ...]:
     """Which parts of the farm's day count."""
     workday = context.workday
@@ -395,7 +389,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         "Wheel traffic is finished ground off the headland that wheels cross with the implement raised; all tyres are "
         f"assumed to be {TYRE_WIDTH_M:g} m wide.",
         _describe_headland(context),
-        *_describe_entrance(context),
+        *([] if context.gateway is None else [ENTRANCE_SENTENCE]),
         *_describe_counted_day_parts(context),
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),

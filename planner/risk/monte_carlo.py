@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -146,7 +147,10 @@ class _GraphWalk:
 def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> SampledOutcomes:
     """The longest path; values of a leg are kept only as long as later legs need them."""
     graph, samples = walk.graph, len(limit_s)
-    links_to, links_from = _index_links(graph)
+    links_to, links_from = defaultdict[int, list[int]](list), defaultdict[int, list[int]](list)
+    for index, link in enumerate(graph.links):
+        links_to[link.after].append(index)
+        links_from[link.source].append(index)
     spent_s, worked_m = {True: np.zeros(samples), False: np.zeros(samples)}, np.zeros(samples)
     energy = None if graph.fuel is None else np.zeros(samples)
     total_m = float(graph.worked_m.sum())
@@ -154,13 +158,13 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
     exit_start_s = None if graph.leaving is None else np.zeros(samples)
     begun_legs: dict[int, tuple[Array, Array]] = {}
     for node in graph.order:
-        tractor, incoming = int(graph.tractor[node]), links_to.get(node, [])
+        tractor, incoming = int(graph.tractor[node]), links_to[node]
         if node not in begun_legs:
             seconds, factor = float(graph.driven_s[node]), walk.get_factor(node)
             begin_s = walk.apply_waits(incoming, walk.now_s[tractor], at_end=False) + graph.stand_s[node]
             driven_s = seconds * factor
             begun_legs[node] = begin_s, walk.apply_stops(tractor, seconds, begin_s + driven_s)
-            walk.set_link_openings(links_from.get(node, []), tractor, begin_s, factor, seconds)
+            walk.set_link_openings(links_from[node], tractor, begin_s, factor, seconds)
             spent_s[int(graph.kind[node]) == WORK_PASS] += driven_s
             if energy is not None and graph.fuel is not None:
                 energy += graph.fuel.driving[node] * factor
@@ -224,16 +228,6 @@ def _compute_done_share(begin_s: Array, end_s: Array, limit_s: Array) -> Array |
     if bool((end_s <= limit_s).all()):
         return 1.0
     return np.clip((limit_s - begin_s) / np.maximum(end_s - begin_s, 1e-9), 0.0, 1.0)
-
-
-def _index_links(graph: LegGraph) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
-    """Numbers of the links to a node and from it."""
-    links_to: dict[int, list[int]] = {}
-    links_from: dict[int, list[int]] = {}
-    for index, link in enumerate(graph.links):
-        links_to.setdefault(link.after, []).append(index)
-        links_from.setdefault(link.source, []).append(index)
-    return links_to, links_from
 
 
 VARIANCE_SAMPLES = 2000

@@ -139,14 +139,6 @@ def name_plan(plan: PlanResult) -> str:
     return translate("{tractors}, {strategy}", tractors=name_fleet(plan), strategy=plan.strategy)
 
 
-def _describe_unfinished(plan: PlanResult) -> str:
-    """``0.08 ha left``, with what was driven over when finished where the operation minds that."""
-    area, driven_m2 = format_area(plan.due_missed_m2), get_charged_traffic_m2(plan)
-    if driven_m2 is None:
-        return translate("{area} left", area=area)
-    return translate("{area} left and {driven} driven over", area=area, driven=format_area(driven_m2))
-
-
 def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     """``98.4 % worked (0.08 ha left: 12 min and 9 EUR of work, without ways there), headland last.``
 
@@ -156,9 +148,13 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.worked_pct is not None:
         rest = ""
         if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
+            area, driven_m2 = format_area(plan.due_missed_m2), get_charged_traffic_m2(plan)
+            ground = translate("{area} left", area=area)
+            if driven_m2 is not None:  # where the operation minds it
+                ground = translate("{area} left and {driven} driven over", area=area, driven=format_area(driven_m2))
             rest = translate(
                 " ({ground}: {time} and {money} of work, without ways there)",
-                ground=_describe_unfinished(plan),
+                ground=ground,
                 time=format_time_span(plan.finishing_s),
                 money=format_money(plan.finishing_cost, ranking.currency),
             )

@@ -202,16 +202,11 @@ def _name_stand(step: DriverLeg, run: SimulationRun, tractor: int, segment: Reco
     if run.find_folding_rows(tractor)[segment.first_row]:
         leg = run.plan.missions[tractor].legs[run.get_leg_numbers(tractor)[segment.first_row]]
         return replace(step, kind=FOLD if leg.folded else UNFOLD)
-    service = run.plan.notes.get("service", REFILL)
-    return replace(step, kind=service, amount=_find_service_amount(run, tractor, segment))
-
-
-def _find_service_amount(run: SimulationRun, tractor: int, segment: RecordSegment) -> float | None:
-    """Amount filled in at a service stop, negative if taken out; None if the plan does not say."""
-    leg = int(run.get_leg_numbers(tractor)[segment.first_row])
-    entries = (one for one in run.plan.notes.get("refills", ()) if (one["tractor"], one["leg"]) == (tractor + 1, leg))
-    sign = -1.0 if run.plan.notes.get("collects") else 1.0
-    return next((sign * float(one["amount"]) for one in entries), None)
+    notes, place = run.plan.notes, (tractor + 1, int(run.get_leg_numbers(tractor)[segment.first_row]))
+    entries = (one for one in notes.get("refills", ()) if (one["tractor"], one["leg"]) == place)
+    sign = -1.0 if notes.get("collects") else 1.0  # what is taken out is negative; None if the plan does not say
+    amount = next((sign * float(one["amount"]) for one in entries), None)
+    return replace(step, kind=notes.get("service", REFILL), amount=amount)
 
 
 def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: RecordSegment) -> tuple[int, ...]:
