@@ -107,7 +107,13 @@ def describe_known_ground(diagnosis: Diagnosis, logs: Sequence[Log]) -> Diagnosi
 
 def _add_surveyed_ground(logs: Sequence[Log], heights: HeightFile) -> list[Log]:
     crs, remark = _find_crs(logs, heights)
-    field = _build_driven_field(logs, crs)
+    # The ground round all tracks as a field; between drives far apart as well.
+    ground = _widen_tracks(logs, REACH_M)
+    outline = shapely.Polygon(ground.exterior) if isinstance(ground, shapely.Polygon) else ground.convex_hull
+    west, south, _, _ = (float(value) for value in outline.bounds)
+    origin = (float(np.floor(west)), float(np.floor(south)))
+    moved = shapely.transform(outline, lambda places: places - origin)
+    field = Field("logs", moved, crs=crs, origin_m=origin)
     grid = read_elevation(heights.path, field, heights.elevation_crs)
     remarks = [*([remark] if remark else []), *grid.remarks]
     sensors = [name for name in ("roll_deg", "pitch_deg") if any(getattr(log, name) is not None for log in logs)]
@@ -190,16 +196,6 @@ def _read_stated_crs(path: str) -> str | None:
         if is_raster_file(path):
             return open_raster(path).crs
         return read_height_points(path).crs
-
-
-def _build_driven_field(logs: Sequence[Log], crs: str | None) -> Field:
-    """The ground round all tracks as a field; between drives far apart as well."""
-    ground = _widen_tracks(logs, REACH_M)
-    outline = shapely.Polygon(ground.exterior) if isinstance(ground, shapely.Polygon) else ground.convex_hull
-    west, south, _, _ = (float(value) for value in outline.bounds)
-    origin = (float(np.floor(west)), float(np.floor(south)))
-    moved = shapely.transform(outline, lambda places: places - origin)
-    return Field("logs", moved, crs=crs, origin_m=origin)
 
 
 def _widen_tracks(logs: Sequence[Log], reach_m: float) -> shapely.Geometry:

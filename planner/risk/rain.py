@@ -67,7 +67,20 @@ def parse_rain(text: str, start_s: int | None) -> RainForecast:
     if re.fullmatch(r"\d{1,2}:\d{2}", text):
         return RainForecast((_compute_onset_s(text, start_s),), (1.0,))
     if "=" in text:
-        return _parse_percentages(text, start_s)
+        onsets_s, probabilities = [], []
+        for part in text.split(","):
+            clock_text, _, share = part.partition("=")
+            onsets_s.append(_compute_onset_s(clock_text.strip(), start_s))
+            probabilities.append(
+                _parse_number(share.strip().removesuffix("%"), "percentage", shorten_value(part)) / PCT
+            )
+        total = PCT * sum(probabilities)
+        if not 0.0 < total <= PCT + 1e-6:
+            raise RequestError(
+                f"{mark_parameter('rain')} percentages add up to {total:g}; they must add up to 100, or less if it may "
+                "stay dry."
+            )
+        return RainForecast(tuple(onsets_s), tuple(probabilities))
     if not text.lower().endswith(".csv"):
         raise RequestError(f"{mark_parameter('rain')} {shorten_value(text)} is none of: {RAIN_FORMATS}.")
     return parse_ensemble(read_table_text(Path(text), "a CSV file", RequestError), shorten_value(text), start_s)
@@ -101,21 +114,6 @@ def parse_ensemble(text: str, file_name: str, start_s: int | None) -> RainForeca
             "least one of them with a time."
         )
     return RainForecast(tuple(onsets_s), (1.0 / count,) * len(onsets_s))
-
-
-def _parse_percentages(text: str, start_s: int | None) -> RainForecast:
-    onsets_s, probabilities = [], []
-    for part in text.split(","):
-        clock_text, _, share = part.partition("=")
-        onsets_s.append(_compute_onset_s(clock_text.strip(), start_s))
-        probabilities.append(_parse_number(share.strip().removesuffix("%"), "percentage", shorten_value(part)) / PCT)
-    total = PCT * sum(probabilities)
-    if not 0.0 < total <= PCT + 1e-6:
-        raise RequestError(
-            f"{mark_parameter('rain')} percentages add up to {total:g}; they must add up to 100, or less if it may "
-            "stay dry."
-        )
-    return RainForecast(tuple(onsets_s), tuple(probabilities))
 
 
 def _compute_onset_s(text: str, start_s: int | None) -> float:

@@ -107,16 +107,13 @@ class DeadlockAvoidance:
             del self.waits[segment][number]
             self._renew_waits(one, other)
             self.waits[segment].insert(number, wait)
-            safe = self._count_safe_states(one, other)
+            # From how many states of two they get home if they are alone; more than there are if also from the start.
+            first, holds = self.net.safe_start[one, other], np.diff(self.zones.base)
+            size = int(holds[one] * holds[other])
+            safe = int(self.net.safe[first : first + size].sum()) + size * self._can_finish(one, other)
             if safe > most_safe:
                 best, most_safe = [(segment, wait)], safe
         return best
-
-    def _count_safe_states(self, one: int, other: int) -> int:
-        """From how many states of two they get home if they are alone; more than there are if also from the start."""
-        first, holds = self.net.safe_start[one, other], np.diff(self.zones.base)
-        size = int(holds[one] * holds[other])
-        return int(self.net.safe[first : first + size].sum()) + size * self._can_finish(one, other)
 
     def _find_blocking_waits(self, state: Sequence[int]) -> list[tuple[TractorSegment, PlannedWait]]:
         """Closed gates of tractors that block another which they wait for."""
@@ -150,7 +147,11 @@ class DeadlockAvoidance:
         base, tables = zones.base, (zones.apart, zones.stands, zones.blockers)
         owner = np.repeat(np.arange(len(base) - 1), np.diff(base))
         apart, stands, blockers = ((table.start, table.at, table.span_s) for table in tables)
-        safe_start, size = self._place_pairs()
+        # Where the table of every two that interact begins in `ScheduleNet.safe` (-1: none), and the size of all.
+        holds = np.diff(self.zones.base)
+        sizes = np.where(np.triu(self.zones.interacts | self.waits_on | self.waits_on.T, 1), np.outer(holds, holds), 0)
+        ends = np.cumsum(sizes).reshape(sizes.shape)
+        safe_start, size = np.where(sizes > 0, ends - sizes, -1), int(ends[-1, -1])
         net = ScheduleNet(
             base,
             owner,
@@ -186,13 +187,6 @@ class DeadlockAvoidance:
         names = "waits_start", "waits_at", "waits_s", "last_wait"
         self.net = self.net._replace(**dict(zip(names, self._build_waits(self.net.owner), strict=True)))
         fill_safe_pair(self.net, one, other)
-
-    def _place_pairs(self) -> tuple[Ints, int]:
-        """Where the table of every two that interact begins in `ScheduleNet.safe` (-1: none), and the size of all."""
-        holds = np.diff(self.zones.base)
-        sizes = np.where(np.triu(self.zones.interacts | self.waits_on | self.waits_on.T, 1), np.outer(holds, holds), 0)
-        ends = np.cumsum(sizes).reshape(sizes.shape)
-        return np.where(sizes > 0, ends - sizes, -1), int(ends[-1, -1])
 
 
 def _list_waits(

@@ -9,7 +9,7 @@ import shapely
 
 from fields.geometry.overlays import Areas, clip_area, intersect, subtract, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.swept_area import Points, Rows, SweptArea, compute_swept_between_rows
+from planner.evaluation.ground.swept_area import Rows, SweptArea, compute_swept_between_rows
 from vehicle.arrays import find_true_spans
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Tractor
@@ -171,7 +171,16 @@ def _cut_spans(spans: Rows, max_rows: int) -> Rows:
 def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Rows, *, wide: bool) -> tuple[Areas, Rows]:
     """Paths of all wheels, or unless `wide` of the rear axle, that moved in a span, and the number of the span."""
     rows, owner = _list_span_rows(spans)
-    wheels = _locate_wheels(run.record[rows, spans[owner, 0], REC_POSE], tractor)
+    # Places (4, t, 2) of the wheels at poses (t, 3) of the centre of mass.
+    x, y, angle = run.record[rows, spans[owner, 0], REC_POSE].T
+    cosine, sine = np.cos(angle), np.sin(angle)
+    wheels = np.stack(
+        [
+            np.column_stack([x + ahead * cosine - left * sine, y + ahead * sine + left * cosine])
+            for ahead in (tractor.front_axle_m, -tractor.rear_axle_m)
+            for left in (-0.5 * tractor.track_m, 0.5 * tractor.track_m)
+        ]
+    )
     wheels = wheels if wide else wheels[2:].mean(axis=0, keepdims=True)
     steps = np.hypot(*np.diff(wheels, axis=1).transpose(2, 0, 1)) * (owner[1:] == owner[:-1])
     has_moved = np.stack([np.bincount(owner[1:], each, len(spans)) for each in steps], axis=1) > STILL_M
@@ -188,16 +197,3 @@ def _list_span_rows(spans: Rows) -> tuple[Rows, Rows]:
     owner = np.repeat(np.arange(len(spans)), counts)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
     return np.minimum(spans[owner, 1] + WHEEL_ROW_STEP * place, spans[owner, 2]), owner
-
-
-def _locate_wheels(poses: Points, tractor: Tractor) -> Points:
-    """Places (4, t, 2) of the wheels at poses (t, 3) of the centre of mass."""
-    x, y, angle = poses.T
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return np.stack(
-        [
-            np.column_stack([x + ahead * cosine - left * sine, y + ahead * sine + left * cosine])
-            for ahead in (tractor.front_axle_m, -tractor.rear_axle_m)
-            for left in (-0.5 * tractor.track_m, 0.5 * tractor.track_m)
-        ]
-    )
