@@ -87,8 +87,12 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.comparisons import compare_ways, list_headland_questions, list_headland_requests
-    from planner.pipeline.many_fields import share_obstacles
+    from planner.pipeline.many_fields import (
+        compare_ways,
+        list_headland_questions,
+        list_headland_requests,
+        share_obstacles,
+    )
     from reports.plan.headland_report import (
         build_headland_table,
         format_headland_csv,
@@ -185,8 +189,8 @@ def compare_bearings(
 
     Example: headland compare-bearings hill.geojson --elevation hill.tif --bearings 0,45,90,135
     """
-    from planner.pipeline.comparisons import USUAL_BEARINGS_DEG, list_bearing_requests
-    from planner.pipeline.comparisons import compare_bearings as compare
+    from planner.pipeline.many_fields import USUAL_BEARINGS_DEG, list_bearing_requests
+    from planner.pipeline.many_fields import compare_bearings as compare
     from reports.plan.bearing_report import build_bearing_table, format_bearing_json
 
     chosen: tuple[float, ...] = USUAL_BEARINGS_DEG

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
 
 from fields.documents.reader import FieldSource, read_field
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
+from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.context import DoneWork
-from planner.evaluation.planned_layout import PlannedLayout
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
@@ -24,6 +29,38 @@ from strategies.rules.supply import Supply
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Implement, Tractor
+
+MOST_OFF_M, MOST_OTHER_SHARE = 0.1, 1e-3  # of half of the tracks, and of the ground inside the headland: rounding
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedLayout:
+    """What a plan tells of its layout, in metres from `origin_m`.
+
+    Attributes:
+        inside: the ground inside its headland passes; empty without them.
+        middles: (n, 2) of what it works on tracks.
+    """
+
+    origin_m: tuple[float, float]
+    inside: shapely.Geometry
+    middles: npt.NDArray[np.float64]
+
+    def find_index(self, layouts: Sequence[Layout]) -> int | None:
+        """Index of the layout with these tracks inside this headland; None where there is none."""
+        fitting = (index for index, layout in enumerate(layouts) if self._fits(layout))
+        return next(fitting, None)
+
+    def _fits(self, layout: Layout) -> bool:
+        shift = np.asarray(self.origin_m) - np.asarray(layout.field.origin_m)
+        inside = shapely.transform(self.inside, lambda xy: xy + shift)
+        region = layout.inner_region if layout.headland_passes else shapely.Polygon()
+        if shapely.symmetric_difference(inside, region).area > MOST_OTHER_SHARE * max(region.area, inside.area):
+            return False
+        swaths = shapely.MultiLineString([swath.points_m for swath in layout.swaths])
+        off_m = shapely.distance(swaths, shapely.points(self.middles + shift))
+        return bool(len(off_m)) and float(np.median(off_m)) < MOST_OFF_M
+
 
 _PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
 FieldChoice = Field | FieldSource | None

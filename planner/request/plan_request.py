@@ -79,6 +79,12 @@ _RAIN_HELP = (
     "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
 )
 _FOLD_HELP = "Width of the implement when folded, metres (3); its working width: it does not fold."
+_ENTRANCE_HELP = "Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file."
+_HEADLAND_FLAGS = {
+    "headland_first": (HEADLAND_FIRST, "Work the headland before the tracks."),
+    "headland_last": (HEADLAND_LAST, "Work the headland after the tracks."),
+}
+_TEXTS: dict[str, Any] = {"parse": tuple, "kind": list[str]}  # an option that is repeated
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
 _WIDTH = NumberLimits("working width", "m", low=0.5, high=100.0)  # a single furrow, and more than any boom
@@ -238,15 +244,7 @@ class PlanRequest:
     ] = "till"
     headland_order: Annotated[
         str | None,
-        OptionHelp(
-            "When the headland is worked.",
-            WORK,
-            choices=HEADLAND_ORDERS,
-            flags={
-                "headland_first": (HEADLAND_FIRST, "Work the headland before the tracks."),
-                "headland_last": (HEADLAND_LAST, "Work the headland after the tracks."),
-            },
-        ),
+        OptionHelp("When the headland is worked.", WORK, choices=HEADLAND_ORDERS, flags=_HEADLAND_FLAGS),
     ] = None
     corners: Annotated[
         str,
@@ -302,11 +300,7 @@ class PlanRequest:
     ] = None
     entrance: Annotated[
         Place | None,
-        OptionHelp(
-            "Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file.",
-            FIELD,
-            parse=partial(parse_number_pair, parameter="entrance"),
-        ),
+        OptionHelp(_ENTRANCE_HELP, FIELD, parse=partial(parse_number_pair, parameter="entrance")),
     ] = None
     obstacles: Annotated[
         Names,
@@ -315,8 +309,7 @@ class PlanRequest:
             "every obstacle.",
             FIELD,
             api_help="More obstacles to avoid, each LON,LAT or LON,LAT,RADIUS (X,Y with {local}; 1 m by default).",
-            parse=tuple,
-            kind=list[str],
+            **_TEXTS,
         ),
     ] = ()
     ignored: Annotated[
@@ -325,8 +318,7 @@ class PlanRequest:
             "Leave out an obstacle of the file, by its name or number (headland field lists them); once for every one.",
             FIELD,
             api_help="Obstacles of the file to leave out, by name or number.",
-            parse=tuple,
-            kind=list[str],
+            **_TEXTS,
         ),
     ] = ()
     part: Annotated[
@@ -416,8 +408,7 @@ class PlanRequest:
             "Tracks and headland passes that one tractor works: 2=5-8; once for every such tractor.",
             WORK,
             api_help="Tracks and headland passes that one tractor works, such as 2=5-8.",
-            parse=tuple,
-            kind=list[str],
+            **_TEXTS,
         ),
     ] = ()
 

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.comparisons import compare_ways
-from planner.pipeline.many_fields import FieldQuestion
+from planner.pipeline.many_fields import FieldQuestion, compare_ways
 from reports.plan.comparison import WayComparison
 from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
@@ -46,7 +45,7 @@ def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, WayComparison
             kept[key] = compare_ways(questions, *more)
         return kept[key]
 
-    monkeypatch.setattr("planner.pipeline.comparisons.compare_ways", compare)
+    monkeypatch.setattr("planner.pipeline.many_fields.compare_ways", compare)
 
 
 def mask_figures(line: str) -> str:

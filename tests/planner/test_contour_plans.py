@@ -20,7 +20,7 @@ from planner.evaluation.ground.coverage import compute_guided_path
 from planner.evaluation.layout_choice import lay_contours
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.comparisons import list_bearing_requests
+from planner.pipeline.many_fields import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
 from reports.plan.bearing_report import describe_bearings
 from reports.plan.comparison import ComparedWay, WayComparison, WayRow

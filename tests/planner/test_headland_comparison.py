@@ -18,8 +18,8 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.comparisons import compare_ways, list_headland_questions, list_headland_requests
 from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.many_fields import compare_ways, list_headland_questions, list_headland_requests
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
 from reports.plan.comparison import WayComparison

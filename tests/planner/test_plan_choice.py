@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST
-from planner.risk.plan_choice import choose_best
+from planner.risk.assessment import choose_best
 from reports.common.plan_results import PlanResult
 from tests.examples import count_examples
 

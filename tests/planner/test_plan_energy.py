@@ -19,10 +19,10 @@ from planner.farm.machines import FarmTractor
 from planner.farm.random_inputs import build_certain_settings
 from planner.farm.settings import FarmPrices
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
+from planner.risk.assessment import choose_best
 from planner.risk.costs import CostTerms, compute_paid_per_sample
 from planner.risk.leg_graph import build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import sample_outcomes
-from planner.risk.plan_choice import choose_best
 from reports.common.plan_results import PlanResult
 from vehicle.energy.fuel import CO2_KG_PER_L
 from vehicle.model.tractor import load_tractor

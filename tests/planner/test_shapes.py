@@ -13,9 +13,8 @@ from shapely.affinity import translate
 from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.comparisons import compare_ways, list_headland_questions, list_headland_requests
 from planner.pipeline.executors import LocalPool, SerialExecutor
-from planner.pipeline.many_fields import hash_question
+from planner.pipeline.many_fields import compare_ways, hash_question, list_headland_questions, list_headland_requests
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest

@@ -18,8 +18,7 @@ from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, build_level_physics
-from planner.evaluation.planned_layout import PlannedLayout
-from planner.evaluation.work_order import load_gnss_errors, size_implement
+from planner.evaluation.work_order import PlannedLayout, load_gnss_errors, size_implement
 from planner.farm.workday import ROAD, Duty, Workday
 from planner.pipeline.outputs.driving_steps import Steps, delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
