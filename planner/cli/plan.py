@@ -111,21 +111,21 @@ def _collect_records(
     print_record: Callable[[FieldRow], None],
 ) -> list[FieldRow]:
     """Answers as records in the order of the questions, each printed as soon as all before it are."""
-    from planner.pipeline.many_fields import AnswerFile, has_checksum, iter_answers, restore_record, save_record
+    from planner.pipeline import many_fields as many
 
     finished: dict[int, FieldRow] = {}
     lines: dict[int, Record] = {}
     for index, (key, question) in enumerate(zip(keys, questions, strict=True)):
-        if has_checksum(earlier_lines.get(key, {})):
-            record = restore_record(earlier_lines[key])
+        if many.has_checksum(earlier_lines.get(key, {})):
+            record = many.restore_record(earlier_lines[key])
             if not question.with_map or record.best is None or record.map is not None:
                 finished[index], lines[index] = record, earlier_lines[key]
     pending = [index for index in range(len(questions)) if index not in finished]
-    writer, printed_count = AnswerFile(checkpoint), 0
-    writer.replace_records(earlier_lines.values())
+    printed_count = 0
+    many.replace_records(checkpoint, earlier_lines.values())
     try:
         with executor_choice.open_executor(len(pending)) as executor:
-            answers_by_position = iter_answers(
+            answers_by_position = many.iter_answers(
                 executor, [questions[index] for index in pending], bar.show_work, render_refusal
             )
             while True:
@@ -138,14 +138,14 @@ def _collect_records(
                     break
                 index = pending[position]
                 finished[index] = answer
-                lines[index] = save_record(keys[index], finished[index])
-                writer.append_record(lines[index])
+                lines[index] = many.save_record(keys[index], finished[index])
+                many.append_record(checkpoint, lines[index])
     except BaseException as error:
         if checkpoint is not None:
             error.add_note(f"{len(finished)} of {len(questions)} answers are in {checkpoint}; nothing else was written")
         raise
     other_lines = [line for key, line in earlier_lines.items() if key not in set(keys)]
-    writer.replace_records([*other_lines, *(lines[index] for index in sorted(lines))])
+    many.replace_records(checkpoint, [*other_lines, *(lines[index] for index in sorted(lines))])
     return [finished[index] for index in range(len(questions))]
 
 

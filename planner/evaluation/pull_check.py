@@ -82,7 +82,8 @@ def find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) -> 
 def _find_possible_width_m(width_m: float, needed_kw: float, available_kw: float) -> float | None:
     """The greatest width that can be pulled at this speed, in half metres; None if no implement is so narrow."""
     possible_m = min(width_m, width_m * available_kw / needed_kw)
-    possible_m = possible_m if possible_m == width_m else _round_down(possible_m, WIDTH_STEP_M)
+    if possible_m != width_m:
+        possible_m = math.floor(possible_m / WIDTH_STEP_M + 1e-9) * WIDTH_STEP_M
     return possible_m if possible_m >= MIN_SUGGESTED_M else None
 
 
@@ -101,7 +102,3 @@ def _find_possible_speed_kmh(
     steps = range(first, last)
     possible = bisect_left(steps, True, key=lambda step: not needs_less(step * SPEED_STEP_KMH))
     return steps[possible - 1] * SPEED_STEP_KMH if possible else None
-
-
-def _round_down(value: float, step: float) -> float:
-    return math.floor(value / step + 1e-9) * step

@@ -15,7 +15,7 @@ from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.value_sources import find_unchanged_learned_values
 from planner.request.farm_choice import FarmChoice
-from planner.request.options import convert_options_to_parameters, list_given_parameters, list_options
+from planner.request.options import convert_options_to_parameters, list_options
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from vehicle.energy.draft import TILL
@@ -80,7 +80,11 @@ class GivenOptions:
                 f"{mark_parameter('implement')} {self.choice.implement!r} names an implement of a farm file; add "
                 f"{mark_parameter('farm')} or leave it out."
             )
-        given = list_given_parameters(PlanRequest, self.given_names)
+        given = {  # of what a farm file may set
+            option.parameter
+            for option in list_options(PlanRequest)
+            if option.rules.from_farm and option.name in self.given_names
+        }
         if self.continued is not None:
             given |= {"tractors", "start_s"}
         order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)

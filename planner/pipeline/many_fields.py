@@ -216,24 +216,18 @@ def _compute_checksum(record: Mapping[str, Any]) -> str:
     return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-class AnswerFile:
-    """Appends records to a file, each flushed to disk before the next; does nothing without a path."""
+def replace_records(path: Path | None, records: Iterable[Record]) -> None:
+    """Replace an answer file by these records; does nothing without a path."""
+    if path is not None:
+        draft = path.with_name(path.name + ".part")
+        draft.write_text("".join(map(_format_line, records)), encoding="utf-8", newline="\n")
+        draft.replace(path)
 
-    def __init__(self, path: Path | None) -> None:
-        self._path = path
 
-    def replace_records(self, records: Iterable[Record]) -> None:
-        """Replace the file by these records."""
-        if self._path is not None:
-            draft = self._path.with_name(self._path.name + ".part")
-            draft.write_text("".join(map(_format_line, records)), encoding="utf-8", newline="\n")
-            draft.replace(self._path)
-
-    def append_record(self, record: Mapping[str, Any]) -> None:
-        """Append one record."""
-        if self._path is None:
-            return
-        with self._path.open("a", encoding="utf-8", newline="\n") as file:
+def append_record(path: Path | None, record: Mapping[str, Any]) -> None:
+    """Append a record to an answer file, flushed to disk before the next; does nothing without a path."""
+    if path is not None:
+        with path.open("a", encoding="utf-8", newline="\n") as file:
             file.write(_format_line(record))
             file.flush()
             os.fsync(file.fileno())

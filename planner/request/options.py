@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import cache, partial
 from operator import mul
@@ -116,14 +116,6 @@ def list_options(model: type) -> tuple[RequestOption, ...]:
 def find_annotation_metadata(annotation: Any, kind: type[Part]) -> Part | None:
     """What the annotation of a parameter says of a kind."""
     return next((part for part in annotation.__metadata__ if isinstance(part, kind)), None)
-
-
-def list_given_parameters(model: type, given_options: Iterable[str]) -> frozenset[str]:
-    """Of the parameters that a farm file may set, those whose options were given."""
-    names = set(given_options)
-    return frozenset(
-        option.parameter for option in list_options(model) if option.rules.from_farm and option.name in names
-    )
 
 
 def convert_options_to_parameters(model: type, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -267,29 +267,6 @@ def describe_influences(result: SweepResult) -> str:
     return " ".join(sentences)
 
 
-def describe_refused(result: SweepResult) -> str:
-    """How many combinations have no plan, and why the first has none; "" where all have one."""
-    count = sum(not one.plan.feasible for one in result.plans)
-    if not count:
-        return ""
-    reason = translate_sentence(result.refusal or "")
-    return translate_count(
-        "{count} combination has no plan: {reason}", "{count} combinations have no plan, the first: {reason}",
-        count, reason=reason,
-    )  # fmt: skip
-
-
-def describe_weak(result: SweepResult) -> str:
-    """How many combinations need more power than their tractor has, and what the first needs; "" where none does."""
-    weak = [one.plan for one in result.plans if one.plan.feasible and "pull" in one.plan.lacks]
-    if not weak or not result.has_recommendation:
-        return ""
-    return translate_count(
-        "{count} combination cannot be taken: {reason}", "{count} combinations cannot be taken, the first: {reason}",
-        len(weak), reason=question_pull(weak[0].pull),
-    )  # fmt: skip
-
-
 def describe_title(result: SweepResult) -> str:
     """Field, area and how many combinations there are."""
     area, done, total = format_number(result.area_ha, 2), f"{len(result.plans):,}", f"{result.total:,}"
@@ -377,5 +354,21 @@ def list_remarks(result: SweepResult) -> list[str]:
     """What to check of the one to take, what matters, what cannot be pulled, and what has no plan."""
     best = result.best
     doubt = question_pull(best.plan.pull) if best is not None and result.has_recommendation else ""
-    remarks = (doubt, describe_influences(result), describe_weak(result), describe_refused(result))
+    weak = [one.plan for one in result.plans if one.plan.feasible and "pull" in one.plan.lacks]
+    count, weak_words, refused_words = sum(not one.plan.feasible for one in result.plans), "", ""
+    if weak and result.has_recommendation:  # they need more power than their tractor has
+        weak_words = translate_count(
+            "{count} combination cannot be taken: {reason}",
+            "{count} combinations cannot be taken, the first: {reason}",
+            len(weak),
+            reason=question_pull(weak[0].pull),
+        )
+    if count:
+        refused_words = translate_count(
+            "{count} combination has no plan: {reason}",
+            "{count} combinations have no plan, the first: {reason}",
+            count,
+            reason=translate_sentence(result.refusal or ""),
+        )
+    remarks = (doubt, describe_influences(result), weak_words, refused_words)
     return [text for text in remarks if text]

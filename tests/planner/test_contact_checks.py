@@ -96,7 +96,7 @@ poses_of_ponds = st.lists(
 def test_nothing_is_touched_at_poses_that_are_not_found(ponds: PlanningContext, drawn: list[Any]) -> None:
     poses = np.array(drawn)
     for check in (FenceIntrusionCheck(ponds), ObstacleIntrusionCheck(ponds)):
-        near = check.find_touching(poses)
+        near = check.find(poses)
         assert check.measure_intrusion_m(poses) == check.measure_intrusion_m(poses[near])
         assert check.measure_intrusion_m(poses[~near]) == 0.0
 

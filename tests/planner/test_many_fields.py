@@ -14,12 +14,13 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_example_farm
 from planner.pipeline.executors import SerialExecutor, connect_cluster
 from planner.pipeline.many_fields import (
-    AnswerFile,
     FieldQuestion,
+    append_record,
     expand_field_names,
     hash_question,
     iter_answers,
     read_answer_file,
+    replace_records,
     share_obstacles,
 )
 from planner.request.option_texts import parse_widths
@@ -150,15 +151,14 @@ def test_the_digest_changes_with_the_question_and_with_the_file(farm: Path) -> N
 def test_answers_are_kept_and_read_back_whole(tmp_path: Path) -> None:
     path = tmp_path / "kept.jsonl"
     assert read_answer_file(path) == {}
-    keeper = AnswerFile(path)
-    keeper.replace_records([])
+    replace_records(path, [])
     for key in ("b", "a"):
-        keeper.append_record({"key": key, "refusal": "Øde mark"})
+        append_record(path, {"key": key, "refusal": "Øde mark"})
     assert list(read_answer_file(path)) == ["b", "a"]
     with path.open("a", encoding="utf-8") as file:
         file.write('{"key": "c", "ref')
     assert list(read_answer_file(path)) == ["b", "a"]
-    keeper.replace_records([{"key": "a"}, {"key": "b"}])
+    replace_records(path, [{"key": "a"}, {"key": "b"}])
     assert path.read_text(encoding="utf-8") == '{"key": "a"}\n{"key": "b"}\n'
 
 

@@ -130,20 +130,17 @@ class TouchTable:
         return self._body.place_boxes(np.column_stack([poses[:, :2] - self._axle_m * ahead, poses[:, 2]]))
 
 
-class _IntrusionCheck:
-    """How far a tractor or its implement is over a shape, which boxes must touch."""
+class _IntrusionCheck(TouchTable):
+    """How far a tractor or its implement is over a shape, which boxes must touch; elsewhere the depth is 0."""
 
     def __init__(self, context: PlanningContext, shape: shapely.Geometry) -> None:
-        self._table, self._shape = TouchTable(context, shape), shape
+        super().__init__(context, shape)
+        self._shape = shape
         shapely.prepare(shape)
-
-    def find_touching(self, poses: Points) -> Flags:
-        """At which of poses (t, 3) of the centre of mass a box touches the shape; elsewhere the depth is 0."""
-        return self._table.find(poses)
 
     def measure_intrusion_m(self, poses: Points) -> float:
         """How far (m) a box reaches over the shape, or a corner of it into a box, at poses (t, 3) of the centre."""
-        boxes = self._table.place_boxes(poses[self._table.find(poses)])
+        boxes = self.place_boxes(poses[self.find(poses)])
         boxes = boxes[shapely.intersects(self._shape, boxes)]
         return self._measure_boxes_m(boxes) if len(boxes) else 0.0
 
@@ -264,7 +261,7 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
         poses, check = run.get_poses(tractor), checks[state.implement]
         if check.measure_intrusion_m(poses[rows]) <= MAX_FENCE_CROSSING_M:
             continue
-        near_rows = rows[check.find_touching(poses[rows])]
+        near_rows = rows[check.find(poses[rows])]
         depths_m = np.array([check.measure_intrusion_m(poses[[row]]) for row in near_rows])
         for group in _split_rows(near_rows[depths_m > MAX_FENCE_CROSSING_M]):
             deepest = int(group[np.argmax(depths_m[np.searchsorted(near_rows, group)])])
@@ -278,10 +275,10 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
     checks = {each.implement: ObstacleIntrusionCheck(each) for each in (context, context.folded) if obstacles}
     for tractor, rows, state in _iter_states(run, context) if obstacles else ():
         poses = run.get_poses(tractor)
-        rows = rows[checks[state.implement].find_touching(poses[rows])]
+        rows = rows[checks[state.implement].find(poses[rows])]
         for number, obstacle in enumerate(obstacles if len(rows) else ()):
             check = ObstacleIntrusionCheck(state, obstacle)
-            for group in _split_rows(rows[check.find_touching(poses[rows])]):
+            for group in _split_rows(rows[check.find(poses[rows])]):
                 depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
                 deepest = int(np.argmax(depths_m))
                 row = int(group[deepest])
