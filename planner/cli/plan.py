@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
@@ -71,7 +71,13 @@ def plan_batch(
     """
     from planner.cli.common.progress import open_stage_bar
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
-    from reports.plan.many_fields import render_many_fields_page
+    from reports.plan.many_fields import (
+        build_many_fields_screen,
+        build_many_fields_table,
+        format_many_csv_head,
+        format_many_fields_json,
+        render_many_fields_page,
+    )
     from reports.plan.shortfall_wording import question_pull
 
     check_output_paths(
@@ -86,10 +92,17 @@ def plan_batch(
     ]
     keys = [hash_question(question.order, every_plan) for question in questions]
     warm_up()
-    with open_stage_bar("Planning fields") as bar, _open_record_printer(form) as show:
+    if form.csv:
+        typer.echo(format_many_csv_head(), nl=False)
+    with open_stage_bar("Planning fields") as bar:
+        show = _print_csv_rows if form.csv else lambda record: None
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_lines, bar, show)
         if html is not None:
             write_results([(html, render_many_fields_page(records))])
+        if not form.csv:
+            form.print_answer(
+                records, json=format_many_fields_json, screen=build_many_fields_screen, table=build_many_fields_table
+            )
     # Remarks on field files and machines, each once: with its field, unless it is said of several.
     fields_by_remark: dict[str, dict[str, None]] = {}
     for ranking in (record.ranking for record in records if record.ranking is not None):
@@ -149,31 +162,12 @@ def _collect_records(
     return [finished[index] for index in range(len(questions))]
 
 
-@contextmanager
-def _open_record_printer(form: AnswerForm) -> Iterator[Callable[[FieldRow], None]]:
-    """A function that prints a record: CSV at once, other formats after the last."""
-    from reports.plan.many_fields import (
-        build_many_fields_screen,
-        build_many_fields_table,
-        format_many_csv_head,
-        format_many_csv_rows,
-        format_many_fields_json,
-    )
+def _print_csv_rows(record: FieldRow) -> None:
+    """Print the rows of a record at once."""
+    from reports.plan.many_fields import format_many_csv_rows
 
-    records: list[FieldRow] = []
-
-    def print_row(record: FieldRow) -> None:
-        typer.echo(format_many_csv_rows(record), nl=False)
-        sys.stdout.flush()
-
-    if form.csv:
-        typer.echo(format_many_csv_head(), nl=False)
-        yield print_row
-        return
-    yield records.append
-    form.print_answer(
-        records, json=format_many_fields_json, screen=build_many_fields_screen, table=build_many_fields_table
-    )
+    typer.echo(format_many_csv_rows(record), nl=False)
+    sys.stdout.flush()
 
 
 @inject_request_options(changes={"width": _WIDTH})

@@ -400,7 +400,9 @@ def choose_best(plans: Sequence[PlanResult], objective: str = CHEAPEST, samples:
     as_long = [
         plan
         for plan in equal
-        if plan.tractors == preferred.tractors and is_same_time(plan.ranked_s, preferred.ranked_s)
+        if plan.tractors == preferred.tractors
+        and abs(plan.ranked_s - preferred.ranked_s)
+        <= MODEL_ERROR_SHARE * abs(min(plan.ranked_s, preferred.ranked_s))  # as long within the error of the model
     ]
     return min(as_long, key=lambda plan: (build_quality_key(plan), _build_preference_key(plan)))
 
@@ -434,11 +436,6 @@ def _compute_sampling_error(plan: PlanResult, samples: int) -> float:
     """The standard error of the probability of a plan."""
     share = plan.finish_probability or 0.0
     return math.sqrt(share * (1.0 - share) / samples)
-
-
-def is_same_time(time_s: float, reference_s: float) -> bool:
-    """Whether two times are equal within the error of the model."""
-    return abs(time_s - reference_s) <= MODEL_ERROR_SHARE * abs(min(time_s, reference_s))
 
 
 def _select_equally_good_plans(

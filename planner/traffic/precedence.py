@@ -70,7 +70,12 @@ class PrecedenceSearch:
         Gates of the plan that would prevent that are dropped (DeadlockAvoidance.dropped_gates).
         """
         best = self._find_quickest() if self.deadlock_avoidance.drop_deadlocked_gates() else None
-        return best and self._build_timetable(*best)
+        if best is None:
+            return None
+        begun_s, free_s, gates = best
+        base = self.zones.base.tolist()  # by numbered places; a timetable goes by tractors, legs and metres
+        begins = [begun_s[first : end - 1].tolist() for first, end in pairwise(base)]
+        return Timetable(begins, free_s.tolist(), [self._build_gate(*gate) for gate in gates.tolist()])
 
     def _find_quickest(self) -> tuple[Floats, Floats, Floats] | None:
         """The quickest of some timetables, by each eagerness and then with other leads; None without any.
@@ -101,12 +106,6 @@ class PrecedenceSearch:
         is_concerned = net.near | self.deadlock_avoidance.waits_on
         how = eager, leads_s, self.deadlock_avoidance.start
         return fill_timetable(net, is_concerned, max_spans, (GAP_BEHIND_S, GAP_AHEAD_S), *how)  # type: ignore[no-any-return]
-
-    def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
-        """A timetable by tractors, legs and metres from one by numbered places."""
-        base = self.zones.base.tolist()
-        begins = [begun_s[first : end - 1].tolist() for first, end in pairwise(base)]
-        return Timetable(begins, free_s.tolist(), [self._build_gate(*gate) for gate in gates.tolist()])
 
     def _build_gate(self, own_segment: float, other_segment: float, after_s: float) -> tuple[int, int, LegGate]:
         """The gate before a segment that opens when another has been begun for `after_s`, with tractor and leg."""

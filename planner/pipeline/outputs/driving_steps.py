@@ -31,7 +31,6 @@ from vehicle.missions.plan import (
     SWATH,
     TURN,
     Leg,
-    LegTask,
 )
 from vehicle.missions.run import (
     RecordSegment,
@@ -239,8 +238,13 @@ def _build_step(legs: Sequence[Leg], first: int, last: int, width_m: float) -> D
         task = legs[goal].task
     if kind_group in (DRIVE, LEAVE) or task.number is None:
         return replace(step, kind=kind_group if kind_group in (ENTER, LEAVE) else DRIVE)
-    numbered_step = replace(step, number=task.number + (not on_headland_pass), is_headland_pass=on_headland_pass)
-    numbered_step = replace(numbered_step, part=_name_part(task, on_headland_pass))
+    part = str(task.piece + 1) if on_headland_pass else format_piece_letter(task.piece)
+    numbered_step = replace(
+        step,
+        number=task.number + (not on_headland_pass),
+        is_headland_pass=on_headland_pass,
+        part=part if task.is_piece else "",
+    )
     step_legs = legs[first : last + 1]
     if kind_group == ENTER:
         return numbered_step
@@ -275,12 +279,6 @@ def _count_swaths_over(legs: Sequence[Leg], from_index: int, to_index: int, widt
     parallel = aside_m <= MAX_SKEW_SHARE * b.length_m
     spaced = MIN_SPACING_SHARE * swath_count * width_m <= apart_m <= (swath_count + 1.0 - MIN_SPACING_SHARE) * width_m
     return swath_count if swath_count and parallel and spaced else None
-
-
-def _name_part(task: LegTask, is_side: bool) -> str:
-    if not task.is_piece:
-        return ""
-    return str(task.piece + 1) if is_side else format_piece_letter(task.piece)
 
 
 def _compute_bearing_deg(legs: Sequence[Leg]) -> float | None:
