@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from hashlib import sha256
 from itertools import product
 from pathlib import Path
@@ -295,47 +294,38 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
         if (request.obstacles or request.ignored) and request.field not in fields:
             with suppress(FieldError):  # refused when it is planned
                 fields[request.field] = read_requested_field(replace(request, obstacles=(), ignored=()), None)
-    for text in dict.fromkeys(text for request in requests for text in request.obstacles):
-        _refuse_unmatched([partial(add_obstacles, field, [text]) for field in fields.values()])
-    for text in dict.fromkeys(text for request in requests for text in request.ignored):
+    added = {text: _find_fitting(add_obstacles, fields, text) for request in requests for text in request.obstacles}
+    ignored = {}
+    for text in (text for request in requests for text in request.ignored):
         if text.strip().isdecimal():
             raise RequestError(
                 f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
                 "several fields give the name of the obstacle."
             )
-        _refuse_unmatched([partial(leave_out_obstacles, field, [text]) for field in fields.values()])
+        ignored[text] = _find_fitting(leave_out_obstacles, fields, text)
     return [
         replace(
             request,
-            obstacles=tuple(text for text in request.obstacles if _matches(add_obstacles, fields, request, text)),
-            ignored=tuple(text for text in request.ignored if _matches(leave_out_obstacles, fields, request, text)),
+            obstacles=tuple(text for text in request.obstacles if request.field in added[text]),
+            ignored=tuple(text for text in request.ignored if request.field in ignored[text]),
         )
         for request in requests
     ]
 
 
-def _matches(
-    change: Callable[[Field, Sequence[str]], Field], fields: Mapping[str, Field], request: PlanRequest, text: str
-) -> bool:
-    """Whether a text is of use for the field of a request."""
-    try:
-        return request.field in fields and change(fields[request.field], [text]) is not None
-    except FieldError:
-        return False
-
-
-def _refuse_unmatched(changes: Sequence[Callable[[], Field]]) -> None:
-    """Raise the refusal of the first field where a text is of use for none."""
-    refusals: list[FieldError] = []
-    for change in changes:
+def _find_fitting(
+    change: Callable[[Field, Sequence[str]], Field], fields: Mapping[str, Field], text: str
+) -> frozenset[str]:
+    """The names of the fields that a text is of use for; raises the refusal of the first where it is for none."""
+    refusals: dict[str, FieldError] = {}
+    for name, field in fields.items():
         try:
-            change()
+            change(field, [text])
         except FieldError as refusal:
-            refusals.append(refusal)
-        else:
-            return
-    if refusals:
-        raise refusals[0]
+            refusals[name] = refusal
+    if refusals and len(refusals) == len(fields):
+        raise next(iter(refusals.values()))
+    return frozenset(fields.keys() - refusals.keys())
 
 
 USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)

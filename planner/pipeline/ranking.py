@@ -57,15 +57,9 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
     if day is None or plan is None or plan.home_s is None:
         return notes
     if day.start_s is None:
-        return (
-            notes
-            if day.before_field_s + day.after_field_s == 0.0
-            else (
-                *notes,
-                f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides "
-                "the field work.",
-            )
-        )
+        duties_s = day.before_field_s + day.after_field_s
+        total = f"{_describe_duties(day)}: {_format_minutes(duties_s)} in total, besides the field work."
+        return notes if duties_s == 0.0 else (*notes, total)
     home_s = (
         plan.home_s if plan.p50_s is None else day.compute_clock_s(day.before_field_s + plan.p50_s + day.after_field_s)
     )

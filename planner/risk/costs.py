@@ -56,25 +56,8 @@ def compute_hourly_rates(
 
     `motor_efficiency` is the share of the battery's energy that leaves the motor; None for a diesel engine.
     """
-    tractor_rates = _compute_ownership_rates(
-        prices,
-        _get_value(tractor, "price", prices.tractor_price),
-        _get_value(tractor, "years", prices.years),
-        _get_value(tractor, "hours_per_year", prices.hours_per_year),
-        (prices.first_year_value, prices.later_year_value, prices.repair_factor, prices.repair_power),
-    )
-    implement_rates = _compute_ownership_rates(
-        prices,
-        _get_value(implement, "price", prices.implement_price),
-        _get_value(implement, "years", prices.years),
-        _get_value(implement, "hours_per_year", prices.implement_hours_per_year),
-        (
-            prices.implement_first_year_value,
-            prices.implement_later_year_value,
-            prices.implement_repair_factor,
-            prices.implement_repair_power,
-        ),
-    )
+    tractor_rates = _compute_ownership_rates(prices, tractor, prices.tractor_price, "")
+    implement_rates = _compute_ownership_rates(prices, implement, prices.implement_price, "implement_")
     power_kw = _get_value(tractor, "power_kw", prices.tractor_power_kw)
     full_power_fuel = (
         power_kw * compute_use_per_kwh(prices, motor_efficiency) * compute_energy_price(prices, motor_efficiency)
@@ -123,10 +106,16 @@ def compute_repair_cost(price: float, factor: float, power: float, hours: float)
 
 
 def _compute_ownership_rates(
-    prices: FarmPrices, price: float, years: float, hours: float, value_law: tuple[float, float, float, float]
+    prices: FarmPrices, machine: FarmTractor | FarmImplement | None, usual_price: float, kind: str
 ) -> tuple[float, float, float, float]:
-    """Depreciation, interest, insurance and repair of one machine per hour of its use."""
-    first, later, factor, power = value_law
+    """Depreciation, interest, insurance and repair of one machine per hour of its use.
+
+    `kind` is before the names of the prices of its kind.
+    """
+    price, years = _get_value(machine, "price", usual_price), _get_value(machine, "years", prices.years)
+    hours = _get_value(machine, "hours_per_year", getattr(prices, f"{kind}hours_per_year"))
+    names = ("first_year_value", "later_year_value", "repair_factor", "repair_power")
+    first, later, factor, power = (getattr(prices, f"{kind}{name}") for name in names)
     final_value = compute_remaining_value(price, first, later, years)
     mean_value = 0.5 * (price + final_value)
     life_hours = hours * years

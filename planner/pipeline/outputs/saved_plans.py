@@ -79,7 +79,7 @@ class SavedPlanRun:
 
 @contextmanager
 def _refuse_garbled(what: str, *more: type[Exception]) -> Iterator[None]:
-    """Refuse a part of a saved plan that cannot be read; `what` is the begin of the sentence, such as "The supply is"."""
+    """Refuse a part of a saved plan that cannot be read; `what` begins the sentence, such as "The supply is"."""
     refused: tuple[type[Exception], ...] = (TypeError, ValueError, LookupError, OverflowError, *more)
     try:
         yield
