@@ -143,7 +143,11 @@ def _iter_steps(
     begun: set[int] = set()
     for segment in iter_segments(run, tractor):
         values = measures.list_values(tractor, segment.first_row, segment.end_row)
-        step = replace(_build_wait_step(run, tractor, segment), **values)
+        first, last = segment.first_row, min(segment.end_row, len(run.time_s) - 1)
+        path = run.get_poses(tractor)[first : last + 1, :2]
+        driven_m, from_s = measure_along(path), float(run.time_s[first])
+        x, y = path[int(np.searchsorted(driven_m, 0.5 * driven_m[-1]))].tolist()
+        step = DriverLeg(WAIT, None, "", from_s, float(run.time_s[last] - from_s), float(driven_m[-1]), x, y, **values)
         if mission.rests:
             yield replace(step, kind=REST)
             continue
@@ -167,16 +171,6 @@ def _iter_steps(
             **values,
         )
         begun.add(segment.group)
-
-
-def _build_wait_step(run: SimulationRun, tractor: int, segment: RecordSegment) -> DriverLeg:
-    """A wait step with the time, length and place of a segment."""
-    first, last = segment.first_row, min(segment.end_row, len(run.time_s) - 1)
-    path = run.get_poses(tractor)[first : last + 1, :2]
-    driven_m = measure_along(path)
-    x, y = path[int(np.searchsorted(driven_m, 0.5 * driven_m[-1]))]
-    seconds = float(run.time_s[last] - run.time_s[first])
-    return DriverLeg(WAIT, None, "", float(run.time_s[first]), seconds, float(driven_m[-1]), float(x), float(y))
 
 
 def _describe_drive(

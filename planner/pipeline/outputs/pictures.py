@@ -13,10 +13,8 @@ from shapely.geometry.polygon import orient
 
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.field import Field
-from fields.geometry.field_lines import HeadlandEdge
 from fields.geometry.obstacles import LINE, POINT, Obstacle
 from fields.layout.cells import Cell
-from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import (
@@ -69,7 +67,12 @@ def build_field_picture(context: PlanningContext, title: str, lines: Sequence[Wo
         entrance=layout.field.entrance,
         swath_names=tuple(name_line(line.task) for line in swaths),
         headland_passes=(
-            *(_build_pass_line(one) for one in context.headland_passes),
+            *(
+                HeadlandPassLine(
+                    one.number, np.concatenate([side.points[min(at, 1) :] for at, side in enumerate(one.sides)])
+                )
+                for one in context.headland_passes
+            ),
             *(HeadlandPassLine(line.task.number or 0, line.tool_path) for line in lines if line.group[0] == LEFTOVER),
         ),
         headland_sides=tuple(
@@ -171,11 +174,6 @@ def _outline_obstacles(field: Field) -> tuple[Points, ...]:
     return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
 
 
-def _build_pass_line(headland_pass: HeadlandPass) -> HeadlandPassLine:
-    sides = [side.points if not index else side.points[1:] for index, side in enumerate(headland_pass.sides)]
-    return HeadlandPassLine(headland_pass.number, np.concatenate(sides))
-
-
 def _build_cell_outline(cell: Cell) -> CellOutline:
     place = shapely.point_on_surface(cell.region)
     parts = shapely.get_parts(cell.region)
@@ -212,7 +210,15 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
             {"name": one.name, "bearing_deg": round(one.bearing_deg, 2), "length_m": round(float(one.line.length), 1)}
             for one in field.guidance_lines
         ],
-        "headlands": [_describe_headland(one) for one in field.headland_edges],
+        "headlands": [  # of the field file: distances of their inner edges from the boundary, and their lengths
+            {
+                "typical_width_m": round(one.median_width_m, 2),
+                "min_width_m": round(one.min_width_m, 2),
+                "max_width_m": round(one.max_width_m, 2),
+                "edge_m": round(float(one.line.length), 1),
+            }
+            for one in field.headland_edges
+        ],
         "crs": field.crs or "local metres",
         "bearing_deg": round(layout.bearing_deg, 2),
         "cells": describe_cells(layout),
@@ -243,16 +249,6 @@ def describe_cells(layout: Layout) -> list[dict[str, float]]:
         }
         for cell in layout.cells
     ]
-
-
-def _describe_headland(edge: HeadlandEdge) -> dict[str, Any]:
-    """A headland of the field file: the distance of its inner edge from the boundary, and its length."""
-    return {
-        "typical_width_m": round(edge.median_width_m, 2),
-        "min_width_m": round(edge.min_width_m, 2),
-        "max_width_m": round(edge.max_width_m, 2),
-        "edge_m": round(float(edge.line.length), 1),
-    }
 
 
 def _describe_obstacle(obstacle: Obstacle, context: PlanningContext) -> dict[str, Any]:

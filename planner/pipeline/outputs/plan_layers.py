@@ -41,11 +41,17 @@ def build_plan_layers(context: PlanningContext, run: SimulationRun | None) -> Ge
     "obstacle" are areas. Lengths and areas are measured in metres; coordinates are WGS84 degrees, or metres without a
     system for a field in local metres. Without a run the field alone. Raises RequestError without geopandas.
     """
+    try:
+        import geopandas
+    except ImportError:
+        raise RequestError(
+            "to_geodataframe() needs geopandas, which is not installed; install it with pip install 'headland[geo]'."
+        ) from None
     rows = [] if run is None else list(_iter_driven_rows(run.plan))
     missed = () if run is None else measure_coverage(run, context).unworked_pieces
     rows += [{"kind": MISSED_KIND, "area_m2": float(piece.area), "geometry": piece} for piece in missed]
     rows += _iter_field_rows(context)
-    frame = _load_geopandas().GeoDataFrame(
+    frame = geopandas.GeoDataFrame(
         [dict.fromkeys(COLUMNS) | row for row in rows], columns=list(COLUMNS), geometry="geometry"
     )
     frame = frame.astype({"tractor": "Int64", "order": "Int64", "length_m": "float64", "area_m2": "float64"})
@@ -54,16 +60,6 @@ def build_plan_layers(context: PlanningContext, run: SimulationRun | None) -> Ge
         return frame
     frame.geometry = frame.geometry.translate(*field.origin_m)
     return frame.set_crs(field.crs).to_crs(DEGREES_CRS)
-
-
-def _load_geopandas() -> Any:
-    try:
-        import geopandas
-    except ImportError:
-        raise RequestError(
-            "to_geodataframe() needs geopandas, which is not installed; install it with pip install 'headland[geo]'."
-        ) from None
-    return geopandas
 
 
 def _iter_driven_rows(plan: Plan) -> Iterator[Row]:
