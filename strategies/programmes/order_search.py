@@ -25,13 +25,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.errors import HeadlandError
-from strategies.programmes.order_moves import improve_tours
-from strategies.programmes.order_runs import drop_runs, set_leaving, turn_runs
+from strategies.programmes.order_moves import improve_tours, set_move
+from strategies.programmes.order_runs import drop_runs, turn_runs
 from strategies.programmes.order_tours import (
     ANY_WAY_S,
     BEGIN,
     FIRST,
-    FOURTH,
     LOAD_TOLERANCE,
     MIN_GAIN_S,
     NEIGHBOURS,
@@ -287,19 +286,14 @@ def _improve_runs(tours, tables, turns_runs) -> float:  # type: ignore[no-untype
 
 @compile_for_views
 def _swap_runs(tours, a, i, j, b, p, q) -> None:  # type: ignore[no-untyped-def]
-    """Let the places i..j of row a and p..q of row b (behind them, or of another row) change places."""
-    end_a, end_b = tours.lengths[a] - 1, tours.lengths[b] - 1
-    clear_pieces(tours, a, NO_ROW if a == b else b)
+    """Let the places i..j of row a and p..q of row b change places."""
+    clear_pieces(tours, a, b)
     set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
     set_piece(tours, SIDE_A, SECOND, b, p, q, ONWARD)
-    if a == b:
-        set_piece(tours, SIDE_A, THIRD, a, i, j, ONWARD)
-        set_piece(tours, SIDE_A, FOURTH, a, q + 1, end_a, ONWARD)
-        return
-    set_piece(tours, SIDE_A, THIRD, a, j + 1, end_a, ONWARD)
+    set_piece(tours, SIDE_A, THIRD, a, j + 1, tours.lengths[a] - 1, ONWARD)
     set_piece(tours, SIDE_B, FIRST, b, BEGIN, p - 1, ONWARD)
     set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
-    set_piece(tours, SIDE_B, THIRD, b, q + 1, end_b, ONWARD)
+    set_piece(tours, SIDE_B, THIRD, b, q + 1, tours.lengths[b] - 1, ONWARD)
 
 
 @compile_for_views
@@ -312,7 +306,7 @@ def _leave_run(tours, tables, a, i, j) -> None:  # type: ignore[no-untyped-def]
             push_line(tours, near)
     for place in range(i, j + 1):
         push_line(tours, tours.nodes[a, place] // 2)
-    set_leaving(tours, a, i, j)
+    set_move(tours, a, i, j, ONWARD, left, tours.lengths[left])
     make_move(tours, tables)
 
 
@@ -344,7 +338,7 @@ def _perturb_tours(tours, tables, seed, kick) -> None:  # type: ignore[no-untype
             _leave_run(tours, tables, b, p, q)
     else:
         q = j + 1 + int(draw_uniform(seed, DRAWS * kick + 3) * min(MAX_RUN_LINES, end_a - j))
-        _swap_runs(tours, a, i, j, a, j + 1, q)
+        set_move(tours, a, j + 1, q, ONWARD, a, i)
         make_move(tours, tables)
 
 
