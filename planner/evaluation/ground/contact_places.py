@@ -335,8 +335,8 @@ def measure_overhang(run: SimulationRun, context: PlanningContext) -> Overhang:
             owner = np.repeat(here, len(shapes) // max(len(here), 1))
             is_out = ~shapely.covers(ground, shapes)
             owner, shapes = owner[is_out], shapes[is_out]
-            edge = shapely.points(shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M)))
-            outside = edge[~shapely.intersects(ground, edge)]
+            edge = shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M))
+            outside = shapely.points(edge[~shapely.intersects_xy(ground, edge)])
             farthest_m = max(farthest_m, float(np.max(shapely.distance(ground, outside), initial=0.0)))
             is_beyond[owner[~shapely.covers(allowed, shapes)]] = 1.0
         steps_m = np.hypot(*np.diff(poses[:, :2], axis=0).T)
