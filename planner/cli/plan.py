@@ -38,6 +38,7 @@ from planner.cli.common.outputs import (
 from planner.cli.common.terminal import LOADING, AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 from planner.request.plan_request import PlanRequest
+from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
@@ -232,7 +233,8 @@ def plan(
     result = simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
-    learned = [f"From the farm's own logs: {words}." for words in result.ranking.scenario.get("learned", ())]
+    learned = result.ranking.scenario.get("learned", ())
+    learned = [mark_text(f"From the farm's own logs: {words}.") for words in learned]
     print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):

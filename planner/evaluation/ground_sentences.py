@@ -17,9 +17,12 @@ HOURS_A_DAY = 24
 def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     """Heights, soil and load in sentences; nothing where the fuel is not known and the ground is level."""
     physics, sentences = context.physics, list[str]()
-    if physics.elevation is not None:
-        heights = physics.elevation.source.rstrip(".")
-        sentences.append(f"Tractors drive on the heights of {heights}: gravity, power, grip and cross slopes count.")
+    elevation = physics.elevation
+    if elevation is not None:
+        sentences.append(
+            f"Tractors drive on the heights of {elevation.source.rstrip('.')}: gravity, power, grip and cross slopes "
+            "count."
+        )
     if physics.soil is not None:
         sentences.append(_describe_soil(physics.soil))
     if physics.moisture is not None:

@@ -112,9 +112,10 @@ def complete_request_by_farm(
     if farm is None:
         return WorkOrder(request)
     farm_tractor = _select_tractor(request, farm, given_parameters, implement_name)
-    if farm_tractor is not None and "tractors" in given_parameters and max(request.tractors) > farm_tractor.count:
+    requested = max(request.tractors)
+    if farm_tractor is not None and "tractors" in given_parameters and requested > farm_tractor.count:
         raise RequestError(
-            f"{mark_parameter('tractors')} asks for {max(request.tractors)}, and the farm has {farm_tractor.count} x "
+            f"{mark_parameter('tractors')} asks for {requested}, and the farm has {farm_tractor.count} x "
             f"{farm_tractor.name}; ask for {farm_tractor.count} at most, or change its count in the farm file."
         )
     farm_implement = _select_implement(farm, farm_tractor, implement_name)

@@ -218,10 +218,11 @@ def equip_order(
     supply = order.supply
     if supply is None and not is_from_farm:
         supply, match = continued.supply, match_plan_time(continued.done[0])
-        if match is not None and supply is None and has_unknown_tank(*_read_plan(match["file"])):
+        file = "" if match is None else match["file"]
+        if file and supply is None and has_unknown_tank(*_read_plan(file)):
             raise RequestError(
-                f"The implement of the plan {quote_path(match['file'])} has a tank, and the plan does not say how "
-                f"large; add {mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
+                f"The implement of the plan {quote_path(file)} has a tank, and the plan does not say how large; add "
+                f"{mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",
                 parameter="farm",
             )
     order = replace(order, supply=supply, layout=continued.layout)

@@ -57,9 +57,11 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
     if day is None or plan is None or plan.home_s is None:
         return notes
     if day.start_s is None:
-        duties_s = day.before_field_s + day.after_field_s
-        total = f"{_describe_duties(day)}: {_format_minutes(duties_s)} in total, besides the field work."
-        return notes if duties_s == 0.0 else (*notes, total)
+        total = (
+            f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides the "
+            "field work."
+        )
+        return notes if day.before_field_s + day.after_field_s == 0.0 else (*notes, total)
     home_s = (
         plan.home_s if plan.p50_s is None else day.compute_clock_s(day.before_field_s + plan.p50_s + day.after_field_s)
     )
@@ -75,17 +77,17 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
 
 def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
     """Notes that a deadline or rain before the start's time of day is on the next day."""
-    start = request.start_s
-    if start is None:
+    start_s = request.start_s
+    if start_s is None:
         return ()
-    late = request.deadline_s is not None and request.deadline_s < start
+    late = request.deadline_s is not None and request.deadline_s < start_s
     times = [("The deadline", request.deadline_s or 0)] if late else []
     for hours, minutes in re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or ""):
         rain_s = 3600 * int(hours) + 60 * int(minutes)
-        times += [("Rain", rain_s)] if rain_s <= start else []
+        times += [("Rain", rain_s)] if rain_s <= start_s else []
     return tuple(
-        f"{subject} at {clock} means {clock} the next day, as the start is at {format_clock(start)}."
-        for subject, clock in ((subject, format_clock(at_s)) for subject, at_s in times)
+        f"{subject} at {clock_text} means {clock_text} the next day, as the start is at {format_clock(start_s)}."
+        for subject, clock_text in ((subject, format_clock(at_s)) for subject, at_s in times)
     )
 
 
@@ -182,7 +184,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         scenario=export_request(context),
         currency=terms.prices.currency,
         prices_assumed=not are_prices_given(request, context.cost_terms),
-        money_sentences=(f"The cost covers {describe_prices(terms)}.",),
+        money_sentences=(mark_text(f"The cost covers {describe_prices(terms)}."),),
         cut_off_m2=field.cut_off_m2,
         pull=context.pull,
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),

@@ -24,6 +24,7 @@ from planner.risk.monte_carlo import (
 )
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
+from reports.common.language import mark_text
 from reports.common.plan_records import Shortfall
 from reports.common.plan_results import MODEL_ERROR_SHARE, PlanRanking, PlanResult, build_quality_key
 from reports.common.wording import format_duration, format_percent, format_price
@@ -280,13 +281,14 @@ def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) ->
         eligible, shortfall, objective = _select_eligible(in_time, plans, criteria)
         best_plan = choose_best(eligible, objective, criteria.samples)
         chosen_key = best_plan.strategy, best_plan.tractors
-    prices = criteria.cost_terms.prices
-    currency, samples = prices.currency, criteria.samples
+    terms, prices = criteria.cost_terms, criteria.cost_terms.prices
     shortfalls = () if shortfall is None else (shortfall,)
-    updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, shortfalls=shortfalls)
-    count, per_ha = f"{samples:,}", format_price(prices.late_per_ha + prices.seed_per_ha)
-    covered = f"Cost in {currency}, mean of {count} samples: {describe_prices(criteria.cost_terms)}."
-    late = f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}."
+    updated = replace(
+        ranking, currency=prices.currency, samples=criteria.samples, chosen=chosen_key, shortfalls=shortfalls
+    )
+    samples, per_ha = f"{criteria.samples:,}", format_price(prices.late_per_ha + prices.seed_per_ha)
+    covered = mark_text(f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}.")
+    late = mark_text(f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}.")
     return replace(updated, money_sentences=(covered, late) if has_late_ground_loss(updated) else (covered,))
 
 

@@ -215,8 +215,9 @@ class GroundEstimates:
             try:
                 sketch = sketch_plans(context, STRATEGY, tractors)[0]
                 idle = next((number for number, tour in enumerate(sketch.tours) if not tour), None)
-                idle_words = f"There is no work for tractor {tractors} that is worth the drive."
-                found = sketch if idle is None else StrategyError(idle_words)
+                found = sketch
+                if idle is not None:
+                    found = StrategyError(f"There is no work for tractor {tractors} that is worth the drive.")
             except StrategyError as refusal:
                 found = refusal
         keep_last(self._sketches, key, found, MOST_SKETCHES)

@@ -236,15 +236,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "begin_s": get_start_time_of_day_s(ranking.start),
         "front": build_time_chart(ranking),
         "risk": build_risk_chart(ranking),
-        "columns": [
-            {
-                "heading": _part_heading(figure.heading),
-                "title": capitalize_first(figure.help or figure.note),
-                "is_text": figure.is_text,
-                "is_extra": is_extra,
-            }
-            for figure, is_extra in columns
-        ],
+        "columns": [_build_page_column(figure, is_extra) for figure, is_extra in columns],
         "rows": [
             _build_page_row(plan, columns, plan is ranking.best, places.get((plan.strategy, plan.tractors)))
             for plan in choose_first_plans(ranking, math.inf)
@@ -276,11 +268,13 @@ def _choose_service_words(ranking: PlanRanking) -> dict[str, str]:
     return {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
 
 
-def _part_heading(heading: str) -> str:
-    """A heading that may be broken at soft hyphens."""
+def _build_page_column(figure: Figure, is_extra: bool) -> dict[str, Any]:
+    """The heading of a figure, which may be broken at soft hyphens, and what it holds."""
+    heading = figure.heading
     for parted in _PARTED_WORDS:
         heading = heading.replace(parted.replace("|", ""), parted.replace("|", SOFT_HYPHEN))
-    return heading
+    title = capitalize_first(figure.help or figure.note)
+    return {"heading": heading, "title": title, "is_text": figure.is_text, "is_extra": is_extra}
 
 
 def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tuple[str, str]]:

@@ -7,8 +7,6 @@ import json
 import math
 import os
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -60,7 +58,6 @@ LATER_IMPLEMENT = ("transport_width_m", "fold_s")
 COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
 WORKDAY_KEY = "workday"  # among these: what precedes field work, breaks and shift
-OLD_PLAN = "a farm's plan from an older Headland that saved no machines"  # why a plan may have no machines
 MOST_BREAKS = 1000  # of a saved day
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
 MAX_SAVED_NODES = 4_000_000
@@ -75,16 +72,6 @@ class SavedPlanRun:
     request: PlanRequest
     run: SimulationRun
     steps: Steps
-
-
-@contextmanager
-def _refuse_garbled(what: str, *more: type[Exception]) -> Iterator[None]:
-    """Refuse a part of a saved plan that cannot be read; `what` begins the sentence, such as "The supply is"."""
-    refused: tuple[type[Exception], ...] = (TypeError, ValueError, LookupError, OverflowError, *more)
-    try:
-        yield
-    except refused:
-        raise RequestError(f"{what} garbled; save the plan again.") from None
 
 
 def load_saved_plan(path: str | Path) -> SavedPlan:
@@ -103,10 +90,9 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
     request = read_request(saved)
     run = rerun_plan(saved, request)
     if run.outcome != DONE:
-        old_plan = "" if MACHINES_KEY in saved.scenario else f", or it is {OLD_PLAN}"
         raise MissionError(
             f"The plan is not driven to its end ({run.outcome}): it or the tractor {request.tractor!r} was changed "
-            f"since it was saved{old_plan}; plan again."
+            f"since it was saved{_describe_old_plan(saved)}; plan again."
         )
     tractor = read_machines(saved, request)[0]
     measures = measure_steps(run, tractor, read_physics(saved, request, tractor))
@@ -192,13 +178,15 @@ def read_supply(saved: SavedPlan) -> Supply | None:
     values = machines.get(SUPPLY_KEY) if isinstance(machines, dict) else None
     if values is None:
         return None
-    with _refuse_garbled(f"The {SUPPLY_KEY} in the scenario of the plan is"):
+    try:
         supply = Supply(**values)
         place = None if supply.place is None else (float(supply.place[0]), float(supply.place[1]))
         amounts = [float(value) for value in (supply.capacity, supply.rate_per_m2, supply.stop_s, *(place or ()))]
         is_possible = all(map(math.isfinite, amounts)) and min(amounts[:2]) > 0.0 and amounts[2] >= 0.0
         if not is_possible or supply.served_at not in (PLACE, HEADLAND, SERVICE_VEHICLE):
             raise ValueError
+    except (TypeError, ValueError, IndexError, KeyError):
+        raise RequestError(f"The {SUPPLY_KEY} in the scenario of the plan is garbled; save the plan again.") from None
     return replace(supply, collects=supply.collects is True, place=place)
 
 
@@ -209,10 +197,14 @@ def read_used(saved: SavedPlan) -> tuple[float, ...]:
     """
     machines = saved.scenario.get(MACHINES_KEY)
     values = machines.get(USED_KEY, ()) if isinstance(machines, dict) else ()
-    with _refuse_garbled(f"The {MACHINES_KEY} in the scenario of the plan are"):
+    try:
         used = [float(value) for value in values]
         if not all(0.0 <= value < math.inf for value in used):
             raise ValueError
+    except (TypeError, ValueError):
+        raise RequestError(
+            f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
+        ) from None
     return (*used, *[0.0] * (saved.plan.tractors - len(used)))
 
 
@@ -226,6 +218,15 @@ def has_unknown_tank(saved: SavedPlan, request: PlanRequest) -> bool:
     return tractor.battery is None and is_loaded and read_supply(saved) is None
 
 
+def _describe_old_plan(saved: SavedPlan) -> str:
+    """A possible cause for a plan saved without machines."""
+    return (
+        ""
+        if MACHINES_KEY in saved.scenario
+        else ", or it is a farm's plan from an older Headland that saved no machines"
+    )
+
+
 def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Implement]:
     """The machines saved with the plan, or the tractor of its request and a default implement of its width.
 
@@ -236,15 +237,19 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
         name = request.tractor
         if name not in list_tractor_names() and not os.path.lexists(name):
             raise RequestError(
-                f"The tractor {name!r} of the plan is neither known nor an existing file, or it is {OLD_PLAN}; plan "
-                "again, or put the tractor's file back.",
+                f"The tractor {name!r} of the plan is neither known nor an existing file{_describe_old_plan(saved)}; "
+                "plan again, or put the tractor's file back.",
                 parameter="tractor",
             )
         with attach_parameter("tractor"):
             return resolve_tractor(request.tractor), size_implement(None, request)
-    with _refuse_garbled(f"The {MACHINES_KEY} in the scenario of the plan are"):
+    try:
         tractor, implement = (json.dumps(saved_machines[name]) for name in ("tractor", "implement"))
         return Tractor.model_validate_json(tractor), Implement.model_validate_json(implement)
+    except (KeyError, TypeError, ValueError):
+        raise RequestError(
+            f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
+        ) from None
 
 
 def read_bare_tractor(saved: SavedPlan, request: PlanRequest) -> Tractor:
@@ -309,13 +314,15 @@ def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
     values = None if stated is None else saved.plan.notes[STATED_KEY].get(WORKDAY_KEY)
     if values is None:
         return Workday(duties_before=() if stated is None else (Duty(ROAD, stated["begin_s"]),))
-    with _refuse_garbled(f"The {WORKDAY_KEY} in the notes of the plan is", HeadlandError):
+    try:
         breaks_s = tuple((int(first), int(last)) for first, last in values["breaks_s"])
         begin_s, end_s = (None if at is None else int(at) for at in values["shift_s"])
         before = (Duty(ROAD, float(values["before_s"])),)
         if not (0.0 <= before[0].seconds < math.inf and len(breaks_s) <= MOST_BREAKS):
             raise ValueError
         return Workday(request.start_s, before, breaks_s=breaks_s, shift_s=(begin_s, end_s))
+    except (TypeError, ValueError, KeyError, OverflowError, HeadlandError):
+        raise RequestError(f"The {WORKDAY_KEY} in the notes of the plan is garbled; save the plan again.") from None
 
 
 def _export_stated_figures(plan: Plan, workday: Workday | None, ranking: PlanRanking | None) -> dict[str, Any]:
@@ -365,8 +372,10 @@ def _export_ground(context: PlanningContext) -> dict[str, Any]:
 
 def read_done_ground(saved: SavedPlan) -> list[shapely.Polygon]:
     """The ground that was done before a saved plan, in its metres; raises RequestError where it is garbled."""
-    with _refuse_garbled("The ground done before the plan is", shapely.errors.GEOSException):
+    try:
         return [shapely.Polygon(rings[0], rings[1:]) for rings in saved.ground.get("done_m", ())]
+    except (TypeError, ValueError, IndexError, shapely.errors.GEOSException):
+        raise RequestError("The ground done before the plan is garbled; save the plan again.") from None
 
 
 def read_planned_layout(saved: SavedPlan) -> PlannedLayout:
@@ -378,9 +387,11 @@ def read_planned_layout(saved: SavedPlan) -> PlannedLayout:
         if leg.implement and leg.task.kind == SWATH
     ]
     middles = shapely.get_coordinates(shapely.line_interpolate_point(tracks, 0.5, normalized=True))
-    with _refuse_garbled("The ground inside the headland of the plan is", shapely.errors.GEOSException):
+    try:
         parts = [shapely.Polygon(rings[0], rings[1:]) for rings in saved.ground.get("inside_headland_m", ())]
         return PlannedLayout(saved.origin_m, shapely.unary_union(shapely.make_valid(parts)), middles)
+    except (TypeError, ValueError, IndexError, shapely.errors.GEOSException):
+        raise RequestError("The ground inside the headland of the plan is garbled; save the plan again.") from None
 
 
 def _export_rings(polygon: shapely.Polygon) -> list[list[list[float]]]:
@@ -425,13 +436,15 @@ def read_physics(saved: SavedPlan, request: PlanRequest, tractor: Tractor) -> Fi
     values = saved.scenario.get(PHYSICS_KEY)
     if values is None:
         return build_level_physics(request, tractor)
-    with _refuse_garbled(f"The {PHYSICS_KEY} in the scenario of the plan are", VehicleError, zlib.error):
+    try:
         load = dict(values["load"])
         load["draft_n"] = tuple(load["draft_n"])
         load["engine_power_w"] = math.inf if load["engine_power_w"] is None else load["engine_power_w"]
         terrain = None if values["terrain"] is None else _read_terrain(values["terrain"])
         drives_with_load = values.get("drives_with_load", True) is True
         return FieldPhysics(terrain, WorkLoad(**load), drives_with_load, values["takes_shaft_power"] is True)
+    except (KeyError, TypeError, ValueError, OverflowError, VehicleError, zlib.error):
+        raise RequestError(f"The {PHYSICS_KEY} in the scenario of the plan are garbled; save the plan again.") from None
 
 
 def _read_terrain(values: dict[str, Any]) -> Terrain:
