@@ -22,7 +22,7 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.many_fields import compare_ways, list_headland_questions, list_headland_requests
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
-from reports.plan.comparison import WayComparison
+from reports.plan.comparison import WayComparison, WayTotals
 from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
@@ -140,7 +140,7 @@ def test_figures_are_those_of_the_rectangles(comparison: WayComparison) -> None:
         assert 0.01 * plan.worked_pct * field_m2 + plan.missed_m2 == pytest.approx(field_m2)
         assert plan.cost == pytest.approx(40.0 * (plan.time_s or 0.0) / 3600.0)
         worked_ha = each.area_ha - 1e-4 * plan.missed_m2
-        assert each.charged_cost / each.area_ha == pytest.approx(plan.cost / worked_ha)
+        assert plan.ranked_cost / each.area_ha == pytest.approx(plan.cost / worked_ha)
         assert each.map["driven_over"] and each.map["lanes"]
     rings_m = 2 * (48 + 30) - 8 * 1.5 + 2 * (48 + 30) - 8 * 4.5  # two rings, and (30 - 12) / 3 tracks of 36 m
     least_s = (rings_m + 6 * 36) / (5.0 / 3.6)
@@ -174,7 +174,7 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     )
     questions = list_headland_questions(map(WorkOrder, list_headland_requests(request, ("round",), ("last",))))
     (each,) = compare_ways(questions, SerialExecutor()).rows
-    assert each.label.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
+    assert each.label.width_m == 6.0 and WayTotals(each.label, (each,)).cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
     assert [part.neck_width_m for part in each.ranking.parts] == [pytest.approx(4.0, abs=0.1)]
 
 
