@@ -11,7 +11,7 @@ import numpy as np
 
 import reports.diagnosis.page  # noqa: F401  # how a diagnosis is shown
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
-from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alignment
+from planner.pipeline.diagnosis_evidence import align_path, build_evidence
 from planner.pipeline.held_out_runs import HeldOut, HeldOutSplit, split_held_out_runs
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
@@ -142,19 +142,19 @@ def _explain_logs(
     """Diagnose logs; add what held-out runs say, what their replay shows, the plan of the next drive, and the change
     of a plan."""
     diagnosis = describe_known_ground(diagnose_logs(logs, machine, ground, progress), logs)
+    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
     if diagnosis.undiagnosed_reason:
-        return TractorDiagnosis(**{each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)})
+        return TractorDiagnosis(**values)
     if split is not None:
         with attach_parameter("holdout"):
             holdout = measure_holdout(split.held_out_logs, machine, diagnosis.tractor, ground)
-        diagnosis = replace(diagnosis, holdout=replace(holdout, words=split.words, is_requested=True))
-    evidence = build_evidence(logs, machine, diagnosis.tractor, ground)
-    drive_plan = (
-        None
-        if diagnosis.next_drive is None
-        else build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
-    )
-    return _add_plan_gain(replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan), machine)
+        values["holdout"] = replace(holdout, words=split.words, is_requested=True)
+    values["evidence"] = build_evidence(logs, machine, diagnosis.tractor, ground)
+    if diagnosis.next_drive is not None:
+        values["next_drive_plan"] = build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
+    values["plan"], why_not = measure_plan_gain(machine, diagnosis.tractor)
+    values["notes"] = (*diagnosis.notes, *([why_not] if why_not else []))
+    return TractorDiagnosis(**values)
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: MappingSource = None) -> list[Log]:
@@ -171,14 +171,6 @@ def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: Ma
     return collected
 
 
-def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
-    """Add the change of a small plan by the extended tractor, or a note why there is none."""
-    gain, why_not = measure_plan_gain(machine, diagnosis.tractor)
-    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
-    notes = (*diagnosis.notes, *([why_not] if why_not else []))
-    return TractorDiagnosis(**values | {"plan": gain, "notes": notes})
-
-
 def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | None, str]:
     """Simulate a small plan made for a tractor with it and with the extended one.
 
@@ -192,8 +184,7 @@ def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | 
     if original.length_m < MIN_TRACTOR_LENGTH_M:
         return None, (
             f"No plan was driven to compare: {original.name} is {original.length_m:g} m long, and plans are for "
-            "tractors "
-            f"of {MIN_TRACTOR_LENGTH_M:g} m or more."
+            f"tractors of {MIN_TRACTOR_LENGTH_M:g} m or more."
         )
     # Planning is only loaded here, once the logs have been diagnosed.
     from planner.evaluation.candidates.evaluate import Candidate, run_candidate
@@ -298,8 +289,7 @@ def replay(
 
 def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
     antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
-    turn, shift = compute_log_alignment(segment, antenna, heading)
     bounds = find_piece_bounds(segment.time, SEGMENT_S)
     errors = compute_piece_errors(segment, antenna, heading, bounds)
     parts = tuple((rows, errors[rows]) for rows in (slice(int(i), int(j)) for i, j in zip(*bounds, strict=True)))
-    return ReplayedSegment(segment, antenna @ turn.T + shift, wheel, speed, parts)
+    return ReplayedSegment(segment, align_path(segment, antenna, heading), wheel, speed, parts)

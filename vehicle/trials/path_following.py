@@ -8,7 +8,7 @@ soil and a switch-back between them. The coordinates of that plan are not printe
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -259,8 +259,8 @@ def measure_tracking(trace: Trace, path: Mission, lookahead_m: float, ground: st
     points = path.legs[0].points
     errors = compute_deviation(trace.compute_path(), trace.get_column("angle"), points, lookahead_m)
     end = int(np.argmax(np.append(errors.along_m, np.inf) >= path.legs[0].length_m - RUN_OUT_M))
-    errors = errors.select(slice(end))
-    return PathTracking(ground, model, trace.cut_at(end), errors, *errors.compute_sizes())
+    errors, trace = errors.select(slice(end)), replace(trace, time_s=trace.time_s[:end], rows=trace.rows[:end])
+    return PathTracking(ground, model, trace, errors, *errors.compute_sizes())
 
 
 def drive_slip_test(

@@ -23,13 +23,14 @@ from vehicle.identification.replay.drive_inputs import DriveInputs, Places, Samp
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.records import DT_S, HISTORY_STEPS
 
-POSE_CELL_S, SENSOR_CELL_S = 0.4, 0.2  # cells of a window; shorter ones cost time and tell nothing more at 10 Hz
+SENSOR_CELL_S = 0.2  # cells of a window; shorter ones cost time and tell nothing more at 10 Hz
+POSE_CELL_S = 2.0 * SENSOR_CELL_S
 STRIDE = 2  # steps of the grid in a step of the path: 1/30 s, which turns 0.1 % otherwise than 1/60 s
 STEP_S, PATH_STEP_S = DT_S, STRIDE * DT_S
 POSE_CELLS, SENSOR_CELLS = round(WINDOW_S / POSE_CELL_S), round(WINDOW_S / SENSOR_CELL_S)
 FEWEST_WINDOWS = 3
 LEAST_CELL_SHARE = 0.2  # of the cells of a window that hold a position
-CRAWL_MPS = 0.2  # windows driven more slowly on average say nothing
+CRAWL_MPS = 2.0 * STANDSTILL_MPS  # windows driven more slowly on average say nothing
 
 
 @dataclass(frozen=True, eq=False)

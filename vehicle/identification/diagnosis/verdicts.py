@@ -36,6 +36,8 @@ from vehicle.identification.diagnosis.search import (
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
+    DOUBT_SIGMAS,
+    MEASURED_SIGMAS,
     NEARLY_SHARE,
     STRAY_CORRELATION,
     SURE_SIGMAS,
@@ -53,8 +55,8 @@ CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
-LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
-FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
+LARGE_END_WIDTHS = DOUBT_SIGMAS  # a limit so far from neutral is not reached by a fault; no dead band at all is near
+FAR_WIDTHS = MEASURED_SIGMAS  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 TIME_FIELDS = frozenset({"dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"})
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 

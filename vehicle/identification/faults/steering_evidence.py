@@ -25,7 +25,9 @@ from vehicle.identification.logs.thresholds import (
     GAP_STEPS,
     GRID_S,
     LOCK_QUANTILE,
+    PART_S,
     PATH_MPS,
+    READING_S,
     SURE_SIGMAS,
     TURN_S,
 )
@@ -39,9 +41,9 @@ STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
 EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, with what stands still in them
 COURSE_TURN_S = 2.0 * TURN_S  # chosen: the course of the antenna is noisier
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
-SWING_S = 5.0  # in which the slowest steering does what was commanded
+SWING_S = PART_S  # in which the slowest steering does what was commanded
 LARGEST_ACCELERATION_MPS2 = 1.0  # of a tractor
-BEND_S = 0.5  # the time to both sides of a position
+BEND_S = 0.5 * READING_S  # the time to both sides of a position
 
 
 @dataclass(frozen=True, eq=False)

@@ -217,7 +217,6 @@ def _describe_held_values(what_held: str, instrument: str, every_s: float, time:
 COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared
 # Chosen: good positions give the course over 5 s more precisely; larger steps are directions of field rows.
 COARSE_HEADING_DEG = (1.5, 45.0)
-COARSE_SPEED_SHARE = 0.1  # chosen, of the median speed: positions give the speed over some seconds more precisely
 _STEP_TOLERANCE = 0.02  # of a step, by which values may miss it
 _UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
 
@@ -236,9 +235,10 @@ def drop_coarse_columns(log: Log) -> Log:
         log = _drop_coarse_column(log, "heading_deg", step)
     if log.speed_mps is not None:
         moving = log.speed_mps[log.used & (log.speed_mps > 0.0)]
-        # Moving rows only: a tractor that starts and stops abruptly has steps in its speed.
+        # Moving rows only: a tractor that starts and stops abruptly has steps in its speed. Positions give the speed
+        # over some seconds more precisely than a tenth of it.
         step = find_rounding_step(moving)
-        if len(moving) and step > COARSE_SPEED_SHARE * float(np.median(moving)):
+        if len(moving) and step > FEW_SHARE * float(np.median(moving)):
             log = _drop_coarse_column(log, "speed_mps", step)
     return log
 

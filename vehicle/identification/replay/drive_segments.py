@@ -31,7 +31,7 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
-from vehicle.identification.logs.thresholds import ALIKE_SHARE, TURN_S, WHEEL_NOISE_DEG
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, GRID_S, TURN_S, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S, HISTORY_STEPS
@@ -143,7 +143,7 @@ class DriveDataset:
         return all(segment.speed_measured for segment in self.segments)
 
 
-_STANDING_S = 0.2  # chosen: wheels that follow a command move by more than noise meanwhile
+_STANDING_S = 2.0 * GRID_S  # chosen: wheels that follow a command move by more than noise meanwhile
 WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
 _WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
