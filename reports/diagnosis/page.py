@@ -26,60 +26,24 @@ ERROR_COLOURS = {
 def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
     """Render the page as HTML; `hidden` describes the hidden effect of a demonstration."""
     discrepancy, drive, findings = diagnosis.tractor.discrepancy_model, diagnosis.next_drive, diagnosis.findings
-    holdout, horizon = diagnosis.holdout, diagnosis.holdout and words.find_shown_horizon_s(diagnosis.holdout)
     content = {
+        "diagnosis": diagnosis,
+        "say": words,
+        "format_number": format_number,
         "headline": replace_effect_ids(diagnosis.causes_sentence),
-        "faults": [fault.sentence for fault in diagnosis.faults],
-        "columns": words.describe_columns(diagnosis),
-        "column_rows": words.list_column_rows(diagnosis),
-        "hints": words.describe_hints(diagnosis),
-        "unlike": words.describe_unlike_runs(diagnosis),
-        "runs": [
-            {
-                "name": run.name,
-                "before": format_number(run.error_before_cm, 1),
-                "after": format_number(run.error_after_cm, 1),
-                "words": words.end_sentence(run.words) or ("Unlike the other runs." if run.unlike else ""),
-                "unlike": run.unlike,
-            }
-            for run in (words.sort_runs(diagnosis) if len(diagnosis.runs) > 1 else ())
-        ],
-        "run_horizon": f"{words.SHOWN_HORIZON_S:g}",
-        "holdout": holdout
-        and {
-            "sentences": words.describe_holdout(diagnosis),
-            "rows": words.list_error_rows(holdout.before, holdout.after, by_kind=True),
-            "runs": words.list_holdout_rows(diagnosis),
-            "horizon": None if horizon is None else f"{horizon:g}",
-            "unsaved": words.describe_unsaved_finds(diagnosis),
-        },
-        "left_out": list(diagnosis.rows_gated_by_reason.items()),
-        "tractor": diagnosis.tractor.name,
-        "ground": diagnosis.ground,
-        "size": words.describe_log_size(diagnosis),
         "hidden": hidden,
         "facts": _list_diagnosis_facts(diagnosis),
-        "held_out": words.name_held_out_data(diagnosis),
-        "errors": words.list_error_rows(diagnosis.before, diagnosis.after, diagnosis.noise_floor, by_kind=True),
         "bars": [_build_bars_by_horizon(diagnosis, kind) for kind in _list_known_kinds(diagnosis)],
-        "guilty": diagnosis.guilty_block,
-        "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
         "curve": None if diagnosis.curve is None else build_curve_drawing(diagnosis.curve),
         "shown_by": _describe_curve_cause(diagnosis),
         "evidence": build_evidence_content(diagnosis),
         "correlations": build_correlation_table(diagnosis.correlations),
         "effects": [_describe_effect(one) for one in words.sort_findings(findings)],
-        "smallest_visible": words.SMALLEST_VISIBLE,
-        "interval_note": words.end_sentence(diagnosis.interval_note),
         "likely": words.explain_likely_verdict() if any(one.status == LIKELY for one in findings) else None,
         "discrepancy_model": discrepancy
         and {"terms": words.list_discrepancy_terms(discrepancy), "words": words.describe_trusted_range(discrepancy)},
-        "drive": drive,
         "drive_plan": diagnosis.next_drive_plan and quote(diagnosis.next_drive_plan),
         "alternatives": join_list(map(get_effect_label, drive.separates)) if drive else "",
-        "exchanges": words.describe_confusable_effects(diagnosis),
-        "left": words.describe_remaining_error(diagnosis),
-        "plan": words.describe_plan_change(diagnosis),
         "notes": [replace_effect_ids(note) for note in diagnosis.notes],
         "before_colour": palette.TRACTOR_COLOURS[1],
         "after_colour": palette.TRACTOR_COLOURS[0],

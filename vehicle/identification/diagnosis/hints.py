@@ -137,10 +137,9 @@ LOUD_SENSOR = {
 }  # fmt: skip
 
 
-def find_hints(
-    problem: Problem, fit: Fit, judgements: Sequence[Judgement], unexplained: Unexplained
-) -> tuple[Hint, ...]:
-    """Hints on what a fit leaves; one sentence each, the most telling first. The noise of the problem is kept."""
+def find_hints(problem: Problem, fit: Fit, judgements: Sequence[Judgement]) -> tuple[Hint, ...]:
+    """Hints on what a fit leaves above the noise; one sentence each, the most telling first. The noise of the problem
+    is kept."""
     noise = problem.get_noise()
     hints = list(list_law_hints(judgements))
     try:
@@ -149,13 +148,12 @@ def find_hints(
         rest = problem.refit(fit.model, fit.amounts, 2)
         quantities = list_quantities(problem)
         hints += find_laws(problem, rest, quantities)
-        if unexplained.above_s:
-            white, _ = problem.weigh(rest.residuals)
-            counts = {channel: one.counts for channel, one in problem.noise.items()}
-            squares = {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
-                       for channel, own in white.items()}  # fmt: skip
-            hints += list_loud(squares, {channel: np.exp(0.5 * noise[channel]) / limits[channel] for channel in noise})
-            hints += list_clues(problem, squares, quantities)
+        white, _ = problem.weigh(rest.residuals)
+        counts = {channel: one.counts for channel, one in problem.noise.items()}
+        squares = {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
+                   for channel, own in white.items()}  # fmt: skip
+        hints += list_loud(squares, {channel: np.exp(0.5 * noise[channel]) / limits[channel] for channel in noise})
+        hints += list_clues(problem, squares, quantities)
     finally:
         problem.set_noise(noise)
     return tuple({hint.words: hint for hint in hints}.values())[:MOST_HINTS]
@@ -192,7 +190,11 @@ def list_quantities(problem: Problem) -> dict[str, Array]:
 def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list[Hint]:
     """The law that explains most of the rest, if it is large and predicts left-out driving clearly."""
     arrays = {f"hint_{name}": values for name, values in quantities.items()}
-    tried = {hypothesis: change for change in CHANGES for hypothesis in _list_laws(change, arrays)}
+    tried = {}
+    for change in CHANGES:
+        for key in (key for key in (f"hint_{key}" for key in change.keys) if key in arrays):
+            own = (Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),)
+            tried[Hypothesis(f"hint_{change.field}", key, own, PENALTIES["place"], change.least)] = change
     before = dict(problem.bases.arrays)
     problem.bases.arrays |= arrays
     try:
@@ -211,13 +213,6 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
         return []
     finally:
         problem.bases.arrays = before
-
-
-def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
-    keys = [key for key in (f"hint_{key}" for key in change.keys) if key in arrays]
-    own = [(Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),) for key in keys]
-    pairs = zip(keys, own, strict=True)
-    return [Hypothesis(f"hint_{change.field}", *pair, PENALTIES["place"], change.least) for pair in pairs]
 
 
 def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[Hint]:
@@ -410,18 +405,11 @@ def draw_cells(rng: Rng, count: int, cell_s: float) -> Array:
     return np.repeat(rng.standard_normal(-(-count // steps)), steps)[:count]
 
 
-@dataclass(frozen=True)
-class Unexplained:
-    """Share of the error over 5 s above the noise floor that remains, and the horizons (s) with an error above it."""
-
-    share: float
-    above_s: tuple[float, ...]
-
-
 def measure_unexplained(
     dataset: DriveDataset, row_step_s: float, floor: Pieces, before: Pieces, after: Pieces
-) -> Unexplained:
-    """The error that a model leaves: `before` is that of the tractor file, `after` that of the model.
+) -> tuple[float, tuple[float, ...]]:
+    """The share of the error over 5 s above the noise floor that a model leaves, and the horizons (s) with an error
+    above it; `before` is that of the tractor file, `after` that of the model.
 
     Errors are in units of the floor, and count along the path where all speeds were measured. Those over a horizon are
     noise where they are no more than noise, and motion between rows, would leave by chance. The share is 0 while the
@@ -442,10 +430,10 @@ def measure_unexplained(
         if len(rows) and not compute_error(after, horizon) < compute_limit(horizon)
     )
     if ERROR_PIECE_S not in above:
-        return Unexplained(0.0, above)
+        return 0.0, above
     rest, whole = (compute_error(pieces) - compute_error(floor) for pieces in (after, before))
     share = rest / max(rest, whole)
-    return Unexplained(share if share > LEAST_SHARE else 0.0, above)
+    return share if share > LEAST_SHARE else 0.0, above
 
 
 def compute_chance(seconds: float, piece_s: float) -> float:

@@ -99,11 +99,11 @@ def _find_still_faults(
     reading = STILL_READINGS[column]
     spans = _find_frozen_spans(motion, column)
     faults = [_build_fault(name, motion, rows, span, reading.fault_id, reading.words) for span in spans]
-    for still in find_standing_spans(motion, column):
-        if any(still.first <= last and first <= still.last for first, last in [*spans, *lost]):
+    for begin, end, shown in find_standing_spans(motion, column):
+        if any(begin <= last and first <= end for first, last in [*spans, *lost]):
             continue
-        found = _build_fault(name, motion, rows, (still.first, still.last), reading.fault_id, reading.standing_words)
-        first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
+        found = _build_fault(name, motion, rows, (begin, end), reading.fault_id, reading.standing_words)
+        first_s, shown_s = float(motion.time_s[begin]), float(motion.time_s[shown])
         if shown_s - first_s >= MOMENT_S:  # a column that stands does not show when it began
             fault = replace(found.fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
             found = replace(found, fault=fault)

@@ -72,18 +72,27 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         for omega in OMEGAS
         for name in SIMULATORS
     }
-    rows = []
-    for ahead in LOOKAHEADS_M:
-        for omega in OMEGAS:
-            proposed, traditional = drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"]
-            apart = [f"{100 * metres:.1f} cm" for metres in compute_distance_m(proposed, traditional)]
-            laterals = [f"{drive.lateral_max_m:.2f} m" for drive in (proposed, traditional)]
-            rows.append((f"{ahead:g} m", f"1/{round(1 / omega)}", *laterals, *apart))
+    apart = {
+        setting: compute_distance_m(drives[*setting, "proposed"], drives[*setting, "traditional"])
+        for setting in itertools.product(LOOKAHEADS_M, OMEGAS)
+    }
+    rows, comparisons = [], []
+    for (ahead, omega), (largest, mean) in apart.items():
+        laterals = {name: drives[ahead, omega, name].lateral_max_m for name in SIMULATORS}
+        cells = [f"{laterals[name]:.2f} m" for name in SIMULATORS[:2]]
+        cells += [f"{100 * metres:.1f} cm" for metres in (largest, mean)]
+        rows.append((f"{ahead:g} m", f"1/{round(1 / omega)}", *cells))
+        # All our numbers; the thesis prints none.
+        ours = {(f"lateral error, maximum, {name}", "m"): metres for name, metres in laterals.items()}
+        ours["proposed and traditional apart, largest", "cm"] = 100.0 * largest
+        ours["proposed and traditional apart, mean", "cm"] = 100.0 * mean
+        label = f"zigzag lookahead {ahead:g} m omega 1/{round(1 / omega)}"
+        comparisons += [ThesisComparison(label, *what, None, value, NOT_PRINTED) for what, value in ours.items()]
     header = ("Lookahead", "omega (1/m)", "Lateral, proposed", "Lateral, traditional", "Apart, largest", "Apart, mean")
     words = (
         "P_y = A sin(omega P_x), A = 5 m, soil, 5 km/h (Eq. 3.1). The thesis finds that the two simulators differ more "
         "as omega grows.",
-        *(_describe_zigzag(drives, ahead) for ahead in LOOKAHEADS_M),
+        *(_describe_zigzag(drives, apart, ahead) for ahead in LOOKAHEADS_M),
     )
     panels = tuple(
         _build_wave_panel(
@@ -98,35 +107,18 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         for name in ("proposed", "traditional")
     )
     table = TextTable("Zigzag", header, tuple(rows))
-    return ExperimentSheet("zigzag", "Zigzag (section 3.3)", words, _compare_zigzag(drives), panels + wheels, (table,))
+    title, pictures = "Zigzag (section 3.3)", panels + wheels
+    return ExperimentSheet("zigzag", title, words, tuple(comparisons), pictures, (table,))
 
 
-def _compare_zigzag(drives: dict[tuple[float, float, str], PathTracking]) -> tuple[ThesisComparison, ...]:
-    """All our numbers; the thesis prints none."""
-    rows = []
-    for ahead in LOOKAHEADS_M:
-        for omega in OMEGAS:
-            largest, mean = compute_distance_m(drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"])
-            ours = {
-                (f"lateral error, maximum, {name}", "m"): drives[ahead, omega, name].lateral_max_m
-                for name in SIMULATORS
-            }
-            ours["proposed and traditional apart, largest", "cm"] = 100.0 * largest
-            ours["proposed and traditional apart, mean", "cm"] = 100.0 * mean
-            label = f"zigzag lookahead {ahead:g} m omega 1/{round(1 / omega)}"
-            rows += [ThesisComparison(label, *quantity, None, value, NOT_PRINTED) for quantity, value in ours.items()]
-    return tuple(rows)
-
-
-def _describe_zigzag(drives: dict[tuple[float, float, str], PathTracking], ahead: float) -> str:
+def _describe_zigzag(
+    drives: dict[tuple[float, float, str], PathTracking], apart: dict[tuple[float, float], tuple[float, float]],
+    ahead: float,
+) -> str:  # fmt: skip
     """How far the simulators are apart with one lookahead, and whether the third stage matters."""
-    gaps, slews = [], []
-    for omega in OMEGAS:
-        proposed, traditional = drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"]
-        gaps.append(100.0 * compute_distance_m(proposed, traditional)[0])
-        slews.append(bool(find_slewing(proposed.trace).mean() > 0.01))
-    gap_list = ", ".join(f"{gap:.1f}" for gap in gaps)
-    where = [f"1/{round(1 / omega)}" for omega, slew in zip(OMEGAS, slews, strict=True) if slew]
+    gap_list = ", ".join(f"{100.0 * apart[ahead, omega][0]:.1f}" for omega in OMEGAS)
+    slews = [omega for omega in OMEGAS if find_slewing(drives[ahead, omega, "proposed"].trace).mean() > 0.01]
+    where = [f"1/{round(1 / omega)}" for omega in slews]
     stage = f"The third stage matters at omega = {', '.join(where)}." if where else "The third stage is hardly entered."
     return f"With a lookahead of {ahead:g} m they are {gap_list} cm apart at omega = 1/5, 1/4, 1/3. {stage}"
 
