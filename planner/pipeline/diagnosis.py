@@ -12,7 +12,7 @@ import numpy as np
 import reports.diagnosis.page  # noqa: F401  # how a diagnosis is shown
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
 from planner.pipeline.diagnosis_evidence import align_path, build_evidence
-from planner.pipeline.held_out_runs import HeldOut, HeldOutSplit, split_held_out_runs
+from planner.pipeline.held_out_runs import HeldOut, split_held_out_runs
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
 from reports.common.rendering import ResultView, ShownResult
@@ -99,15 +99,13 @@ def diagnose(
         machine = resolve_tractor(tractor)
     with attach_parameter("logs"):
         parsed_logs = collect_logs(logs, fixes, machine, mapping)
-    height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
-    parsed_logs = add_known_ground(parsed_logs, height_file)
+    parsed_logs = add_known_ground(parsed_logs, heights)
     with attach_parameter("holdout"):
-        split = None if holdout is None else split_held_out_runs(parsed_logs, holdout)
-        parsed_logs = parsed_logs if split is None else list(split.used_logs)
+        parsed_logs, unseen_logs, words = split_held_out_runs(parsed_logs, holdout)
     if use_driven_size:
         machine = scale_to_logs(parsed_logs, machine, ground)
     refuse_other_vehicle(parsed_logs, machine, ground)
-    return _explain_logs(parsed_logs, machine, ground, progress, split)
+    return _explain_logs(parsed_logs, machine, ground, progress, unseen_logs, words)
 
 
 def diagnose_demo(
@@ -130,25 +128,25 @@ def diagnose_demo(
         machine = resolve_tractor(tractor)
     with attach_parameter("hide"):
         hidden = draw_hidden_effect(seed, machine, hidden_effect)
-    logs: Sequence[Log] = simulate_demo_logs(hidden, machine, ground, seed)
     with attach_parameter("holdout"):
-        split = None if holdout is None else split_held_out_runs(logs, holdout)
-    return _explain_logs(logs if split is None else split.used_logs, machine, ground, progress, split), hidden
+        logs, unseen_logs, words = split_held_out_runs(simulate_demo_logs(hidden, machine, ground, seed), holdout)
+    return _explain_logs(logs, machine, ground, progress, unseen_logs, words), hidden
 
 
 def _explain_logs(
-    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None, split: HeldOutSplit | None
-) -> TractorDiagnosis:
-    """Diagnose logs; add what held-out runs say, what their replay shows, the plan of the next drive, and the change
-    of a plan."""
+    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None, unseen_logs: Sequence[Log],
+    words: str,
+) -> TractorDiagnosis:  # fmt: skip
+    """Diagnose logs; add what held-out runs, chosen as `words` say, show, what their replay shows, the plan of the next
+    drive, and the change of a plan."""
     diagnosis = describe_known_ground(diagnose_logs(logs, machine, ground, progress), logs)
     values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
     if diagnosis.undiagnosed_reason:
         return TractorDiagnosis(**values)
-    if split is not None:
+    if unseen_logs:
         with attach_parameter("holdout"):
-            holdout = measure_holdout(split.held_out_logs, machine, diagnosis.tractor, ground)
-        values["holdout"] = replace(holdout, words=split.words, is_requested=True)
+            holdout = measure_holdout(unseen_logs, machine, diagnosis.tractor, ground)
+        values["holdout"] = replace(holdout, words=words, is_requested=True)
     values["evidence"] = build_evidence(logs, machine, diagnosis.tractor, ground)
     if diagnosis.next_drive is not None:
         values["next_drive_plan"] = build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
@@ -274,8 +272,7 @@ def replay(
         machine = resolve_tractor(tractor)
     with attach_parameter("log"):
         run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m, mapping=mapping)
-        height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
-        (run,) = add_known_ground([run], height_file)
+        (run,) = add_known_ground([run], heights)
         course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
     with attach_parameter("ground"):
         rig, settings = build_rig_and_corrections(machine, ground, course.origin)

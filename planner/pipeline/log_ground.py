@@ -61,7 +61,7 @@ class HeightFile:
     crs: str | None = None
 
 
-def add_known_ground(logs: Sequence[Log], heights: HeightFile | None = None) -> list[Log]:
+def add_known_ground(logs: Sequence[Log], heights: HeightFile | str | Path | None = None) -> list[Log]:
     """Logs with the fall of the ground under their rows; unchanged where no heights are known.
 
     Heights of a file take the place of roll and pitch. Those of the logs are used where a log lacks one of them.
@@ -70,7 +70,7 @@ def add_known_ground(logs: Sequence[Log], heights: HeightFile | None = None) -> 
         HeadlandError: the file cannot be read, lies elsewhere, or needs a coordinate system that is not given.
     """
     if heights is not None:
-        return _add_surveyed_ground(logs, heights)
+        return _add_surveyed_ground(logs, heights if isinstance(heights, HeightFile) else HeightFile(heights))
     has_sensors = all(log.roll_deg is not None and log.pitch_deg is not None for log in logs)
     with_heights = sum(log.elevation_m is not None for log in logs)
     if has_sensors or not with_heights:

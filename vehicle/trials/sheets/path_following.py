@@ -359,24 +359,16 @@ def _build_weaving_table(tractor: Tractor) -> TextTable:
     return TextTable(title, header, tuple(rows))
 
 
-def _describe_finding(quiet: Steps) -> str:
-    """Whether the thesis's finding about the simulators is confirmed."""
-    near, far = _compute_gap_range(quiet, 50)[1], _compute_gap_range(quiet, 100)[0]
-    if near < AGREEMENT_CM < far:
-        within = f"within {AGREEMENT_CM:g} cm"
-        return f"Proposed and traditional simulators agree at 50 cm ({within}) and differ from 100 cm on."
-    return "The thesis's finding that the simulators agree at 50 cm and differ from 100 cm on is not confirmed."
-
-
 def _describe_results(quiet: Steps, noisy: Steps, bare: Steps, limit_m: float) -> tuple[str, ...]:
     limited_cm = [drive.mean_lateral_error_cm for key, drive in noisy.items() if key[1] == "proposed"]
     inside = sum(2.0 <= value <= 6.0 for value in limited_cm)
     plain = [drive.mean_lateral_error_cm for key, drive in bare.items() if key[1] == "proposed"]
-    gaps = "; ".join(
-        f"{size} cm: {low:.1f} to {high:.1f} cm"
-        for size in (50, 100, 150, 200)
-        for low, high in [_compute_gap_range(quiet, size)]
-    )
+    ranges = {size: _compute_gap_range(quiet, size) for size in (50, 100, 150, 200)}
+    gaps = "; ".join(f"{size} cm: {low:.1f} to {high:.1f} cm" for size, (low, high) in ranges.items())
+    within, finding = f"within {AGREEMENT_CM:g} cm", "agree at 50 cm and differ from 100 cm on is not confirmed."
+    finding = f"The thesis's finding that the simulators {finding}"
+    if ranges[50][1] < AGREEMENT_CM < ranges[100][0]:
+        finding = f"Proposed and traditional simulators agree at 50 cm ({within}) and differ from 100 cm on."
     small = [drive for key, drive in quiet.items() if key[1] == "proposed" and abs(key[3]) == 50]
     slewing = sum(drive.enters_third_stage for drive in small)
     return (
@@ -386,7 +378,7 @@ def _describe_results(quiet: Steps, noisy: Steps, bare: Steps, limit_m: float) -
         f"limited to {limit_m:g} m ({min(limited_cm):.1f} to {max(limited_cm):.1f} cm), and "
         f"{sum(2.0 <= v <= 6.0 for v in plain)} with the plain law: from 2 m at 5 km/h the locked third stage may "
         f"carry the tractor past path 2 ({max(plain):.1f} cm).",
-        f"{_describe_finding(quiet)} Largest distance between the two on soil: {gaps}.",
+        f"{finding} Largest distance between the two on soil: {gaps}.",
         f"The thesis supposes that the third stage is not entered at 50 cm; here it is entered in {slewing} of "
         f"{len(small)} drives of 50 cm.",
     )
