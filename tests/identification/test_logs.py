@@ -16,7 +16,7 @@ from tests.identification.analytic_drives import circle
 from tests.identification.log_tables import BENT, HOME, SPOIL, refusal, runs, saved, table, to_degrees
 from tests.truth.drives import default_programme, reversing
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
-from tests.truth.model import Truth, make_logs
+from tests.truth.model import make_logs
 from vehicle.identification.logs.conventions import find_convention_errors
 from vehicle.identification.logs.gating import find_jumps, gate_rows
 from vehicle.identification.logs.reader import build_log, count_rows_left_out, read_log, read_logs
@@ -418,13 +418,6 @@ def test_no_effect_looks_like_a_wrong_convention(name: str, first: int) -> None:
             assert [one.rule for one in log.gated] == ["shuttle in neutral"] and find_convention_errors(log) == []
         else:
             clean(log)
-
-
-def test_two_effects_at_once_are_no_convention_either() -> None:
-    effects = {"steering_offset": {"angle_deg": -2.0}, "cross_slope_drift": {"ratio": 0.06, "bearing_deg": 0.0},
-               "steering_dead_time": {"time_s": 0.5}, "wheel_slip": {"ratio": 0.25}}  # fmt: skip
-    for index, drive in enumerate(default_programme()[::2]):
-        clean(build_log(Truth(effects, 3).log(drive, index), drive.name))
 
 
 @pytest.mark.slow

@@ -272,8 +272,8 @@ def test_means_of_a_heading_that_stands_while_the_course_turns() -> None:
     shown = np.degrees(np.where(time < 40.0, heading, 3.0)) + noise
     columns = {"time_s": time, "easting_m": east, "northing_m": north, "heading_deg": shown % 360.0}
     columns["speed_mps"] = np.full(len(time), 1.5)
-    (span,) = find_standing_spans(build_raw_motion(columns, np.arange(len(time))), "heading")
-    assert time[span.first] == pytest.approx(40.0, abs=1.5) and span.last >= len(time) - 11
+    ((first, last, _),) = find_standing_spans(build_raw_motion(columns, np.arange(len(time))), "heading")
+    assert time[first] == pytest.approx(40.0, abs=1.5) and last >= len(time) - 11
     right = {**columns, "heading_deg": (np.degrees(heading) + noise) % 360.0}
     assert find_standing_spans(build_raw_motion(right, np.arange(len(time))), "heading") == []
 
