@@ -25,14 +25,18 @@ from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.table import MappingSource
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
-from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
+from vehicle.identification.replay.drive_segments import (
+    DriveSegment,
+    ReplayRig,
+    build_dataset,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.horizon_errors import (
     compute_horizon_errors,
     compute_piece_errors,
     find_piece_bounds,
     measure_dataset,
 )
-from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor, resolve_tractor
 from vehicle.records import WORKING

@@ -15,13 +15,17 @@ from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.results import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.series import mark_spans
-from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
+from vehicle.identification.replay.drive_segments import (
+    DriveSegment,
+    ReplayRig,
+    build_dataset,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.horizon_errors import (
     compute_piece_errors,
     fit_rigid_motion,
     list_covering_bounds,
 )
-from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor
 

@@ -16,8 +16,7 @@ from vehicle.identification.diagnosis.next_drive import (
 )
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, build_dataset
-from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, ReplayRig, build_dataset, build_rig
 from vehicle.identification.replay.simulation import replay_segment
 from vehicle.model.tractor import Settings, load_tractor
 from vehicle.twin.step_motion import NO_NOISE, TractorNoise

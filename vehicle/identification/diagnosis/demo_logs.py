@@ -17,8 +17,7 @@ from vehicle.identification.diagnosis.next_drive import PROGRAMME_PACE_MPS, Prog
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.series import turn_path
-from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.drive_segments import DriveSegment, ReplayRig, build_rig
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,

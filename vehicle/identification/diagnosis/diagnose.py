@@ -41,7 +41,12 @@ from vehicle.identification.diagnosis.verdicts import (
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
+from vehicle.identification.replay.drive_segments import (
+    DriveDataset,
+    build_dataset,
+    build_rig,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
     FEWEST_PIECE_ROWS,
@@ -49,7 +54,6 @@ from vehicle.identification.replay.horizon_errors import (
     find_piece_bounds,
     measure_dataset,
 )
-from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import CIRCLE
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values

@@ -45,7 +45,7 @@ from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.series import turn_path
 from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, DOUBT_SIGMAS, FEWEST_LINE_CHORDS, SEED, SURE_SIGMAS
 from vehicle.identification.replay.drive_inputs import sample_rows
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, ReplayRig
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
     Pieces,
@@ -53,7 +53,6 @@ from vehicle.identification.replay.horizon_errors import (
     join_pieces,
     measure_pieces,
 )
-from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import Simulator
 from vehicle.model.effects import PATH, get_effect
 
