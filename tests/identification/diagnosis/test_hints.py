@@ -21,6 +21,7 @@ from vehicle.identification.diagnosis.hints import (
     compute_noise_floor,
     compute_rank_sigmas,
     find_hints,
+    find_laws,
     limit_noise,
     list_law_hints,
     list_loud,
@@ -66,11 +67,12 @@ def sway_antenna(segment: DriveSegment) -> DriveSegment:
     return replace(segment, east=east, north=north)
 
 
-def test_a_clean_drive_gives_no_hint_and_the_noise_is_kept() -> None:
+def test_a_clean_drive_follows_no_law_and_the_noise_is_kept() -> None:
     problem = clean()
     fit = fit_base(problem)
     noise, bases = problem.get_noise(), dict(problem.bases.arrays)
-    assert find_hints(problem, fit, ()) == ()
+    assert find_laws(problem, fit, list_quantities(problem)) == []
+    assert not any("depends on" in hint.words for hint in find_hints(problem, fit, ()))
     assert all(np.array_equal(noise[channel], amounts) for channel, amounts in problem.get_noise().items())
     assert problem.bases.arrays.keys() == bases.keys()
 
