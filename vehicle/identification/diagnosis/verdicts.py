@@ -47,10 +47,10 @@ from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import CATALOGUE, DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
-LIKELY_Z = 1.5  # standard errors of the predictive difference from which something is likely
+LIKELY_Z = 0.5 * CLEAR_SIGMAS  # standard errors of the predictive difference from which something is likely
 EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
-CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
+CLEAR_LAW_Z = 2.0 * CLEAR_SIGMAS  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5

@@ -37,6 +37,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_READINGS,
     MAJORITY,
     MOMENT_S,
+    POSITION_NOISE_M,
     STANDING_FACTOR,
     STANDSTILL_MPS,
     STEERING_NOISE_DEG,
@@ -288,7 +289,7 @@ def _is_multiple_of_step(values: Array, step: float) -> bool:
     return bool((np.abs(steps - np.round(steps)) < _STEP_TOLERANCE).all())
 
 
-STANDING_M = 0.3  # spread of antenna noise
+STANDING_M = 10.0 * POSITION_NOISE_M  # spread of positions of a tractor that stands
 _WANDER_M = 5.0  # of a log whose own speed says that it stands: a receiver without corrections wanders this far
 _SAME = 2e-3  # chosen, s and m: one digit of rounding; no drive repeats another one this closely
 

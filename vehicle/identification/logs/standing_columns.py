@@ -24,6 +24,7 @@ from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
     CLEAR_CORRELATION,
+    CLEAR_SIGMAS,
     CLEARLY_APART_DEG,
     FEWEST_EVENTS,
     FEWEST_READINGS,
@@ -44,7 +45,7 @@ POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 _LEAST_STANDING_S = 2.0 * LASTING_S  # of a standstill
-_NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
+_NOISE_ERRORS = 2.0 * CLEAR_SIGMAS  # by which means of a value that stands may differ, up and down
 _LEAST_DRIVEN_M = 5.0  # chosen: a speed sensor drives so far while positions stay
 _LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest
 # Chosen, deg: an antenna swings by half of this. From LEAST_TURN_DEG on a heading is doubted.

@@ -40,6 +40,7 @@ STANDING_FACTOR = 2.0  # times the usual hold, and the usual change after it: a 
 TURNED_DEG = 30.0  # of a course or a heading: more than drift, noise, and what a tractor turns between two rows
 CLEARLY_APART_DEG = 5.0  # wheels that are elsewhere than they should be, beyond any offset
 WHEEL_NOISE_DEG, POSITION_NOISE_M = 1.0, 0.03  # angles and places that differ by less may be one
+JUMP_M = 0.5  # on top of what is driven: smaller steps between two positions are those of clods and of a poor receiver
 STEERING_NOISE_DEG = 2.0 * WHEEL_NOISE_DEG  # the least that a steering column must move by, beyond a sensor's noise
 STEERING_SPREAD_DEG = 1.5  # of wheels that stand, at most; and standard deviation of angles whose path shows anything
 LOCK_QUANTILE = 0.998  # of the angles of a set of logs: all but spikes
