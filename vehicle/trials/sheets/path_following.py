@@ -78,7 +78,7 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
     }
     rows, comparisons = [], []
     for (ahead, omega), (largest, mean) in apart.items():
-        laterals = {name: drives[ahead, omega, name].lateral_max_m for name in SIMULATORS}
+        laterals = {name: drives[ahead, omega, name].sizes.lateral_max for name in SIMULATORS}
         cells = [f"{laterals[name]:.2f} m" for name in SIMULATORS[:2]]
         cells += [f"{100 * metres:.1f} cm" for metres in (largest, mean)]
         rows.append((f"{ahead:g} m", f"1/{round(1 / omega)}", *cells))
@@ -146,8 +146,7 @@ def build_wheel_panel(title: str, trace: Trace, from_s: float = -math.inf, until
 def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     """Table 3.4; the column of the digital twin is lost, the text only gives its difference from the real tractor."""
     passes = drive_navigation(tractor, position_errors=load_default_error_table(), seed=seed)
-    lateral = passes.lateral_max_cm, passes.lateral_mean_cm
-    ours = dict(zip(LATERAL + HEADING, (*lateral, passes.heading_max_deg, passes.heading_mean_deg), strict=True))
+    ours = dict(zip(LATERAL + HEADING, zip(*passes.sizes, strict=True), strict=True))
     rows = []
     for (number, quantity, unit), thesis in TABLE_3_4.items():
         note = "physical space, other field and start; the twin's column is lost"
@@ -197,13 +196,13 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
     for (ground, subject), printed in TABLE_4_3.items():
         pair = (ground, "nonlinear" if subject == "real" else subject)
         quantities = zip(LATERAL + HEADING, ("m", "m", "deg", "deg"), strict=True)
-        columns = printed, results[pair].errors.compute_sizes(), plain[pair].errors.compute_sizes()
+        columns = printed, results[pair].sizes, plain[pair].sizes
         for (quantity, unit), thesis, ours, bare in zip(quantities, *columns, strict=True):
             note = f"without the engine's curve {bare:.3g} {unit}"
             if subject == "real":
                 note = "real tractor against our non-linear model; " + note
             rows.append(ThesisComparison(f"4.3 {ground} {subject}", quantity, unit, thesis, ours, note))
-    ratio = results["mud", "nonlinear"].lateral_mean_m / results["mud", "linear"].lateral_mean_m
+    ratio = results["mud", "nonlinear"].sizes.lateral_mean / results["mud", "linear"].sizes.lateral_mean
     words = (
         f"Waves of 5 m and 37.6 m at 5 km/h, lookahead {SLIP_LOOKAHEAD_M} m, controlled point {-CONTROLLED_POINT_M} m "
         "behind the centre of mass, with the engine's curve: one setting for all 16 numbers. Angles are not corrected.",
@@ -220,9 +219,9 @@ def _build_point_table(tractor: Tractor) -> TextTable:
     for point in POINTS_M:
         cells = []
         for ground, model in (("asphalt", "nonlinear"), ("mud", "nonlinear"), ("mud", "linear")):
-            result = drive_slip_test(tractor, ground, model, point_m=point)
-            lateral = f"{result.lateral_max_m:.3f} / {result.lateral_mean_m:.3f} m"
-            cells.append(f"{lateral}, {result.heading_mean_deg:.2f} deg")
+            sizes = drive_slip_test(tractor, ground, model, point_m=point).sizes
+            lateral = f"{sizes.lateral_max:.3f} / {sizes.lateral_mean:.3f} m"
+            cells.append(f"{lateral}, {sizes.heading_mean_deg:.2f} deg")
         rows.append((f"{point:+.2f} m", *cells))
     header = ("Controlled point ahead of the centre of mass", "Asphalt", "Mud, non-linear", "Mud, linear")
     return TextTable("Lateral error, maximum / average, and mean heading error", header, tuple(rows))
