@@ -135,7 +135,9 @@ def build_site_moves(
 def tell_moves(context: PlanningContext) -> tuple[Any, ...] | None:
     """What another process takes to have the same SiteMoves without laying and estimating again; None before that."""
     moves: SiteMoves | None = context.site_cache.get(SiteMoves)
-    return moves and (moves.lines, moves.starts, moves.used, moves.orders, moves.folded, moves.estimates.known)
+    if moves is None:
+        return None
+    return moves.lines, moves.starts, moves.used, moves.orders, moves.folded, moves.estimates.known
 
 
 def take_moves(context: PlanningContext, told: tuple[Any, ...]) -> None:
