@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -161,9 +160,12 @@ def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
 
 def _build_task_data(names: Sequence[str], saved_run: SavedPlanRun) -> str:
     """The main file: the field if it can be read, and a task with a log for every tractor."""
-    parcel = ""
-    with suppress(HeadlandError):
-        parcel = _build_parcel(read_requested_field(saved_run.request, None))
+    try:
+        field = read_requested_field(saved_run.request, None)
+    except HeadlandError:
+        parcel = ""
+    else:
+        parcel = _build_parcel(field)
     tasks = "".join(
         f'<TSK A="TSK{number}" B="tractor {number}" E="PFD1" G="4"><TLG A="{name}" C="1"/></TSK>'
         for number, name in enumerate(names, start=1)
