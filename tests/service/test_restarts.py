@@ -15,9 +15,8 @@ import pytest
 
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import FleetAlarm
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session import fleet_session as lives
 from planner.fleet.session import state_recorder

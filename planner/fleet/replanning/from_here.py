@@ -20,10 +20,10 @@ from planner.evaluation.candidates.energy_figures import find_service_conflict
 from planner.evaluation.candidates.fleet_drive import FleetDriver
 from planner.evaluation.context import PlanningContext
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.safety.base_release import is_passed
+from planner.fleet.model.tractor_state import is_passed
 from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun

@@ -23,8 +23,8 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_lane_ground, build_site, build_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg, drop_settled_gates
 from planner.fleet.safety.motion_prediction import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used

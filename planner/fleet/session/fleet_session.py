@@ -17,9 +17,8 @@ from planner.fleet.manager.fleet_state import FLEET_MANAGER
 from planner.fleet.manager.progress_snapshot import capture_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits
 from planner.fleet.model.alarms import CRITICAL
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import ONLINE, FleetEvent, TractorOrder
 from planner.fleet.replanning.proposals import ReplanProposals
 from planner.fleet.session import frame_content, inbound_frames
@@ -273,15 +272,14 @@ class FleetSession:
         speed_mps = 0.0 if frame.start == 0 else frame.speed_command_mps
         if frame.shuttle is not None:
             speed_mps = abs(speed_mps) * frame.shuttle
-        self.manager.check_tractor_number(frame.tractor - 1)
-        self.manager.control_leases.check_holder(frame.tractor - 1, client.who)
+        self.manager.operators.check_lease(client.who, frame.tractor - 1)
         self.freshness.check_command_fresh(frame, speed_mps != 0.0, time.time())
         self.manager.operators.send_command(
             client.who, frame.tractor - 1, math.radians(frame.steering_command_deg), speed_mps, now
         )
 
     def _send_lease(self, number: int) -> None:
-        holder = self.manager.control_leases.get_holder(number)
+        holder = self.manager.lease_holders.get(number)
         for client in self.clients:
             if client.role == CONTROL:
                 client.send(

@@ -22,7 +22,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.session.inbound_frames import AcknowledgeFrame, CommandFrame, ResumeFrame, StartFrame
 
 SLOW_CLOCK_S, FAST_CLOCK_S = 4.0, 2.0

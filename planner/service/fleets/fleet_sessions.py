@@ -265,7 +265,7 @@ class FleetSessions:
             rows = select_rising_rows(await asyncio.to_thread(self.store.read_recording, session.id, number))
             east, north = session.manager.plan.saved.origin_m
             for row in rows:
-                session.manager.coverage_map.add_place(
+                session.manager.add_coverage(
                     number, row[EASTING_COLUMN] - east, row[NORTHING_COLUMN] - north, bool(row[IMPLEMENT_COLUMN])
                 )
             if rows:
