@@ -12,7 +12,7 @@ import shapely
 
 from planner.fleet.model.alarms import AlarmRegister
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetManagerError, FleetRules
+from planner.fleet.model.rules import ControlLeaseError, FleetManagerError, FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import MOVING_MPS, FleetEvent, Hold, TractorOrder, TractorState
 from planner.fleet.safety.motion_prediction import NeighbourFleets, TwinPredictions
@@ -173,6 +173,24 @@ class FleetState:
                 f"use 1 to {self.plan.tractor_count}.",
                 parameter="tractor",
             )
+
+    def hand_lease(self, number: int, who: str, takeover: bool) -> str | None:
+        """Let somebody drive a tractor; returns who else drove it. Raises ControlLeaseError then without `takeover`."""
+        previous_holder = self.lease_holders.get(number)
+        if previous_holder not in (None, who) and not takeover:
+            raise ControlLeaseError(
+                f"Tractor {number + 1} is driven by {previous_holder}; take it over to drive it yourself."
+            )
+        self.lease_holders[number] = who
+        return previous_holder if previous_holder != who else None
+
+    def check_lease(self, number: int, who: str) -> None:
+        """Raise ControlLeaseError unless `who` drives this tractor, FleetManagerError for one that there is not."""
+        self.check_tractor_number(number)
+        holder = self.lease_holders.get(number)
+        if holder != who:
+            state_text = "nobody drives it" if holder is None else f"{holder} drives it"
+            raise ControlLeaseError(f"Tractor {number + 1} is not yours to drive: {state_text}. Take control first.")
 
     def add_coverage(self, number: int, x_m: float, y_m: float, is_working: bool) -> None:
         """Add the place of a tractor to its line of coverage."""

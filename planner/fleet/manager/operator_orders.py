@@ -12,7 +12,7 @@ from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED, FleetStat
 from planner.fleet.manager.obstacle_reports import ObstacleReports
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import ControlLeaseError, FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import (
     MOVING_MPS,
@@ -168,13 +168,7 @@ class OperatorOrders:
             raise FleetManagerError(
                 f"Tractor {number + 1} has failed; mark it as working again first.", parameter="tractor"
             )
-        previous_holder = self.fleet.lease_holders.get(number)
-        if previous_holder not in (None, who) and not takeover:
-            raise ControlLeaseError(
-                f"Tractor {number + 1} is driven by {previous_holder}; take it over to drive it yourself."
-            )
-        self.fleet.lease_holders[number] = who
-        previous_holder = None if previous_holder == who else previous_holder
+        previous_holder = self.fleet.hand_lease(number, who, takeover)
         state = self.fleet.states[number]
         state.holds.add(Hold.REMOTE_CONTROL)
         state.holds -= {Hold.PAUSED, Hold.SERVICE_RESTARTED}  # remote control holds it instead
@@ -199,21 +193,13 @@ class OperatorOrders:
             self.return_lease(who, number, now)
         return leased_numbers
 
-    def check_lease(self, who: str, number: int) -> None:
-        """Raise ControlLeaseError unless `who` holds this tractor, FleetManagerError for an unknown one."""
-        self.fleet.check_tractor_number(number)
-        holder = self.fleet.lease_holders.get(number)
-        if holder != who:
-            state_text = "nobody drives it" if holder is None else f"{holder} drives it"
-            raise ControlLeaseError(f"Tractor {number + 1} is not yours to drive: {state_text}. Take control first.")
-
     def send_command(self, who: str, number: int, steering_rad: float, speed_mps: float, now: float) -> None:
         """Drive a tractor by remote control: `steering_rad` positive right, `speed_mps` negative backwards.
 
         Both are limited to what the rules and the tractor allow. Raises ControlLeaseError without a lease, and
         FleetManagerError, after stopping the tractor, if the command would do harm or the tractor must stand.
         """
-        self.check_lease(who, number)
+        self.fleet.check_lease(number, who)
         state = self.fleet.states[number]
         lock_rad = math.radians(self.fleet.plan.tractor.max_steering_deg)
         steering = min(max(steering_rad, -lock_rad), lock_rad)

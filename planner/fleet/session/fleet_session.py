@@ -272,7 +272,7 @@ class FleetSession:
         speed_mps = 0.0 if frame.start == 0 else frame.speed_command_mps
         if frame.shuttle is not None:
             speed_mps = abs(speed_mps) * frame.shuttle
-        self.manager.operators.check_lease(client.who, frame.tractor - 1)
+        self.manager.check_lease(frame.tractor - 1, client.who)
         self.freshness.check_command_fresh(frame, speed_mps != 0.0, time.time())
         self.manager.operators.send_command(
             client.who, frame.tractor - 1, math.radians(frame.steering_command_deg), speed_mps, now
