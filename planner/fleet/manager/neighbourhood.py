@@ -64,18 +64,17 @@ class GroundConversion:
         self._terms: Array | None = None
         self._shift = np.asarray(source.origin_m) - np.asarray(target.origin_m)
         if source.crs != target.crs:
-            self._fit_conversion_terms(source, target, shapely.bounds(ground))
-
-    def _fit_conversion_terms(self, source: SavedPlan, target: SavedPlan, bounds: Array) -> None:
-        west, south, east, north = bounds
-        self._middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
-        self._size = max(east - west, north - south, 1.0)
-        x, y = np.meshgrid(*(middle + np.linspace(-0.5, 0.5, FIT_SAMPLES) * self._size for middle in self._middle))
-        places = np.column_stack([x.ravel(), y.ravel()])  # a square: one line would not determine the other direction
-        converted = _convert_places(source, target, places)
-        self._terms = np.asarray(np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0], np.float64)
-        ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
-        self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
+            west, south, east, north = shapely.bounds(ground)
+            self._middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
+            self._size = max(east - west, north - south, 1.0)
+            x, y = np.meshgrid(*(middle + np.linspace(-0.5, 0.5, FIT_SAMPLES) * self._size for middle in self._middle))
+            # a square: one line would not determine the other direction
+            places = np.column_stack([x.ravel(), y.ravel()])
+            converted = _convert_places(source, target, places)
+            fitted = np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0]
+            self._terms = np.asarray(fitted, np.float64)
+            ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
+            self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
 
     def _compute_powers(self, places: Array) -> Array:
         x, y = ((places - self._middle) / self._size).T

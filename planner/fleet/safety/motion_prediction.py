@@ -238,11 +238,6 @@ class NeighbourTractor:
     is_queueing: bool
     area: PossibleArea | None
 
-    @property
-    def expected_path(self) -> AnyArray:
-        """Its path; a waiting tractor stays where it is."""
-        return np.repeat(self.path[:1], len(self.path), axis=0) if self.is_waiting else self.path
-
 
 class NeighbourFleets:
     """The other fleets near one: here none; see planner.fleet.manager.neighbourhood."""

@@ -371,7 +371,7 @@ class SafetyGuard:
         }
         for neighbour in neighbours:
             predicted_paths[neighbour.key] = _PredictedPath(
-                neighbour.expected_path,
+                _repeat_first_pose(neighbour.path) if neighbour.is_waiting else neighbour.path,
                 neighbour.model,
                 neighbour.boxes,
                 self.neighbour_clearances_m,

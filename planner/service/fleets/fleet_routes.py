@@ -21,10 +21,11 @@ from fastapi import Depends, Request, Response
 from pydantic import Field, ValidationError
 from pydantic.json_schema import models_json_schema
 
+from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.session import inbound_frames, outbound_messages
 from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
-from planner.fleet.session.state_recorder import format_log_csv, zip_logs
+from planner.fleet.session.state_recorder import format_log_csv
 from planner.request.option_texts import parse_clock
 from planner.request.validation import describe_fault, format_location
 from planner.service.access.permissions import (
@@ -70,7 +71,7 @@ FleetReader = Annotated[Caller, Depends(RequiredRight(READ, fleet_parameter="id"
 JSON_TYPE = "application/json"
 RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
 WRITTEN_BYTES = 2**18  # of a body, written at a time
-RECORDING_ANSWERS = document_file("One log per tractor", ["application/zip"])
+RECORDING_ANSWERS = document_file("One log per tractor", [ZIP_MEDIA_TYPE])
 
 
 class FleetRequest(ApiRequest):
@@ -381,14 +382,14 @@ async def get_asyncapi(_who: ReadAccess) -> dict[str, Any]:
 def get_recording(store: StoreAccess, _who: ReadAccess, id: str) -> Response:
     """The recorded states as logs for diagnosis; raises NotFoundError if there are none."""
     store.get_fleet(id)
-    logs = [
-        (f"tractor-{number + 1}.csv", format_log_csv(store.read_recording(id, number)))
+    logs = {
+        f"tractor-{number + 1}.csv": format_log_csv(store.read_recording(id, number)).encode()
         for number in store.list_recorded_tractors(id)
-    ]
+    }
     if not logs:
         raise NotFoundError("No tractor of this fleet has reported yet; start it first.", parameter="id")
     headers = {"content-disposition": f'attachment; filename="fleet-{id}.zip"'}
-    return Response(zip_logs(logs), media_type="application/zip", headers=headers)
+    return Response(zip_files(logs), media_type=ZIP_MEDIA_TYPE, headers=headers)
 
 
 async def save_recording_before_read(sessions: FleetSessions, path: str) -> None:

@@ -16,8 +16,8 @@ from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Collection
 from dataclasses import asdict
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
 
+import httpx2
 from starlette.requests import ClientDisconnect
 from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -27,10 +27,6 @@ from planner.service.gateway.request_gate import name_client
 from planner.service.gateway.responses import build_error_response, wait_for_disconnect, wait_while_connected
 from planner.service.kept_process import KeptProcess
 from planner.service.settings import LIMITS, ServiceSettings
-
-if TYPE_CHECKING:
-    import httpx2
-
 
 SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER = b"x-headland-secret", b"x-headland-who", b"x-headland-client"
 HOP_HEADERS = b"connection keep-alive proxy-connection te trailer transfer-encoding upgrade".split()
@@ -62,12 +58,13 @@ class OfficeForwarder:
         self._abandoned_paths = abandoned_paths
         self.office, self.before_request, self.after_change = office, before_request, after_change
         self._running_requests: Counter[str] = Counter()
-        self._client: httpx2.AsyncClient | None = None
+        limits = httpx2.Limits(max_connections=LIMITS.most_requests, max_keepalive_connections=16)
+        timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=5.0)
+        self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
 
     async def close(self) -> None:
         """Close all connections."""
-        if self._client is not None:
-            await self._client.aclose()
+        await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The ASGI entry point."""
@@ -91,8 +88,6 @@ class OfficeForwarder:
             self._running_requests += Counter()
 
     async def _forward_request(self, scope: Scope, receive: Receive, send: Send) -> None:
-        import httpx2
-
         await self.before_request(scope["path"])
         url = self.office.url
         if url is None:
@@ -100,7 +95,7 @@ class OfficeForwarder:
             return
         body = _RequestBody(receive)
         try:
-            sent = self._get_client().send(self._build_request(url, scope, body), stream=True)
+            sent = self._client.send(self._build_request(url, scope, body), stream=True)
             is_abandoned = scope["path"] in self._abandoned_paths
             response = await (wait_while_connected(body.wait_for_disconnect(), sent) if is_abandoned else sent)
         except httpx2.InvalidURL:
@@ -121,18 +116,7 @@ class OfficeForwarder:
         finally:
             await response.aclose()
 
-    def _get_client(self) -> httpx2.AsyncClient:
-        import httpx2
-
-        if self._client is None:
-            limits = httpx2.Limits(max_connections=LIMITS.most_requests, max_keepalive_connections=16)
-            timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=5.0)
-            self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
-        return self._client
-
     def _build_request(self, url: str, scope: Scope, body: _RequestBody) -> httpx2.Request:
-        import httpx2
-
         headers = [(name, value) for name, value in scope["headers"] if name.lower() not in UNFORWARDED_HEADERS]
         caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
         headers += [

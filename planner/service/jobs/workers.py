@@ -249,15 +249,17 @@ class WorkerSupervisor:
                 with contextlib.suppress(*DATABASE_WRITE_ERRORS):
                     self.store.release_jobs(slot.name, counts_try=False)
 
-    def list_worker_pids(self) -> list[int]:
-        """Process ids of the workers."""
-        return [one.process.pid for one in self._slots if one.process is not None and one.process.pid is not None]
-
     def _watch_workers(self) -> None:
         while not self._stopping.is_set():
             for slot in self._slots:
                 try:
-                    self._replace_ended(slot)
+                    if slot.end_status is not None:
+                        is_lost = slot.end_status == LOST_STATUS
+                        self.store.release_jobs(slot.name, counts_try=not is_lost)
+                        slot.forget(is_fault=not is_lost)
+                    if slot.is_due:
+                        slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
+                        slot.start(self.settings, slot.name, type(self.store))
                 except DATABASE_WRITE_ERRORS:
                     continue
                 except OSError:
@@ -278,16 +280,6 @@ class WorkerSupervisor:
                 self.store.tend_queue()
         except DATABASE_WRITE_ERRORS:
             self._was_unwritable = True
-
-    def _replace_ended(self, slot: KeptProcess) -> None:
-        """Start a worker in an empty slot; the job of one that ended goes back into the queue."""
-        if slot.end_status is not None:
-            is_lost = slot.end_status == LOST_STATUS
-            self.store.release_jobs(slot.name, counts_try=not is_lost)
-            slot.forget(is_fault=not is_lost)
-        if slot.is_due:
-            slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
-            slot.start(self.settings, slot.name, type(self.store))
 
 
 def run_remote_workers(settings: ServiceSettings, report_start: Callable[[], None]) -> None:
