@@ -93,7 +93,6 @@ class FleetSession:
         self.findings: dict[int, dict[str, Any]] = {}
         self.twin_files: dict[int, str] = {}
         self.clocks = [TractorClock() for _ in range(plan.tractor_count)]
-        self._clocks_reported: list[float | None] = [None] * plan.tractor_count
         self._link_count = 0
         self._state_times_s: list[float | None] = [None] * plan.tractor_count
         self._changed = set(range(plan.tractor_count))
@@ -208,10 +207,10 @@ class FleetSession:
         """Update the alarm of a tractor's wrong clock."""
         clock = self.clocks[number]
         if not clock.offset_s:
-            self._clocks_reported[number] = None
+            clock.reported_s = None
             self.manager.update_clock_alarm(number, None, is_echoed, now)
-        elif now - clock.since_s >= CLOCK_ALARM_S and self._clocks_reported[number] != clock.since_s:
-            self._clocks_reported[number] = clock.since_s
+        elif now - clock.since_s >= CLOCK_ALARM_S and clock.reported_s != clock.since_s:
+            clock.reported_s = clock.since_s
             self.manager.update_clock_alarm(number, describe_offset(clock.offset_s), is_echoed, now)
 
     def carry_out(self, client: FleetClient, frame: Any, now: float) -> None:

@@ -48,6 +48,7 @@ class TractorClock:
     def __init__(self) -> None:
         self.offset_s = 0.0
         self.since_s = 0.0  # when it was last found wrong, or right again
+        self.reported_s: float | None = None  # of which `since_s` an alarm tells
         self._previous: tuple[float, float] | None = None
         self._begun_s: float | None = None
         self._least_s = self._most_s = 0.0

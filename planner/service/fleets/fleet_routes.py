@@ -24,6 +24,7 @@ from pydantic.json_schema import models_json_schema
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.session import inbound_frames, outbound_messages
+from planner.fleet.session.clients import CONTROL, FleetClient
 from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
 from planner.fleet.session.state_recorder import format_log_csv
 from planner.request.option_texts import parse_clock
@@ -318,25 +319,19 @@ async def delete_fleet(sessions: SessionsAccess, _who: OperateAccess, id: str) -
 @fleet_router.post("/fleets/{id}/start")
 async def start_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Start all tractors."""
-    session = sessions.get_session(id)
-    session.manager.operators.start_fleet_work(who.name, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.StartFrame(kind="start"))
 
 
 @fleet_router.post("/fleets/{id}/pause")
 async def pause_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Pause all tractors until they are resumed."""
-    session = sessions.get_session(id)
-    session.manager.operators.pause_tractors(who.name, None, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.PauseFrame(kind="pause"))
 
 
 @fleet_router.post("/fleets/{id}/resume")
 async def resume_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Resume all tractors."""
-    session = sessions.get_session(id)
-    session.manager.operators.resume_tractors(who.name, None, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.ResumeFrame(kind="resume"))
 
 
 @fleet_router.post("/fleets/{id}/stop")
@@ -346,12 +341,12 @@ async def stop_fleet(request: Request, sessions: SessionsAccess, who: OperateAcc
     session.manager.operators.stop_all(who.name, ordered_s)
     session.send_pending_outputs()
     request.app.state.metrics.count_stop("http", time.monotonic() - ordered_s)
-    return _send_and_answer(sessions, id)
+    return _build_answer(sessions, sessions.get_label(id))
 
 
-def _send_and_answer(sessions: FleetSessions, id: str) -> FleetAnswer:
-    """Send what was ordered at once, as it is saved afterwards; the answer is the fleet as it is then."""
-    sessions.get_session(id).send_pending_outputs()
+def _carry_out(sessions: FleetSessions, who: Caller, id: str, frame: inbound_frames.OrderFrame) -> FleetAnswer:
+    """Carry an order out as one of a link; it is sent at once and saved afterwards. The answer is the fleet then."""
+    sessions.get_session(id).carry_out(FleetClient(CONTROL, who.name), frame, time.monotonic())
     return _build_answer(sessions, sessions.get_label(id))
 
 
@@ -367,9 +362,7 @@ async def replan_fleet(sessions: SessionsAccess, who: OperateAccess, id: str, bo
 @fleet_router.post("/fleets/{id}/accept")
 async def accept_proposal(sessions: SessionsAccess, who: OperateAccess, id: str, body: ProposalNumber) -> FleetAnswer:
     """Accept a proposal that is ready."""
-    session = sessions.get_session(id)
-    session.accept_proposal(who.name, body.proposal, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.AcceptFrame(kind="accept", proposal=body.proposal))
 
 
 @fleet_router.get("/asyncapi.json")
