@@ -53,7 +53,7 @@ SETS_IN_MOTION = frozenset({"resume", "command"})
 
 
 class FleetSession:
-    """A live fleet. The times of its recording start at `begin_s` (seconds since 1970); `created` is from the store.
+    """A live fleet. The times of its recording start at `begin_s` (seconds since 1970).
 
     By tractor: `diagnoses` are the last diagnosis jobs, `findings` their results, `diagnosed_doubts` the times of the
     last doubts that were diagnosed automatically, `twin_files` the tractor files that twins use instead of the plan's.
@@ -71,10 +71,9 @@ class FleetSession:
         deadline_s: float | None = None,
         finish_distribution: FinishDistribution | None = None,
         proposals: ReplanProposals | None = None,
-        created: str = "",
     ) -> None:
         self.id, self.name, self.begin_s, self.deadline_unix_s = id, name, begin_s, deadline_s
-        self.finish_distribution, self.created = finish_distribution, created
+        self.finish_distribution = finish_distribution
         self.plan_text: str | None = None
         self.twins = FleetTwins(plan, twin_method, rules.times, begin_s)
         self.manager = FleetManager(plan, rules, self.twins)

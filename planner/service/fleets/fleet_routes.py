@@ -135,8 +135,8 @@ def store_new_fleet(
     plan, settings = prepare_with_files(text, files), {**given, "begin_s": time.time()}
     if settings.get("deadline_s") is None and plan.scenario.deadline_s is not None:
         settings["deadline_s"] = find_next_time_s(plan.scenario.deadline_s)
-    created = store.save_fleet(id, name, text, settings)
-    return NewFleet(id, name, plan, settings, created, plan_bytes)
+    label = FleetLabel(id, name, store.save_fleet(id, name, text, settings))
+    return NewFleet(label, plan, settings, plan_bytes)
 
 
 def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
