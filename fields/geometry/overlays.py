@@ -40,8 +40,12 @@ def intersect(shapes: Any, others: Any) -> Any:
 
 
 def unite(shapes: Iterable[shapely.Geometry]) -> shapely.Geometry:
-    """The union of shapes, areas or lines."""
-    return _overlay(shapely.union_all, np.array([*shapes], dtype=np.object_))
+    """The union of shapes, areas or lines, each group of them that touch one another by itself."""
+    parts = np.array([*shapes], dtype=np.object_)
+    try:
+        return shapely.disjoint_subset_union_all(parts)
+    except shapely.errors.GEOSException:
+        return shapely.union_all(_repair(parts), grid_size=GRID_M)
 
 
 def _overlay(cut: Callable[..., Any], *shapes: Any) -> Any:

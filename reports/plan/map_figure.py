@@ -121,9 +121,10 @@ def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
         for x, y, _ in find_stops(xy, status, drive.step_s, stop_status):
             axes.plot(x, y, markeredgecolor=colour, zorder=5, **look)
     axes.plot(*xy[-1], marker="X", markersize=8, color=colour, markeredgecolor="white", linestyle="none", zorder=6.9)
-    axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
-    look = {"color": "white", "fontsize": 7, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 8}
-    axes.annotate(str(number + 1), xy[0], **look)
+    beside = sum(bool(np.hypot(*(other[0] - xy[0])) < _SAME_PLACE_M) for other in drive.xy[:number])
+    look = {"color": "white", "fontsize": 7, "fontweight": "bold", "ha": "center", "va": "center", "zorder": 7}
+    disc = {"boxstyle": "circle", "facecolor": colour, "edgecolor": "white"}
+    axes.annotate(str(number + 1), xy[0], (12 * beside, 0), textcoords="offset points", bbox=disc, **look)
 
 
 def _write_labels(
@@ -154,6 +155,8 @@ def draw_scale_and_north(axes: Axes, box: MapExtent) -> None:
     axes.annotate("N", top, (box.east, y), ha="center", va="center", fontsize=10, arrowprops=arrow)
 
 
+_SAME_PLACE_M = 1.0  # tractors that begin nearer than this have their numbers beside each other
+_POINTER = [(0.0, 0.0), (-0.6, 1.0), (0.6, 1.0), (0.0, 0.0)]  # a triangle that points at its place
 _FAULT_LOOK: dict[str, Any] = {
     "marker": "o", "markersize": 16, "markerfacecolor": "none", "markeredgecolor": palette.UNWORKED_COLOUR,
     "markeredgewidth": 2.5, "linestyle": "none", "zorder": 9,
@@ -239,7 +242,7 @@ def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
         axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
         _write_labels(axes, [label for _, label in marks if label.text], colour, 5.5, 5.5, bold=True)
     if drive.entrance is not None:
-        axes.plot(*drive.entrance, marker="v", color=ink, markersize=8, linestyle="none", zorder=6)
+        axes.plot(*drive.entrance, marker=_POINTER, color=ink, markersize=22, linestyle="none", zorder=6)
     for cell in drive.cells:
         look = {"edgecolor": ink, "linewidth": 1.0, "linestyle": (0, (6, 3)), "zorder": 5.8}
         axes.add_patch(build_patch(cell.rings, facecolor="none", **look))

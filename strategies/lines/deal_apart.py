@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from bisect import bisect_left
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -17,16 +15,21 @@ from vehicle.missions.plan import HEADLAND_PASS, SWATH
 
 Bools = npt.NDArray[np.bool_]
 Floats = npt.NDArray[np.float64]
+Tours = Sequence[Sequence[int]]
+SketchTours = Callable[[Bools], Tours]
+"""Sketches tours by a deal of lines."""
 
 
-def list_deals_apart(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None = None) -> list[Bools]:
+def list_deals_apart(
+    lines: Sequence[WorkLine], allowed: Bools, sketch_tours: SketchTours, places: Floats | None = None
+) -> list[Bools]:
     """Deals (tractors, lines) after one in which several may work the same, where they meet less and less.
 
-    First headland is dealt in stretches, then the swaths that several may work are dealt too, by the `places`
-    (tractors, 2) where tractors stand. What is left of a field without swaths is dealt no further.
+    First headland is dealt in stretches, by the `places` (tractors, 2) where tractors stand, then the swaths that
+    several may work are dealt too, in runs near those of tours by that.
     """
     sides = deal_sides(lines, allowed, places)
-    deals = [allowed, sides, _part_swaths(lines, sides, places)]
+    deals = [allowed, sides, deal_runs(lines, sides, sketch_tours(sides))]
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
 
 
@@ -44,7 +47,7 @@ def deal_sides(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None 
     return _deal_rings(lines, allowed, rings, find_swath_middles(lines, allowed) if places is None else places)
 
 
-def deal_tours(allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:
+def deal_tours(allowed: Bools, tours: Tours) -> Bools:
     """The deal in which every line of some tours is that tractor's alone."""
     dealt = allowed.copy()
     for tractor, tour in enumerate(tours):
@@ -53,7 +56,7 @@ def deal_tours(allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:
     return dealt
 
 
-def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Sequence[Sequence[int]]) -> Bools:
+def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Tours) -> Bools:
     """The deal in which the swaths of each tractor are a run of neighbours, as near as can be to those of its tour.
 
     Tractors come along the swaths in the order of the middles of their own. Swaths stay as dealt where no tractors in
@@ -81,7 +84,7 @@ def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Sequence[Sequenc
     return dealt
 
 
-def list_other_way_round(lines: Sequence[WorkLine], tours: Sequence[Sequence[int]]) -> list[int]:
+def list_other_way_round(lines: Sequence[WorkLine], tours: Tours) -> list[int]:
     """The nodes by which sides along the edge are driven against the way round in which tours drive most of them.
 
     Sides that may be driven only one way are none of them.
@@ -136,41 +139,6 @@ def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list
         numbers = [number for side in ring for number in side]
         gaps_m = np.hypot(*(homes - _find_middle([lines[number] for number in numbers])).T)
         dealt[int(np.argmin(gaps_m)), numbers] = True
-    return dealt
-
-
-def _part_swaths(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None) -> Bools:
-    """The deal with swaths in runs of neighbours, one for each tractor, so that the longest share of all is short.
-
-    Tractors come along the runs as the `places` (tractors, 2) where they stand, else in order. Swaths stay as dealt
-    where no tractors in that order may have such runs.
-    """
-    dealt = allowed.copy()
-    runs = group_swath_lines(lines)
-    order = list(range(len(allowed)))
-    if places is not None and runs:
-        middles = np.array([_find_middle([lines[number] for number in run]) for run in runs])
-        order.sort(key=lambda tractor: int(np.argmin(np.hypot(*(middles - places[tractor]).T))))
-    lengths_m = [sum(lines[number].length_m for number in run) for run in runs]
-    headland = [number for number, own in enumerate(dealt.T) if lines[number].task.kind != SWATH and own.sum() == 1]
-    loads_m = [sum(lines[number].length_m for number in headland if own[number]) for own in dealt]
-
-    def fill(most_m: int) -> list[int] | None:
-        """The tractor of each run if none may have more than so many metres; None if that is too little."""
-        coming, found, taken_m = list(order), list[int](), list(loads_m)
-        for run, length_m in zip(runs, lengths_m, strict=True):
-            while coming and (not dealt[coming[0], run].all() or taken_m[coming[0]] + length_m > most_m):
-                del coming[0]
-            if not coming:
-                return None
-            taken_m[coming[0]] += length_m
-            found.append(coming[0])
-        return found
-
-    limits_m = range(math.ceil(max(loads_m)), math.ceil(sum(loads_m) + sum(lengths_m)) + 1)
-    best = bisect_left(limits_m, True, key=lambda most_m: fill(most_m) is not None)
-    for run, tractor in zip(runs, (fill(limits_m[best]) or []) if best < len(limits_m) else [], strict=False):
-        dealt[:, run], dealt[tractor, run] = False, True
     return dealt
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -28,7 +27,7 @@ Floats = npt.NDArray[np.float64]
 MOVE_MARGIN_M = 0.10  # room kept on planned moves; a drive errs by about as much
 WIDER_RADIUS = 1.25  # of the planned one: some arcs at the smallest radius are not followed well enough
 MOST_FORMS, MOST_OPTIONS = 60, 6  # closed forms tried for a pair, and those with room that are kept
-MOST_POSES, FAR_POSES = 1500, 500  # expanded by a search, and by one that looks for better than reversing far
+MOST_POSES = 1500  # expanded by a search
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
 PLAIN_LEADS = 3  # of the leads are tried first, and the others where none of these has room
 KEPT_GOALS = 8
@@ -105,7 +104,7 @@ class MoveFinder:
 
     def _find_folded(self, a: Pose, b: Pose, passes: int | None) -> list[Move]:
         found = self.list_moves(a, b, is_folded=True, passes=passes)
-        searched = None if found else self._search_within(a, b, is_folded=True, passes=passes)
+        searched = None if found else self.search(a, b, passes, is_folded=True)
         return found if searched is None else [searched]
 
     def _build_move(self, a: Pose, rows: Floats, kind: str, passes: int | None = None) -> Move:
@@ -116,29 +115,14 @@ class MoveFinder:
         charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / max_reverse_m - 1.0)
         return Move(a, rows, kind, drive_s, charge_s, settling_s)
 
-    def search(self, a: Pose, b: Pose, passes: int | None = None) -> Move | None:
-        """A move by search, where no closed form has room; one that reverses far, at a charge, where no other
-        leads on. `passes` as in `list_moves`."""
-        move = self._search_within(a, b, passes=passes)
-        if move is not None or not self.site.allowed_kinds[3]:
-            return move
-        far_s_per_m = CURVED_REVERSE_S / self.site.rules.max_reverse_m
-        return self._search_within(a, b, far_s_per_m, FAR_POSES, passes=passes)
-
-    def _search_within(
-        self,
-        a: Pose,
-        b: Pose,
-        far_s_per_m: float = math.inf,
-        most: int = MOST_POSES,
-        *,
-        is_folded: bool = False,
-        passes: int | None = None,
-    ) -> Move | None:
+    def search(self, a: Pose, b: Pose, passes: int | None = None, *, is_folded: bool = False) -> Move | None:
+        """A move by search, where no closed form has room; to reverse far is charged. `passes` as in `list_moves`."""
         body, start, goal = self._get_body(is_folded), np.array(a), np.array(b)
-        how = self.radii[:1], *self._costs, self.site.allowed_kinds, self.site.rules.max_reverse_m
-        rows, seconds = search_move(start, goal, self._get_remaining_m(b), *how, far_s_per_m, most, *body)
-        if seconds == np.inf:
+        max_reverse_m = self.site.rules.max_reverse_m
+        how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
+        charge_s_per_m = CURVED_REVERSE_S / max_reverse_m
+        rows = search_move(start, goal, self._get_remaining_m(b), *how, charge_s_per_m, MOST_POSES, *body)
+        if not len(rows):
             return None
         return self._build_move(a, shorten_rows(start, rows, *how, *body), "route", passes)
 

@@ -116,11 +116,10 @@ def _add_step_s(spent_s, step, bend_before, gear_before, slow, costs, tightness,
 def search_move(  # type: ignore[no-untyped-def]
     a, b, remaining, radii, costs, settling, kinds, max_reverse, far, most, guide, points, reach, grid, frame, margin
 ):
-    """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`, and its seconds; infinite for none.
+    """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`; none if none is found.
 
-    `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m), farther at a
-    charge of `far` s/m unless that is infinite, and where nothing is found that does not or promises to be quicker;
-    `most` is the number of poses that may be expanded.
+    `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m) without a charge
+    of `far` s/m. A path that is charged is kept until no other promises to be quicker. `most` poses may be expanded.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
     step_m, slow = max(LEAST_STEP_M, STEP_RADII * radius), min(costs[0], math.sqrt(costs[4] * radius))
@@ -143,18 +142,15 @@ def search_move(  # type: ignore[no-untyped-def]
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
             link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], max_reverse, *body)
             if link_s < np.inf:
-                return _trace_rows(node, came, bends, ways, link, step_m), spent_s[node] + link_s
-            if far < np.inf:
-                link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], np.inf, *body)
-                link_s += spent_s[node] + far * max(0.0, measure_backing_up(link, backed[node]) - max_reverse)
-                if link_s < far_s:
-                    far_node, far_link, far_s = node, link, link_s
+                return _trace_rows(node, came, bends, ways, link, step_m)
+            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], np.inf, *body)
+            link_s += spent_s[node] + far * max(0.0, measure_backing_up(link, backed[node]) - max_reverse)
+            if link_s < far_s:
+                far_node, far_link, far_s = node, link, link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
             behind = back_up(backed[node], step_m, gear)
-            is_far = gear < 0.0 and behind > max_reverse
-            if is_far and far == np.inf:
-                continue
+            charge = far if gear < 0.0 and behind > max_reverse else 0.0
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = step_m, bend, gear
@@ -165,8 +161,8 @@ def search_move(  # type: ignore[no-untyped-def]
                 left_m = _get_remaining_m(u, v, remaining, frame)
                 if left_m == np.inf:
                     continue
-                tightness, far_here = TIGHT_FACTOR if room < margin + AMPLE_M else 1.0, far if is_far else 0.0
-                seconds = _add_step_s(spent_s[node], step, bends[node], ways[node], slow, costs, tightness, far_here)
+                tightness = TIGHT_FACTOR if room < margin + AMPLE_M else 1.0
+                seconds = _add_step_s(spent_s[node], step, bends[node], ways[node], slow, costs, tightness, charge)
                 key = _find_cell(u, v, after, way, step_m)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue
@@ -177,9 +173,7 @@ def search_move(  # type: ignore[no-untyped-def]
                 off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
                 heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / costs[0], count))
                 count += 1
-    if far_s == np.inf:
-        return np.empty((0, 3)), np.inf
-    return _trace_rows(far_node, came, bends, ways, far_link, step_m), far_s
+    return _trace_rows(far_node, came, bends, ways, far_link, step_m)
 
 
 @compile_function

@@ -184,21 +184,26 @@ def make_best_move(tours, tables, cost) -> bool:  # type: ignore[no-untyped-def]
         move = tours.moves[number]
         new_cost = _weigh_tails(tours, tables, move) if move[2] == TAILS else _weigh_transfer(tours, tables, move)
         if new_cost < best_cost - MIN_GAIN_S:
-            _set_move(tours, move)
+            _set_listed(tours, move)
             new_cost += RULE_S * count_new_clashes(tours, tables) + charge_new_excess(tours, tables)
             if new_cost < best_cost - MIN_GAIN_S and can_make_move(tours, tables):
                 best, best_cost = number, new_cost
     if best > 0:
-        _set_move(tours, tours.moves[best])
+        _set_listed(tours, tours.moves[best])
         make_move(tours, tables)
     tours.moves[0, 0] = 0
     return best > 0
 
 
 @compile_for_views
-def _set_move(tours, move) -> None:  # type: ignore[no-untyped-def]
+def _set_listed(tours, move) -> None:  # type: ignore[no-untyped-def]
     """Set the segments that a listed move makes tours of."""
-    a, low, high, is_reversed, b, gap = move[0], move[1], move[2], move[3], move[4], move[5]
+    set_move(tours, move[0], move[1], move[2], move[3], move[4], move[5])
+
+
+@compile_for_views
+def set_move(tours, a, low, high, is_reversed, b, gap) -> None:  # type: ignore[no-untyped-def]
+    """Set the segments that a move makes tours of, as list_transfer and _list_tails take it."""
     end_a, end_b = tours.lengths[a] - 1, tours.lengths[b] - 1
     clear_pieces(tours, a, NO_ROW if a == b else b)
     if high == TAILS:

@@ -6,37 +6,20 @@ fro it may pay to turn only the order, or only the lines.
 
 from __future__ import annotations
 
-from strategies.programmes.order_moves import get_node, time_join
+from strategies.programmes.order_moves import get_node, set_move, time_join
 from strategies.programmes.order_tours import (
     BEGIN,
-    FIRST,
     MIN_GAIN_S,
     NO_ROW,
     ONWARD,
     RULE_S,
-    SECOND,
-    SIDE_A,
-    SIDE_B,
-    clear_pieces,
     count_new_clashes,
     make_move,
     push_line,
-    set_piece,
     sum_rows,
     update_row,
 )
 from vehicle.jit import compile_for_views
-
-
-@compile_for_views
-def set_leaving(tours, a, i, j) -> None:  # type: ignore[no-untyped-def]
-    """Let the places i..j of row a be left, behind the lines that are left already."""
-    left = len(tours.seconds) - 1
-    clear_pieces(tours, a, left)
-    set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
-    set_piece(tours, SIDE_A, SECOND, a, j + 1, tours.lengths[a] - 1, ONWARD)
-    set_piece(tours, SIDE_B, FIRST, left, BEGIN, tours.lengths[left] - 1, ONWARD)
-    set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
 
 
 @compile_for_views
@@ -79,14 +62,14 @@ def drop_runs(tours, tables) -> None:  # type: ignore[no-untyped-def]
                 worth_s += tables.value_s[tours.nodes[row, high] // 2]
                 gain = _weigh_saving(tours, tables, row, others_s, _time_run(tours, tables, row, low, high)) - worth_s
                 if gain > most_gain:
-                    set_leaving(tours, row, low, high)
+                    set_move(tours, row, low, high, ONWARD, left, tours.lengths[left])
                     gain -= RULE_S * (count_new_clashes(tours, tables) - tours.clashes[0])
                 if gain > most_gain:
                     most_gain, best_low, best_high = gain, low, high
         if best_low < 0:
             row += 1
             continue
-        set_leaving(tours, row, best_low, best_high)
+        set_move(tours, row, best_low, best_high, ONWARD, left, tours.lengths[left])
         make_move(tours, tables)
 
 

@@ -9,29 +9,28 @@ tractor without lines takes no time. Where no move leads UNREACHED_S is charged,
 such a line is left. Every descent in stage adds `stage_s`, every pair of tours that begin or end as no two may RULE_S,
 every tour that takes more than a load RULE_S for each load more.
 
-Lines are inserted by regret, then moved by what order_moves considers, and in runs left or turned (order_runs), until
-nothing helps. Perturbations follow: two
-runs of lines change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no
-more (iterated local search, Lourenco, Martin and Stutzle 2003).
+Lines are moved by what order_moves considers, and in runs left or turned (order_runs), until nothing helps: first as if
+each were worth any way, as together they may be, then by what they are worth. Perturbations follow: two runs of lines
+change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no more
+(iterated local search, Lourenco, Martin and Stutzle 2003).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from fields.errors import HeadlandError
-from strategies.programmes.order_building import insert_lines
-from strategies.programmes.order_moves import improve_tours
-from strategies.programmes.order_runs import drop_runs, set_leaving, turn_runs
+from strategies.programmes.order_moves import improve_tours, set_move
+from strategies.programmes.order_runs import drop_runs, turn_runs
 from strategies.programmes.order_tours import (
+    ANY_WAY_S,
     BEGIN,
     FIRST,
-    FOURTH,
     LOAD_TOLERANCE,
     MIN_GAIN_S,
     NEIGHBOURS,
@@ -115,8 +114,8 @@ class OrderProblem:
             values = getattr(self, name)
             if np.isnan(values).any() or (values < 0.0).any():
                 raise HeadlandError(f"{name} holds {np.nanmin(values)} or no number; give seconds of 0 and more.")
-        limit_s = self.sum_share * UNREACHED_S
-        if not self.work_s.sum() + self.value_s.sum() < limit_s:
+        if not self.spare_s > 0.0:
+            limit_s = self.sum_share * UNREACHED_S
             raise HeadlandError(f"Work and value of all lines add up to {limit_s:.0e} s or more; give less.")
 
     @classmethod
@@ -139,6 +138,11 @@ class OrderProblem:
             stage_s=stage_s,
             clashes=clashes,
         )
+
+    @property
+    def spare_s(self) -> float:
+        """By how much work and value of all lines are less than what is charged where no move leads."""
+        return float(self.sum_share * UNREACHED_S - self.work_s.sum() - self.value_s.sum())
 
     @property
     def kicks(self) -> int:
@@ -203,13 +207,14 @@ def search_programmes(
     n, k = len(problem.work_s), len(problem.begin_s)
     if n == 0:
         return [[] for _ in range(k)]
+    if start is None:
+        eager = replace(problem, value_s=problem.value_s + min(0.5 * problem.spare_s / n, ANY_WAY_S))
+        start = search_programmes(eager, 0, seed, [[] for _ in range(k)])
+    _check_start(problem, start)
     given = np.full((k, n), -1, dtype=np.int64)
-    if start is not None:
-        _check_start(problem, start)
-        for tractor, tour in enumerate(start):
-            given[tractor, : len(tour)] = tour
-    searched = start is not None, kicks, seed, problem.turns_runs
-    found, _ = search_tours(_build_tables(problem), create_tours(k, n), given, *searched)
+    for tractor, tour in enumerate(start):
+        given[tractor, : len(tour)] = tour
+    found, _ = search_tours(_build_tables(problem), create_tours(k, n), given, kicks, seed, problem.turns_runs)
     return [[int(node) for node in tour if node >= 0] for tour in found]
 
 
@@ -281,19 +286,14 @@ def _improve_runs(tours, tables, turns_runs) -> float:  # type: ignore[no-untype
 
 @compile_for_views
 def _swap_runs(tours, a, i, j, b, p, q) -> None:  # type: ignore[no-untyped-def]
-    """Let the places i..j of row a and p..q of row b (behind them, or of another row) change places."""
-    end_a, end_b = tours.lengths[a] - 1, tours.lengths[b] - 1
-    clear_pieces(tours, a, NO_ROW if a == b else b)
+    """Let the places i..j of row a and p..q of row b change places."""
+    clear_pieces(tours, a, b)
     set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
     set_piece(tours, SIDE_A, SECOND, b, p, q, ONWARD)
-    if a == b:
-        set_piece(tours, SIDE_A, THIRD, a, i, j, ONWARD)
-        set_piece(tours, SIDE_A, FOURTH, a, q + 1, end_a, ONWARD)
-        return
-    set_piece(tours, SIDE_A, THIRD, a, j + 1, end_a, ONWARD)
+    set_piece(tours, SIDE_A, THIRD, a, j + 1, tours.lengths[a] - 1, ONWARD)
     set_piece(tours, SIDE_B, FIRST, b, BEGIN, p - 1, ONWARD)
     set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
-    set_piece(tours, SIDE_B, THIRD, b, q + 1, end_b, ONWARD)
+    set_piece(tours, SIDE_B, THIRD, b, q + 1, tours.lengths[b] - 1, ONWARD)
 
 
 @compile_for_views
@@ -306,7 +306,7 @@ def _leave_run(tours, tables, a, i, j) -> None:  # type: ignore[no-untyped-def]
             push_line(tours, near)
     for place in range(i, j + 1):
         push_line(tours, tours.nodes[a, place] // 2)
-    set_leaving(tours, a, i, j)
+    set_move(tours, a, i, j, ONWARD, left, tours.lengths[left])
     make_move(tours, tables)
 
 
@@ -338,7 +338,7 @@ def _perturb_tours(tours, tables, seed, kick) -> None:  # type: ignore[no-untype
             _leave_run(tours, tables, b, p, q)
     else:
         q = j + 1 + int(draw_uniform(seed, DRAWS * kick + 3) * min(MAX_RUN_LINES, end_a - j))
-        _swap_runs(tours, a, i, j, a, j + 1, q)
+        set_move(tours, a, j + 1, q, ONWARD, a, i)
         make_move(tours, tables)
 
 
@@ -381,12 +381,10 @@ def _load_start(tours, tables, given) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def search_tours(tables, tours, given, is_started, kicks, seed, turns_runs):  # type: ignore[no-untyped-def]
-    """Tours (k, n), each ended by -1, from those given or from none, and the cost that the search reckons with."""
+def search_tours(tables, tours, given, kicks, seed, turns_runs):  # type: ignore[no-untyped-def]
+    """Tours (k, n), each ended by -1, from those given, and the cost that the search reckons with."""
     k, n = given.shape
     _load_start(tours, tables, given)
-    if not is_started:
-        insert_lines(tours, tables)
     for line in range(n):
         push_line(tours, line)
     best_cost = _improve_runs(tours, tables, turns_runs)

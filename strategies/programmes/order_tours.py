@@ -18,6 +18,7 @@ SUM_SHARE = 0.1  # of a second of work of a tractor that does not finish last: f
 UNREACHED_S = 1e8  # charged where no move leads: more than all lines are worth, and still adds up exactly to 1e-4 s
 RULE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 NO_MOVE_S = 1e6  # seconds from which on a move counts as none
+ANY_WAY_S = 1e4  # more than any way takes
 DETOUR_S = 90.0  # guessed for a move that only a search may find, beside its way; charged where two have met
 LOAD_TOLERANCE = 1e-9  # relative rounding of sums
 MIN_GAIN_S = 1e-3  # above the rounding of sums of UNREACHED_S

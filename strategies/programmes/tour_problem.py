@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
+from strategies.programmes.order_tours import ANY_WAY_S
 from strategies.programmes.waiting_places import find_clashes
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import SWATH
@@ -17,8 +18,6 @@ from vehicle.sim.path_conflicts import ClearanceCheck
 
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
-
-START_VALUE_S = 1e4  # of the line that a tractor begins with: more than any way home takes
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +80,8 @@ class TourProblem:
         return OrderProblem(
             move_s=costs[:-1, :-1],
             work_s=np.array([line.length_m for line in lines]) / site.rules.work_speed_mps + extra_s,
-            # No track is left for the order of furrows.
-            value_s=LEFT_FACTOR * own_s + extra_s + 2.0 * site.furrow_s * is_track + START_VALUE_S * is_start,
+            # No track is left for the order of furrows, nor what a tractor begins with for its way home.
+            value_s=LEFT_FACTOR * own_s + extra_s + 2.0 * site.furrow_s * is_track + ANY_WAY_S * is_start,
             begin_s=ends_s[0],
             end_s=ends_s[1],
             allowed=may,

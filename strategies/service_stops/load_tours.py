@@ -18,7 +18,7 @@ import numpy.typing as npt
 from strategies.programmes.driven_search import Tours, search_driven_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
-from strategies.programmes.order_tours import LOAD_TOLERANCE, NO_MOVE_S
+from strategies.programmes.order_tours import ANY_WAY_S, LOAD_TOLERANCE, NO_MOVE_S
 from strategies.rules.supply import Supply
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, cut_to_loads
@@ -26,8 +26,6 @@ from strategies.service_stops.tour_stops import TourGaps
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
-
-PART_VALUE_S = 1e4  # more than any way to a part takes: none is left
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +111,7 @@ class LoadTours:
         return OrderProblem(
             move_s=np.where(self.goes_on, 0.0, moves_s),
             work_s=lengths_m / table.site.rules.work_speed_mps,
-            value_s=np.full(len(lengths_m), PART_VALUE_S),
+            value_s=np.full(len(lengths_m), ANY_WAY_S),  # none is left
             begin_s=begin_s,
             end_s=end_s,
             allowed=self.allowed,

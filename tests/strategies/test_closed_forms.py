@@ -18,7 +18,7 @@ from strategies.moves.closed_forms import (
     measure_backing_up,
     pick_with_room,
 )
-from strategies.moves.move_finder import FAR_POSES
+from strategies.moves.move_finder import MOST_POSES
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
 from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
@@ -28,6 +28,7 @@ from strategies.site.ground import build_ground, has_room_on_path
 RADIUS_M, MARGIN_M = 5.0, 0.1
 RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), TurnCosts(2.0, 1.4, 4.0).speeds
 SETTLING = np.array([[0.0, 5.0, 20.0], [4.0, 2.0, 0.0]])
+FAR_S_PER_M = 1.5  # charged for reversing far
 LEADS = LEADS_OUT_M, LEADS_IN_M
 ALL_KINDS = np.array([True, True, True, True])
 BODY = MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0)
@@ -111,8 +112,8 @@ def test_a_search_leads_round_a_wall() -> None:
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
     remaining = measure_remaining_m(65.0, 15.0, 1.1, ground.grid, ground.frame)
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
-    rows, seconds = search_move(start, goal, remaining, *how, math.inf, 4000, *body)
-    assert math.isfinite(seconds)
+    rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, MOST_POSES, *body)
+    assert len(rows)
     shorter = shorten_rows(start, rows, *how, *body)
     for path in (rows, shorter):
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
@@ -122,22 +123,19 @@ def test_a_search_leads_round_a_wall() -> None:
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
 
 
-@pytest.mark.parametrize(("width_m", "behind_m", "most"), [(60.0, 30.0, 4000), (6.0, 100.0, FAR_POSES)])
-def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: float, most: int) -> None:
+@pytest.mark.parametrize(("width_m", "behind_m", "most_m"), [(60.0, 30.0, 10.0), (6.0, 100.0, 103.0)])
+def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: float, most_m: float) -> None:
     """To a place straight behind: there is another way on wide ground, in a lane only one at a charge."""
     ground = build_ground(shapely.box(0.0, -0.5 * width_m, 40.0 + behind_m, 0.5 * width_m), 6.0)
     start, goal = np.array([20.0 + behind_m, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
-    remaining = measure_remaining_m(20.0, 0.0, 1.1, ground.grid, ground.frame)
-    how, longest_m = (RADII[:1], COSTS, SETTLING, ALL_KINDS, 10.0), []
-    for far_s_per_m in (1.5, math.inf):
-        rows, seconds = search_move(start, goal, remaining, *how, far_s_per_m, most, *body)
-        rows = shorten_rows(start, rows, *how, *body)
-        longest_m.append(measure_backing_up(rows, 0.0) if seconds < math.inf else math.inf)
-    if width_m > 6.0:
-        assert max(longest_m) <= 10.0
-    else:
-        assert longest_m == [pytest.approx(behind_m, abs=3.0), math.inf]
+    remaining, how = measure_remaining_m(20.0, 0.0, 1.1, ground.grid, ground.frame), (RADII[:1], COSTS, SETTLING)
+    rows = search_move(start, goal, remaining, *how, ALL_KINDS, 10.0, FAR_S_PER_M, MOST_POSES, *body)
+    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, *body), 0.0)
+    assert len(rows) and backing_m <= most_m
+    forwards = ALL_KINDS & (np.arange(len(ALL_KINDS)) < 3)
+    rows = search_move(start, goal, remaining, *how, forwards, 10.0, FAR_S_PER_M, MOST_POSES, *body)
+    assert bool(len(rows)) == (width_m > 6.0), "in the lane there is no way forwards"
 
 
 def test_a_pocket_has_no_way_on() -> None:

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -89,7 +90,13 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     allowed = np.ones((2, len(lines)), bool)
     allowed[0, 16:] = np.arange(32) < 16
     allowed[1, 16:] = ~allowed[0, 16:]
-    (dealt,) = list_deals_apart(lines, allowed)
+
+    def share_swaths(sides: npt.NDArray[np.bool_]) -> list[list[int]]:
+        """Tours by which the last tractor has the first swaths, and each of the others as many of those that follow."""
+        shares = np.array_split(np.arange(16, len(lines)), len(sides))
+        return [(2 * share).tolist() for share in reversed(shares)]
+
+    (dealt,) = list_deals_apart(lines, allowed, share_swaths)
     assert (dealt[:, 16:] == allowed[:, 16:]).all()
     assert (dealt[:, :16].sum(axis=0) == 1).all(), "a side is one tractor's"
     assert (dealt[:, :4] == dealt[:, 4:8]).all() and (dealt[:, :4] == dealt[:, 8:12]).all(), "in all passes"
@@ -97,14 +104,15 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     assert (dealt[:, :4].sum(axis=1) == 2).all(), "as long for both"
     assert dealt[1, 12:16].all(), "the ring round the pond is whole"
     places = np.array([[110.0, 60.0], [10.0, 60.0]])
-    (left,) = list_deals_apart(lines[:16], np.ones((2, 16), bool), places)
+    (left,) = list_deals_apart(lines[:16], np.ones((2, 16), bool), share_swaths, places)
     assert (left.sum(axis=0) == 1).all() and left[0, 1] and left[1, 3] and left[0, 12:].all(), "by where they stand"
-    *_, parted = list_deals_apart(lines, np.ones((2, len(lines)), bool), places)
+    *_, parted = list_deals_apart(lines, np.ones((2, len(lines)), bool), share_swaths, places)
     assert parted[:, 16:].argmax(axis=0).tolist() == [1] * 16 + [0] * 16, "swaths too: nobody crosses the other's"
-    (many,) = list_deals_apart(lines, np.ones((5, len(lines)), bool))
+    (many,) = list_deals_apart(lines, np.ones((5, len(lines)), bool), share_swaths)
     assert many[:, :16].all(), "four sides are no stretches for five"
-    assert (many[:, 16:].sum(axis=0) == 1).all() and (np.diff(many[:, 16:].argmax(axis=0)) >= 0).all(), "runs of swaths"
-    assert list_deals_apart(lines[:16], np.ones((2, 16), bool)) == [], "nobody has swaths that a side could be near"
+    assert (many[:, 16:].sum(axis=0) == 1).all() and (np.diff(many[:, 16:].argmax(axis=0)) <= 0).all(), "runs of swaths"
+    nothing = list_deals_apart(lines[:16], np.ones((2, 16), bool), share_swaths)
+    assert nothing == [], "nobody has swaths that a side could be near"
 
 
 @pytest.mark.parametrize("deal", [deal_blocks, deal_in_turn])

@@ -114,7 +114,7 @@ def test_the_cost_along_the_way_is_the_cost_node_by_node(k: int) -> None:
         problem = make_problem(seed, 40, k, no_move_share=0.2, stages=2, clash_share=0.3)
         problem = replace(problem, need=np.full(40, 0.03), sum_share=0.4)
         none, kicks = np.full((k, 40), -1, np.int64), seed
-        found, cost_s = search_tours(_build_tables(problem), create_tours(k, 40), none, False, kicks, seed, False)
+        found, cost_s = search_tours(_build_tables(problem), create_tours(k, 40), none, kicks, seed, False)
         tours = [tour[tour >= 0].tolist() for tour in found]
         assert sum(map(len, tours)) > 20
         assert cost_s == pytest.approx(compute_cost_s(problem, tours), rel=1e-12)

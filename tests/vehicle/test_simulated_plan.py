@@ -72,6 +72,16 @@ def test_a_fleet_continues_from_the_solo_runs_of_its_tractors(
     assert_same_bits(run, in_world(plan, eg105, implement))
 
 
+def test_a_single_tractor_continues_from_its_own_solo_run(
+    build: Any, simulator: IncrementalSimulator, eg105: Tractor, implement: Implement
+) -> None:
+    plan = Plan(abreast(build, meet=False).missions[:1])
+    driven_apart(simulator, plan, [0])
+    run = simulator.simulate(plan, FOREVER_S)
+    assert (run.outcome, simulator.resumed_at_s) == ("done", 3 * SNAPSHOT_INTERVAL_S)
+    assert_same_bits(run, in_world(plan, eg105, implement))
+
+
 @pytest.mark.parametrize(("apart_m", "began_s"), [(3.25, 0.0), (4.5, 3 * SNAPSHOT_INTERVAL_S)])
 def test_tractors_that_may_touch_are_driven_together(
     build: Any, simulator: IncrementalSimulator, eg105: Tractor, implement: Implement, apart_m: float, began_s: float

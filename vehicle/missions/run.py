@@ -246,7 +246,7 @@ def measure_reversing_m(run: SimulationRun, tractor: int, segment: RecordSegment
     """The metres of a segment that are driven in reverse."""
     last = min(segment.end_row, len(run.time_s) - 1)
     path = run.get_poses(tractor)[segment.first_row : last + 1, :2]
-    numbers = run.get_leg_numbers(tractor)[segment.first_row : last]
+    numbers = run.record[segment.first_row : last, tractor, REC_LEG].astype(np.int64)
     first, beyond = (int(numbers[0]), int(numbers[-1]) + 1) if len(numbers) else (0, 0)
     gears = np.array([leg.gear for leg in run.plan.missions[tractor].legs[first:beyond]], np.int64)
     return float(np.hypot(*np.diff(path, axis=0).T)[gears[numbers - first] < 0].sum())

@@ -175,7 +175,7 @@ class IncrementalSimulator:
         """The last snapshot up to which the solo runs of the tractors, if known, give the run of a plan."""
         runs = ((self._solo_runs.get(number), mission) for number, mission in enumerate(plan.missions))
         solo_runs = [solo_run for solo_run, mission in runs if solo_run and _has_same_legs(solo_run, mission)]
-        if plan.tractors == 1 or len(solo_runs) < plan.tractors:
+        if len(solo_runs) < plan.tractors:
             return None
         if self._solo_fleet is None or self._solo_fleet[0] != solo_runs:
             self._solo_fleet = solo_runs, combine_solo_runs(solo_runs)

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.lines.deal_apart import (
+    SketchTours,
     deal_runs,
     deal_sides,
     deal_tours,
@@ -70,16 +71,20 @@ def list_other_deals(
     """
     if len(deal.allowed) == 1:
         return []
+
+    def sketch_tours(allowed: Flags) -> list[list[int]]:
+        return sketch(allowed, ()).tours
+
     if goes_on:
-        return [deal, *_list_deals_from_here(moves, len(deal.allowed))]
-    others = list_deals_apart(moves.lines, deal.allowed)
+        return [deal, *_list_deals_from_here(moves, len(deal.allowed), sketch_tours)]
+    others = list_deals_apart(moves.lines, deal.allowed, sketch_tours)
     if moves.site.crop_stands and order == HEADLAND_FIRST:
         is_headland = [line.task.kind == HEADLAND_PASS for line in moves.lines]
-        others.insert(0, deal_tours(deal.allowed, sketch(deal.allowed & is_headland, ()).tours))
+        others.insert(0, deal_tours(deal.allowed, sketch_tours(deal.allowed & is_headland)))
     return [deal, *(replace(deal, allowed=allowed) for allowed in others)]
 
 
-def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[LineDeal]:
+def _list_deals_from_here(moves: SiteMoves, tractors: int, sketch_tours: SketchTours) -> list[LineDeal]:
     """Deals of what is left: as it was dealt before, in that order and in any, then each part the tractor's that
     stands near.
 
@@ -95,9 +100,9 @@ def _list_deals_from_here(moves: SiteMoves, tractors: int) -> list[LineDeal]:
     entrance = ends[:-1].mean(axis=0) if moves.site.lane is None else ends[-1]  # without one it may begin anywhere
     stands = np.array([*ends[list(moves.starts)], *[entrance] * (tractors - len(moves.starts))])
     if len(group_swath_lines(moves.lines)) < tractors:
-        deals = list_deals_apart(moves.lines, free, stands)
+        deals = list_deals_apart(moves.lines, free, sketch_tours, stands)
     else:
         blocks = deal_blocks(moves.lines, moves.site.rules, tractors).allowed
         near = find_near_blocks(find_swath_middles(moves.lines, blocks), stands)
-        deals = [deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks))]
+        deals = [deal[near] for deal in (blocks, *list_deals_apart(moves.lines, blocks, sketch_tours))]
     return [LineDeal(before, places=places.tolist()), *map(LineDeal, (before, *deals))]

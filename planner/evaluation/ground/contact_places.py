@@ -376,6 +376,6 @@ def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags
 
 def _measure_farthest_m(shapes: npt.NDArray[np.object_], ground: shapely.Geometry) -> float:
     """The farthest (m) that the edge of any of some shapes is from the ground; 0 without shapes."""
-    points = shapely.points(shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M)))
-    outside = points[~shapely.intersects(ground, points)]
+    points = shapely.get_coordinates(shapely.segmentize(shapes, POINT_STEP_M))
+    outside = shapely.points(points[~shapely.intersects_xy(ground, points)])
     return float(np.max(shapely.distance(ground, outside), initial=0.0))
