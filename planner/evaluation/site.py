@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import shapely
 
@@ -130,6 +130,19 @@ def build_site_moves(
     folded = frozenset(node for node, (_, is_folded) in zip(starts, stands, strict=True) if is_folded)
     orders = find_orders(site, lines, starts, [stand.ahead for stand in going_on.stands])
     return SiteMoves(site, lines, starts, tuple(stand.used for stand in going_on.stands), orders, folded)
+
+
+def tell_moves(context: PlanningContext) -> tuple[Any, ...] | None:
+    """What another process takes to have the same SiteMoves without laying and estimating again; None before that."""
+    moves: SiteMoves | None = context.site_cache.get(SiteMoves)
+    return moves and (moves.lines, moves.starts, moves.used, moves.orders, moves.folded, moves.estimates.known)
+
+
+def take_moves(context: PlanningContext, told: tuple[Any, ...]) -> None:
+    """Let a context have the lines, and the estimates of moves between them, that `tell_moves` told of it."""
+    *laid, known = told
+    moves = context.site_cache[SiteMoves] = SiteMoves(build_site(context), *laid)
+    moves.estimates.known.update(known)
 
 
 def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:

@@ -11,8 +11,8 @@ import numpy as np
 
 import reports.diagnosis.page  # noqa: F401  # how a diagnosis is shown
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
-from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alignment
-from planner.pipeline.held_out_runs import HeldOut, HeldOutSplit, split_held_out_runs
+from planner.pipeline.diagnosis_evidence import align_path, build_evidence
+from planner.pipeline.held_out_runs import HeldOut, split_held_out_runs
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
 from reports.common.rendering import ResultView, ShownResult
@@ -25,14 +25,18 @@ from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.table import MappingSource
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
-from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
+from vehicle.identification.replay.drive_segments import (
+    DriveSegment,
+    ReplayRig,
+    build_dataset,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.horizon_errors import (
     compute_horizon_errors,
     compute_piece_errors,
     find_piece_bounds,
     measure_dataset,
 )
-from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor, resolve_tractor
 from vehicle.records import WORKING
@@ -99,15 +103,13 @@ def diagnose(
         machine = resolve_tractor(tractor)
     with attach_parameter("logs"):
         parsed_logs = collect_logs(logs, fixes, machine, mapping)
-    height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
-    parsed_logs = add_known_ground(parsed_logs, height_file)
+    parsed_logs = add_known_ground(parsed_logs, heights)
     with attach_parameter("holdout"):
-        split = None if holdout is None else split_held_out_runs(parsed_logs, holdout)
-        parsed_logs = parsed_logs if split is None else list(split.used_logs)
+        parsed_logs, unseen_logs, words = split_held_out_runs(parsed_logs, holdout)
     if use_driven_size:
         machine = scale_to_logs(parsed_logs, machine, ground)
     refuse_other_vehicle(parsed_logs, machine, ground)
-    return _explain_logs(parsed_logs, machine, ground, progress, split)
+    return _explain_logs(parsed_logs, machine, ground, progress, unseen_logs, words)
 
 
 def diagnose_demo(
@@ -130,31 +132,31 @@ def diagnose_demo(
         machine = resolve_tractor(tractor)
     with attach_parameter("hide"):
         hidden = draw_hidden_effect(seed, machine, hidden_effect)
-    logs: Sequence[Log] = simulate_demo_logs(hidden, machine, ground, seed)
     with attach_parameter("holdout"):
-        split = None if holdout is None else split_held_out_runs(logs, holdout)
-    return _explain_logs(logs if split is None else split.used_logs, machine, ground, progress, split), hidden
+        logs, unseen_logs, words = split_held_out_runs(simulate_demo_logs(hidden, machine, ground, seed), holdout)
+    return _explain_logs(logs, machine, ground, progress, unseen_logs, words), hidden
 
 
 def _explain_logs(
-    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None, split: HeldOutSplit | None
-) -> TractorDiagnosis:
-    """Diagnose logs; add what held-out runs say, what their replay shows, the plan of the next drive, and the change
-    of a plan."""
+    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None, unseen_logs: Sequence[Log],
+    words: str,
+) -> TractorDiagnosis:  # fmt: skip
+    """Diagnose logs; add what held-out runs, chosen as `words` say, show, what their replay shows, the plan of the next
+    drive, and the change of a plan."""
     diagnosis = describe_known_ground(diagnose_logs(logs, machine, ground, progress), logs)
+    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
     if diagnosis.undiagnosed_reason:
-        return TractorDiagnosis(**{each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)})
-    if split is not None:
+        return TractorDiagnosis(**values)
+    if unseen_logs:
         with attach_parameter("holdout"):
-            holdout = measure_holdout(split.held_out_logs, machine, diagnosis.tractor, ground)
-        diagnosis = replace(diagnosis, holdout=replace(holdout, words=split.words, is_requested=True))
-    evidence = build_evidence(logs, machine, diagnosis.tractor, ground)
-    drive_plan = (
-        None
-        if diagnosis.next_drive is None
-        else build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
-    )
-    return _add_plan_gain(replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan), machine)
+            holdout = measure_holdout(unseen_logs, machine, diagnosis.tractor, ground)
+        values["holdout"] = replace(holdout, words=words, is_requested=True)
+    values["evidence"] = build_evidence(logs, machine, diagnosis.tractor, ground)
+    if diagnosis.next_drive is not None:
+        values["next_drive_plan"] = build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
+    values["plan"], why_not = measure_plan_gain(machine, diagnosis.tractor)
+    values["notes"] = (*diagnosis.notes, *([why_not] if why_not else []))
+    return TractorDiagnosis(**values)
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: MappingSource = None) -> list[Log]:
@@ -171,14 +173,6 @@ def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: Ma
     return collected
 
 
-def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
-    """Add the change of a small plan by the extended tractor, or a note why there is none."""
-    gain, why_not = measure_plan_gain(machine, diagnosis.tractor)
-    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
-    notes = (*diagnosis.notes, *([why_not] if why_not else []))
-    return TractorDiagnosis(**values | {"plan": gain, "notes": notes})
-
-
 def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | None, str]:
     """Simulate a small plan made for a tractor with it and with the extended one.
 
@@ -192,8 +186,7 @@ def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | 
     if original.length_m < MIN_TRACTOR_LENGTH_M:
         return None, (
             f"No plan was driven to compare: {original.name} is {original.length_m:g} m long, and plans are for "
-            "tractors "
-            f"of {MIN_TRACTOR_LENGTH_M:g} m or more."
+            f"tractors of {MIN_TRACTOR_LENGTH_M:g} m or more."
         )
     # Planning is only loaded here, once the logs have been diagnosed.
     from planner.evaluation.candidates.evaluate import Candidate, run_candidate
@@ -283,8 +276,7 @@ def replay(
         machine = resolve_tractor(tractor)
     with attach_parameter("log"):
         run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m, mapping=mapping)
-        height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
-        (run,) = add_known_ground([run], height_file)
+        (run,) = add_known_ground([run], heights)
         course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
     with attach_parameter("ground"):
         rig, settings = build_rig_and_corrections(machine, ground, course.origin)
@@ -298,8 +290,7 @@ def replay(
 
 def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
     antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
-    turn, shift = compute_log_alignment(segment, antenna, heading)
     bounds = find_piece_bounds(segment.time, SEGMENT_S)
     errors = compute_piece_errors(segment, antenna, heading, bounds)
     parts = tuple((rows, errors[rows]) for rows in (slice(int(i), int(j)) for i, j in zip(*bounds, strict=True)))
-    return ReplayedSegment(segment, antenna @ turn.T + shift, wheel, speed, parts)
+    return ReplayedSegment(segment, align_path(segment, antenna, heading), wheel, speed, parts)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -16,13 +15,17 @@ from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.results import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.series import mark_spans
-from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
+from vehicle.identification.replay.drive_segments import (
+    DriveSegment,
+    ReplayRig,
+    build_dataset,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.horizon_errors import (
     compute_piece_errors,
     fit_rigid_motion,
     list_covering_bounds,
 )
-from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor
 
@@ -39,8 +42,9 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
     """Replay logs with a tractor file and with the extended one; raises LogError where no segment can be replayed."""
     dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
     rigs = [build_rig_and_corrections(machine, ground, dataset.origin) for machine in (tractor, extended)]
-    longest = max(float(segment.time[-1]) for segment in dataset.segments)
-    piece_s = next((length for length in PIECES_S if longest >= length), PIECES_S[-1])
+    lasts_s = [float(segment.time[-1]) for segment in dataset.segments]
+    longest = sorted(range(len(lasts_s)), key=lambda number: -lasts_s[number])
+    piece_s = next((length for length in PIECES_S if lasts_s[longest[0]] >= length), PIECES_S[-1])
     parts, driven_s = [], 0.0
     for segment in dataset.segments:
         parts.append(_measure_segment(segment, rigs, piece_s, driven_s))
@@ -52,8 +56,13 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
         bin_errors(time_s, squares, np.arange(0.0, driven_s + step_s, step_s), fewest_rows=1),
         bin_errors(speed, squares, choose_edges(speed)),
         bin_errors(angle, squares, choose_edges(angle)),
-        _add_slopes(_map_errors(place, squares), logs, dataset.origin),
-        tuple(_pair_paths(segment, dataset.names[segment.run], rigs) for segment in _choose_paths(dataset.segments)),
+        _map_errors(place, squares, logs, dataset.origin),
+        # The longest segments, in the order of driving.
+        tuple(
+            _pair_paths(segment, dataset.names[segment.run], rigs)
+            for number, segment in enumerate(dataset.segments)
+            if number in longest[:MOST_PATHS]
+        ),
     )
 
 
@@ -104,54 +113,32 @@ def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = F
     return PieceErrors(edges[:-1][kept], edges[1:][kept], rows[kept].astype(np.float64), *means)
 
 
-def _map_errors(place: Array, squared: Array) -> PlaceErrors:
-    """Return the errors in squares of a map, both kinds together."""
+def _map_errors(place: Array, squared: Array, logs: Sequence[Log], origin: tuple[float, float]) -> PlaceErrors:
+    """Return the errors in squares of a map, both kinds together, and the slope of the ground, where every log knows
+    its fall and every square has rows of it."""
     if len(place) == 0:
         empty = np.zeros(0)
         return PlaceErrors(empty, empty, SMALLEST_SQUARE_M, empty, empty)
     low = place.min(axis=0)
     side = max(SMALLEST_SQUARE_M, _round_up(float(np.ptp(place, axis=0).max()) / MOST_SQUARES))
-    cells = np.floor((place - low) / side).astype(np.int64)
-    squares, number = np.unique(cells, axis=0, return_inverse=True)
+    squares, number = np.unique(np.floor((place - low) / side), axis=0, return_inverse=True)
     number = number.ravel()
     counts = np.bincount(number)
     before, after = (
         np.sqrt(np.bincount(number, squared[:, first] + squared[:, first + 2]) / counts) for first in (0, 1)
     )
-    corners = low + side * squares
-    return PlaceErrors(corners[:, 0], corners[:, 1], side, before, after)
-
-
-def _add_slopes(places: PlaceErrors, logs: Sequence[Log], origin: tuple[float, float]) -> PlaceErrors:
-    """The map with the slope of the ground, where every log knows its fall and every square has rows of it."""
+    corners, slopes = low + side * squares, None
     falls = [log.ground_fall[log.used] for log in logs if log.ground_fall is not None]
-    if len(falls) < len(logs) or not len(places.west_m):
-        return places
-    driven = np.concatenate([np.column_stack([log.easting_m[log.used], log.northing_m[log.used]]) for log in logs])
-    corners = np.column_stack([places.west_m, places.south_m])
-    low = corners.min(axis=0)
-    numbers = {
-        tuple(cell): number for number, cell in enumerate(_find_cells(corners + 0.5 * places.side_m, low, places))
-    }
-    owners = np.array([numbers.get(tuple(cell), -1) for cell in _find_cells(driven - origin, low, places)])
-    known = owners >= 0
-    counts = np.bincount(owners[known], minlength=len(corners))
-    if not counts.all():
-        return places
-    slopes = np.bincount(owners[known], np.hypot(*np.concatenate(falls)[known].T), len(corners)) / counts
-    return replace(places, slopes=slopes)
-
-
-def _find_cells(points: Array, low: Array, places: PlaceErrors) -> list[list[int]]:
-    """Column and row of the squares of a map that points (n, 2) are in."""
-    cells: list[list[int]] = np.floor((points - low) / places.side_m).astype(np.int64).tolist()
-    return cells
-
-
-def _choose_paths(segments: Sequence[DriveSegment]) -> list[DriveSegment]:
-    """Choose the longest segments, in the order of driving."""
-    longest = sorted(range(len(segments)), key=lambda number: -float(segments[number].time[-1]))[:MOST_PATHS]
-    return [segments[number] for number in sorted(longest)]
+    if len(falls) == len(logs):
+        driven = np.concatenate([np.column_stack([log.easting_m[log.used], log.northing_m[log.used]]) for log in logs])
+        numbers = {tuple(cell): number for number, cell in enumerate(squares.tolist())}
+        cells = np.floor((driven - origin - low) / side).tolist()
+        owners = np.array([numbers.get(tuple(cell), -1) for cell in cells])
+        known = owners >= 0
+        rows = np.bincount(owners[known], minlength=len(corners))
+        if rows.all():
+            slopes = np.bincount(owners[known], np.hypot(*np.concatenate(falls)[known].T), len(corners)) / rows
+    return PlaceErrors(corners[:, 0], corners[:, 1], side, before, after, slopes)
 
 
 def _pair_paths(segment: DriveSegment, name: str, rigs: Sequence[tuple[ReplayRig, Settings]]) -> PathPair:
@@ -159,17 +146,15 @@ def _pair_paths(segment: DriveSegment, name: str, rigs: Sequence[tuple[ReplayRig
     rows = np.arange(0, end, math.ceil(end / MOST_PATH_POINTS))
     paths = []
     for rig, settings in rigs:
-        antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
-        turn, shift = compute_log_alignment(segment, antenna, heading)
-        paths.append((antenna @ turn.T + shift)[rows])
+        paths.append(align_path(segment, *simulate_instruments(rig, segment, settings)[:2])[rows])
     measured = np.column_stack([segment.east, segment.north])[rows]
     return PathPair(name, segment.start_s + segment.time[rows], measured, *paths)
 
 
-def compute_log_alignment(segment: DriveSegment, antenna: Array, heading: Array) -> tuple[Array, Array]:
-    """Return rotation (2, 2) and shift (2,) that align the first seconds of the simulation with the measurement."""
+def align_path(segment: DriveSegment, antenna: Array, heading: Array) -> Array:
+    """Return a simulated path (k, 2), turned and shifted so that its first seconds lie on the measurement."""
     rows = max(int(np.searchsorted(segment.time, ALIGNMENT_S)), 2)
     x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
     angle, *middles = fit_rigid_motion(0, rows, segment.east, segment.north, segment.heading, x, y, heading)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    return turn, np.array(middles[:2]) - turn @ np.array(middles[2:])
+    return np.asarray(antenna @ turn.T + (np.array(middles[:2]) - turn @ np.array(middles[2:])))

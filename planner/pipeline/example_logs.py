@@ -160,8 +160,12 @@ def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
 
 def _build_task_data(names: Sequence[str], saved_run: SavedPlanRun) -> str:
     """The main file: the field if it can be read, and a task with a log for every tractor."""
-    field = _read_plan_field(saved_run)
-    parcel = "" if field is None else _build_parcel(field)
+    try:
+        field = read_requested_field(saved_run.request, None)
+    except HeadlandError:
+        parcel = ""
+    else:
+        parcel = _build_parcel(field)
     tasks = "".join(
         f'<TSK A="TSK{number}" B="tractor {number}" E="PFD1" G="4"><TLG A="{name}" C="1"/></TSK>'
         for number, name in enumerate(names, start=1)
@@ -170,13 +174,6 @@ def _build_task_data(names: Sequence[str], saved_run: SavedPlanRun) -> str:
         '<?xml version="1.0" encoding="UTF-8"?>\n<ISO11783_TaskData VersionMajor="4" VersionMinor="3" '
         f'DataTransferOrigin="2">{parcel}{tasks}</ISO11783_TaskData>\n'
     )
-
-
-def _read_plan_field(saved_run: SavedPlanRun) -> Field | None:
-    try:
-        return read_requested_field(saved_run.request, None)
-    except HeadlandError:
-        return None
 
 
 def _build_parcel(field: Field) -> str:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from fnmatch import fnmatchcase
 from pathlib import PurePath
 from typing import Any
@@ -25,21 +25,18 @@ HeldOut = str | int | Sequence[str]
 """Names or patterns of runs, #1 for the first of them; or how many runs, or AUTO: they are then chosen here."""
 
 
-@dataclass(frozen=True, eq=False)
-class HeldOutSplit:
-    """Logs for the diagnosis, logs that are held out, and a sentence that says how they were chosen."""
-
-    used_logs: tuple[Log, ...]
-    held_out_logs: tuple[Log, ...]
-    words: str
+HeldOutSplit = tuple[list[Log], list[Log], str]
+"""Logs for the diagnosis, logs that are held out, and a sentence that says how they were chosen."""
 
 
-def split_held_out_runs(logs: Sequence[Log], held_out: HeldOut) -> HeldOutSplit:
-    """Split logs into those to diagnose and those that are held out.
+def split_held_out_runs(logs: Sequence[Log], held_out: HeldOut | None) -> HeldOutSplit:
+    """Split logs into those to diagnose and those that are held out, none without being asked.
 
     With AUTO, a quarter of the runs, spread evenly over them; of a single run, its last quarter. Raises LogError for a
     name that is no run, a count that leaves none, and a single run that is too short.
     """
+    if held_out is None:
+        return list(logs), [], ""
     words = [str(held_out)] if isinstance(held_out, str | int) else [str(word) for word in held_out]
     parts = [part.strip() for word in words for part in word.split(",") if part.strip()]
     if not parts:
@@ -57,9 +54,9 @@ def split_held_out_runs(logs: Sequence[Log], held_out: HeldOut) -> HeldOutSplit:
     if len(chosen) >= len(logs):
         runs = "1 run" if len(logs) == 1 else f"{len(logs)} runs"
         raise LogError(f"{len(chosen)} of {runs} held out leave no run to diagnose; hold out fewer or add logs.")
-    return HeldOutSplit(
-        tuple(log for number, log in enumerate(logs) if number not in chosen),
-        tuple(logs[number] for number in chosen),
+    return (
+        [log for number, log in enumerate(logs) if number not in chosen],
+        [logs[number] for number in chosen],
         f"Held out, {reason}: {', '.join(names[number] for number in chosen)}.",
     )
 
@@ -109,9 +106,9 @@ def _split_single_run(log: Log) -> HeldOutSplit:
             f"{SHORTEST_PART_S / HELD_OUT_SHARE:.0f} s on; log a second run."
         )
     is_late = log.time_s >= from_s
-    return HeldOutSplit(
-        (_slice_log(log, ~is_late, log.name),),
-        (replace(_slice_log(log, is_late, f"{log.name} (last quarter)"), gated=()),),
+    return (
+        [_slice_log(log, ~is_late, log.name)],
+        [replace(_slice_log(log, is_late, f"{log.name} (last quarter)"), gated=())],
         f"Held out, as there is one run only: the last {last_s - from_s:.0f} s of {log.name}.",
     )
 

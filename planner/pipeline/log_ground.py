@@ -61,7 +61,7 @@ class HeightFile:
     crs: str | None = None
 
 
-def add_known_ground(logs: Sequence[Log], heights: HeightFile | None = None) -> list[Log]:
+def add_known_ground(logs: Sequence[Log], heights: HeightFile | str | Path | None = None) -> list[Log]:
     """Logs with the fall of the ground under their rows; unchanged where no heights are known.
 
     Heights of a file take the place of roll and pitch. Those of the logs are used where a log lacks one of them.
@@ -70,7 +70,7 @@ def add_known_ground(logs: Sequence[Log], heights: HeightFile | None = None) -> 
         HeadlandError: the file cannot be read, lies elsewhere, or needs a coordinate system that is not given.
     """
     if heights is not None:
-        return _add_surveyed_ground(logs, heights)
+        return _add_surveyed_ground(logs, heights if isinstance(heights, HeightFile) else HeightFile(heights))
     has_sensors = all(log.roll_deg is not None and log.pitch_deg is not None for log in logs)
     with_heights = sum(log.elevation_m is not None for log in logs)
     if has_sensors or not with_heights:
@@ -145,7 +145,17 @@ def _find_crs(logs: Sequence[Log], heights: HeightFile) -> tuple[str | None, str
     """
     origins = {log.origin_deg for log in logs}
     if origins != {None}:
-        return _name_local_metres(origins, heights.crs), ""
+        if heights.crs is not None:
+            raise RequestError(
+                f"The positions of the logs are in degrees, so they need no {mark_parameter('crs')}; leave it out.",
+                parameter="crs",
+            )
+        if len(origins) > 1:
+            raise RequestError("Logs with different origins cannot share a file of heights; read them together.")
+        (origin,) = origins
+        assert origin is not None
+        metres = f"+proj=tmerc +lat_0={origin[1]!r} +lon_0={origin[0]!r} +k=1 +x_0=0 +y_0=0"
+        return f"{metres} +ellps=WGS84 +units=m +type=crs", ""
     if heights.crs is not None:
         with attach_parameter("crs"):
             if is_wgs84_longitude_latitude(heights.crs):
@@ -154,42 +164,23 @@ def _find_crs(logs: Sequence[Log], heights: HeightFile) -> tuple[str | None, str
                     f"name their system, such as EPSG:32632, or give {mark_parameter('fixes')} position-degrees."
                 )
         return heights.crs, ""
-    stated = heights.elevation_crs or _read_stated_crs(str(heights.path))
+    path, stated = str(heights.path), heights.elevation_crs
+    if not stated:
+        with attach_parameter("elevation"):
+            stated = open_raster(path).crs if is_raster_file(path) else read_height_points(path).crs
     if stated is None:
         return None, ""
     with attach_parameter("elevation_crs"):
         is_in_degrees = is_wgs84_longitude_latitude(stated)
     if is_in_degrees:
         raise RequestError(
-            f"The heights of {quote_path(str(heights.path))} are in degrees, and easting_m and northing_m of the logs "
+            f"The heights of {quote_path(path)} are in degrees, and easting_m and northing_m of the logs "
             f"do not say their coordinate system; name it with {mark_parameter('crs')}, such as EPSG:32632."
         )
     return stated, (
         f"Easting_m and northing_m are taken to be in the coordinate system of {Path(heights.path).name}, "
         f"{stated if len(stated) < 20 else 'which has no EPSG code'}."
     )
-
-
-def _name_local_metres(origins: set[tuple[float, float] | None], crs: str | None) -> str:
-    """The system of metres about one origin in degrees."""
-    if crs is not None:
-        raise RequestError(
-            f"The positions of the logs are in degrees, so they need no {mark_parameter('crs')}; leave it out.",
-            parameter="crs",
-        )
-    if len(origins) > 1 or None in origins:
-        raise RequestError("Logs with different origins cannot share a file of heights; read them together.")
-    (origin,) = origins
-    assert origin is not None
-    return f"+proj=tmerc +lat_0={origin[1]!r} +lon_0={origin[0]!r} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m +type=crs"
-
-
-def _read_stated_crs(path: str) -> str | None:
-    """The coordinate system that a file of heights names."""
-    with attach_parameter("elevation"):
-        if is_raster_file(path):
-            return open_raster(path).crs
-        return read_height_points(path).crs
 
 
 def _build_driven_field(logs: Sequence[Log], crs: str | None) -> Field:

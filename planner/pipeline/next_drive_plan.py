@@ -20,8 +20,7 @@ from vehicle.identification.diagnosis.next_drive import (
 )
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Array, Log
-from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.replay.rig import build_rig_and_corrections
+from vehicle.identification.replay.drive_segments import build_dataset, build_rig_and_corrections
 from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor import Implement, Tractor

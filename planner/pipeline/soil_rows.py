@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,27 +57,22 @@ def parse_soil_line(soil: str, moisture_pct: float | None, ground: str) -> SoilL
             "to 100.",
             parameter="moisture_pct",
         )
-    line = SoilLine(path, name.strip(), moisture_pct)
-    if path.exists():
-        _check_place(line, ground)
-    return line
-
-
-def _check_place(line: SoilLine, ground: str) -> None:
-    for row in load_soils(line.path).get(line.name, ()):
-        if row.moisture_pct == line.moisture_pct:
+    name = name.strip()
+    for row in load_soils(path).get(name, ()) if path.exists() else ():
+        if row.moisture_pct == moisture_pct:
             raise RequestError(
-                f"{line.path} has the soil {line.name!r} at {line.moisture_pct:g} % moisture already; give another "
-                "name or moisture, or delete that line.",
+                f"{path} has the soil {name!r} at {moisture_pct:g} % moisture already; give another name or moisture, "
+                "or delete that line.",
                 parameter="save_soil",
             )
         if row.moisture_pct is None or row.ground != ground:
             other = "without a moisture" if row.moisture_pct is None else f"on {row.ground or 'a cone index'}"
             raise RequestError(
-                f"{line.path} has the soil {line.name!r} {other}, which cannot be interpolated with one measured on "
-                f"{ground}; give another name.",
+                f"{path} has the soil {name!r} {other}, which cannot be interpolated with one measured on {ground}; "
+                "give another name.",
                 parameter="save_soil",
             )
+    return SoilLine(path, name, moisture_pct)
 
 
 def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> Soil:
@@ -103,7 +97,13 @@ def build_soil_row(diagnosis: Diagnosis, line: SoilLine) -> Soil:
         likely = [
             get_effect(one.id).label for one in diagnosis.findings if one.id in SOIL_EFFECTS and one.status == LIKELY
         ]
-        raise RequestError(f"{line.path} is left as it is: {_explain_nothing(likely)}")
+        known = ", ".join(get_effect(name).label for name in SOIL_EFFECTS)
+        why = (
+            f"by these logs {' and '.join(likely)} is likely, and not certain; add more of them, at several speeds."
+            if likely
+            else f"these logs name nothing of a soil ({known}); drive at several speeds, working and not."
+        )
+        raise RequestError(f"{line.path} is left as it is: {why}")
     runs = count_noun(len(diagnosis.names), "run")
     source = f"diagnosis of {runs} ({diagnosis.minutes:.0f} min) of {diagnosis.tractor.name}"
     cells = {"name": line.name, "moisture_pct": line.moisture_pct, "ground": diagnosis.ground, "source": source}
@@ -118,13 +118,6 @@ def _is_of_soil(finding: Finding) -> bool:
         return False
     is_slip = finding.id == "wheel_slip"
     return not is_slip or -DRIVE_LINE_SLIP < finding.value["ratio"] < MAX_PLAUSIBLE_SLIP
-
-
-def _explain_nothing(likely: Sequence[str]) -> str:
-    if likely:
-        return f"by these logs {' and '.join(likely)} is likely, and not certain; add more of them, at several speeds."
-    known = ", ".join(get_effect(name).label for name in SOIL_EFFECTS)
-    return f"these logs name nothing of a soil ({known}); drive at several speeds, working and not."
 
 
 def format_soil_table(row: Soil, path: Path) -> str:

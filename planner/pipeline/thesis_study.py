@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import reports.plan.notebook  # noqa: F401  # how a study is shown
 from planner.evaluation.candidates.evaluate import Candidate
@@ -33,31 +33,19 @@ ORDER_NOTE = (
 )
 
 
-@dataclass(frozen=True)
-class ThesisTime:
-    """One printed time of the thesis and the candidate it belongs to."""
-
-    table: str
-    label: str
-    thesis_s: float
-    candidate: Candidate
-    note: str = ""
-
-
-def list_thesis_times() -> tuple[ThesisTime, ...]:
-    """Every time printed in Tables 6.1, 6.2 and 6.3."""
+def list_thesis_times() -> tuple[tuple[str, str, float, Candidate, str], ...]:
+    """Every time printed in Tables 6.1, 6.2 and 6.3: table, label, seconds, the candidate it belongs to, and a note."""
     times = (74 * 60 + 35, 25 * 60 + 30, 20 * 60 + 53, 17 * 60 + 25, 12 * 60 + 30, 13 * 60 + 10)
-    first = tuple(
-        ThesisTime("6.1", "1 tractor" if count == 1 else f"{count} tractors", float(time), Candidate(ROW_BY_ROW, count))
-        for count, time in zip(TRACTOR_COUNTS, times, strict=True)
-    )
     return (
-        *first,
-        ThesisTime("6.2", "in formation", 1253.0, Candidate(ROW_BY_ROW, 3), INCONSISTENT_NOTE),
-        ThesisTime("6.2", "separately", 1290.0, Candidate(SPLIT_FIELD, 3), f"{INCONSISTENT_NOTE}; {ORDER_NOTE}"),
-        ThesisTime("6.3", "row by row", 1253.0, Candidate(ROW_BY_ROW, 5)),
-        ThesisTime("6.3", "row by row, waiting optimised", 1038.0, Candidate(OPTIMISED_ROWS, 5)),
-        ThesisTime("6.3", "col by col", 1290.0, Candidate(COLUMN_BY_COLUMN, 5)),
+        *(
+            ("6.1", "1 tractor" if count == 1 else f"{count} tractors", float(time), Candidate(ROW_BY_ROW, count), "")
+            for count, time in zip(TRACTOR_COUNTS, times, strict=True)
+        ),
+        ("6.2", "in formation", 1253.0, Candidate(ROW_BY_ROW, 3), INCONSISTENT_NOTE),
+        ("6.2", "separately", 1290.0, Candidate(SPLIT_FIELD, 3), f"{INCONSISTENT_NOTE}; {ORDER_NOTE}"),
+        ("6.3", "row by row", 1253.0, Candidate(ROW_BY_ROW, 5), ""),
+        ("6.3", "row by row, waiting optimised", 1038.0, Candidate(OPTIMISED_ROWS, 5), ""),
+        ("6.3", "col by col", 1290.0, Candidate(COLUMN_BY_COLUMN, 5), ""),
     )
 
 
@@ -72,7 +60,8 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
 
     `executor` and `progress` are as in `planner.plan`. Returns a FleetStudy: `tables`, `claims`, `assumptions`.
     """
-    candidates = list(dict.fromkeys([row.candidate for row in list_thesis_times()] + [Candidate(SPLIT_FIELD, 1)]))
+    printed = list_thesis_times()
+    candidates = list(dict.fromkeys([*(candidate for *_, candidate, _ in printed), Candidate(SPLIT_FIELD, 1)]))
     if executor is None:
         with create_executor(len(group_candidates(candidates))) as executor:
             return study(executor=executor, progress=progress)
@@ -81,18 +70,15 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
     outcomes = iter_outcomes(executor, pack_context(context), candidates, progress)
     results = {candidates[index]: one.result for index, one in outcomes}
     tables: dict[str, list[ThesisTableRow]] = {"6.1": [], "6.2": [], "6.3": []}
-    for row in list_thesis_times():
-        tables[row.table].append(_build_row(row, results[row.candidate]))
+    for table, label, thesis_s, candidate, note in printed:
+        result = results[candidate]
+        time = result.time_s if result.feasible else None
+        difference = None if time is None else 100.0 * (time / thesis_s - 1.0)
+        note = note or result.remark or "" if result.feasible else f"not feasible: {result.reason}"
+        tables[table].append(ThesisTableRow(label, candidate.tractors, thesis_s, time, difference, note))
     return FleetStudy(
         {name: tuple(rows) for name, rows in tables.items()}, _judge_claims(results), _list_assumptions(context)
     )
-
-
-def _build_row(row: ThesisTime, result: PlanResult) -> ThesisTableRow:
-    time = result.time_s if result.feasible else None
-    difference = None if time is None else 100.0 * (time / row.thesis_s - 1.0)
-    note = row.note or result.remark or "" if result.feasible else f"not feasible: {result.reason}"
-    return ThesisTableRow(row.label, row.candidate.tractors, row.thesis_s, time, difference, note)
 
 
 def _judge_claims(results: dict[Candidate, PlanResult]) -> tuple[ThesisClaim, ...]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidates
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.site import take_moves, tell_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
@@ -29,11 +30,12 @@ Progress = Callable[[int, int], None]
 
 
 def pack_context(context: PlanningContext) -> bytes:
-    """The pickled context that every task takes; each thread unpacks its own, so that threads share nothing.
+    """The pickled context that every task takes, with what is known of its moves; each thread unpacks its own, so that
+    threads share nothing.
 
     The thread that packs it keeps using the original with its cached paths.
     """
-    packed = pickle.dumps(context)
+    packed = pickle.dumps((context, tell_moves(context)))
     _cache_context(packed, context)
     return packed
 
@@ -68,7 +70,10 @@ def unpack_context(packed_context: bytes) -> PlanningContext:
     """
     cached: tuple[bytes, PlanningContext] | None = getattr(current_thread(), CONTEXT_ATTRIBUTE, None)
     if cached is None or cached[0] != packed_context:
-        return _cache_context(packed_context, pickle.loads(packed_context))
+        context, told = pickle.loads(packed_context)
+        if told is not None:
+            take_moves(context, told)
+        return _cache_context(packed_context, context)
     return cached[1]
 
 

@@ -9,38 +9,8 @@ from urllib.parse import quote
 from reports.common import palette
 from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment, render_template
 from reports.common.wording import format_number, get_effect_label, join_list, replace_effect_ids
+from reports.diagnosis import sentences as words
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
-from reports.diagnosis.sentences import (
-    ERROR_KINDS,
-    SHOWN_HORIZON_S,
-    SMALLEST_VISIBLE,
-    ErrorKind,
-    describe_columns,
-    describe_confusable_effects,
-    describe_hints,
-    describe_holdout,
-    describe_log_size,
-    describe_plan_change,
-    describe_remaining_error,
-    describe_status,
-    describe_trusted_range,
-    describe_unlike_runs,
-    describe_unsaved_finds,
-    end_sentence,
-    explain_likely_verdict,
-    find_shown_horizon_s,
-    format_effect_estimate,
-    format_gain_pct,
-    format_held_out_errors,
-    format_smallest_visible,
-    list_column_rows,
-    list_discrepancy_terms,
-    list_error_rows,
-    list_holdout_rows,
-    name_held_out_data,
-    sort_findings,
-    sort_runs,
-)
 from reports.diagnosis.tables import build_diagnosis_dict, build_effect_table, format_diagnosis_json, list_found
 from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis, Finding
 from vehicle.model.effects import get_effect
@@ -56,60 +26,24 @@ ERROR_COLOURS = {
 def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
     """Render the page as HTML; `hidden` describes the hidden effect of a demonstration."""
     discrepancy, drive, findings = diagnosis.tractor.discrepancy_model, diagnosis.next_drive, diagnosis.findings
-    holdout, horizon = diagnosis.holdout, diagnosis.holdout and find_shown_horizon_s(diagnosis.holdout)
     content = {
+        "diagnosis": diagnosis,
+        "say": words,
+        "format_number": format_number,
         "headline": replace_effect_ids(diagnosis.causes_sentence),
-        "faults": [fault.sentence for fault in diagnosis.faults],
-        "columns": describe_columns(diagnosis),
-        "column_rows": list_column_rows(diagnosis),
-        "hints": describe_hints(diagnosis),
-        "unlike": describe_unlike_runs(diagnosis),
-        "runs": [
-            {
-                "name": run.name,
-                "before": format_number(run.error_before_cm, 1),
-                "after": format_number(run.error_after_cm, 1),
-                "words": end_sentence(run.words) or ("Unlike the other runs." if run.unlike else ""),
-                "unlike": run.unlike,
-            }
-            for run in (sort_runs(diagnosis) if len(diagnosis.runs) > 1 else ())
-        ],
-        "run_horizon": f"{SHOWN_HORIZON_S:g}",
-        "holdout": holdout
-        and {
-            "sentences": describe_holdout(diagnosis),
-            "rows": list_error_rows(holdout.before, holdout.after, by_kind=True),
-            "runs": list_holdout_rows(diagnosis),
-            "horizon": None if horizon is None else f"{horizon:g}",
-            "unsaved": describe_unsaved_finds(diagnosis),
-        },
-        "left_out": list(diagnosis.rows_gated_by_reason.items()),
-        "tractor": diagnosis.tractor.name,
-        "ground": diagnosis.ground,
-        "size": describe_log_size(diagnosis),
         "hidden": hidden,
         "facts": _list_diagnosis_facts(diagnosis),
-        "held_out": name_held_out_data(diagnosis),
-        "errors": list_error_rows(diagnosis.before, diagnosis.after, diagnosis.noise_floor, by_kind=True),
         "bars": [_build_bars_by_horizon(diagnosis, kind) for kind in _list_known_kinds(diagnosis)],
-        "guilty": diagnosis.guilty_block,
-        "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
         "curve": None if diagnosis.curve is None else build_curve_drawing(diagnosis.curve),
         "shown_by": _describe_curve_cause(diagnosis),
         "evidence": build_evidence_content(diagnosis),
         "correlations": build_correlation_table(diagnosis.correlations),
-        "effects": [_describe_effect(one) for one in sort_findings(findings)],
-        "smallest_visible": SMALLEST_VISIBLE,
-        "interval_note": end_sentence(diagnosis.interval_note),
-        "likely": explain_likely_verdict() if any(one.status == LIKELY for one in findings) else None,
+        "effects": [_describe_effect(one) for one in words.sort_findings(findings)],
+        "likely": words.explain_likely_verdict() if any(one.status == LIKELY for one in findings) else None,
         "discrepancy_model": discrepancy
-        and {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
-        "drive": drive,
+        and {"terms": words.list_discrepancy_terms(discrepancy), "words": words.describe_trusted_range(discrepancy)},
         "drive_plan": diagnosis.next_drive_plan and quote(diagnosis.next_drive_plan),
         "alternatives": join_list(map(get_effect_label, drive.separates)) if drive else "",
-        "exchanges": describe_confusable_effects(diagnosis),
-        "left": describe_remaining_error(diagnosis),
-        "plan": describe_plan_change(diagnosis),
         "notes": [replace_effect_ids(note) for note in diagnosis.notes],
         "before_colour": palette.TRACTOR_COLOURS[1],
         "after_colour": palette.TRACTOR_COLOURS[0],
@@ -126,36 +60,36 @@ def _describe_curve_cause(diagnosis: Diagnosis) -> str:
     return "" if equivalents or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
 
 
-def _get_errors_before_after_noise(diagnosis: Diagnosis, horizon: float, kind: ErrorKind) -> list[float]:
+def _get_errors_before_after_noise(diagnosis: Diagnosis, horizon: float, kind: words.ErrorKind) -> list[float]:
     """Error before, after and of noise alone."""
     errors = (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
     return [float(getattr(each[horizon], kind.key)) for each in errors]
 
 
-def _list_known_kinds(diagnosis: Diagnosis) -> list[ErrorKind]:
+def _list_known_kinds(diagnosis: Diagnosis) -> list[words.ErrorKind]:
     """The kinds of error that are known over some horizon."""
     before = diagnosis.before.values()
-    return [kind for kind in ERROR_KINDS if any(math.isfinite(getattr(error, kind.key)) for error in before)]
+    return [kind for kind in words.ERROR_KINDS if any(math.isfinite(getattr(error, kind.key)) for error in before)]
 
 
 def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     """The errors over one horizon, label and value."""
-    if SHOWN_HORIZON_S not in diagnosis.before:
+    if words.SHOWN_HORIZON_S not in diagnosis.before:
         return []
     facts = []
     for kind in _list_known_kinds(diagnosis):
-        errors = _get_errors_before_after_noise(diagnosis, SHOWN_HORIZON_S, kind)
+        errors = _get_errors_before_after_noise(diagnosis, words.SHOWN_HORIZON_S, kind)
         before, after, noise = (format_number(value, 2) for value in errors)
-        label = f"{kind.heading}, {kind.unit}, pieces of {SHOWN_HORIZON_S:g} s"
+        label = f"{kind.heading}, {kind.unit}, pieces of {words.SHOWN_HORIZON_S:g} s"
         facts.append((label, f"{before} → {after} (noise {noise})"))
-    horizon = None if diagnosis.holdout is None else find_shown_horizon_s(diagnosis.holdout)
+    horizon = None if diagnosis.holdout is None else words.find_shown_horizon_s(diagnosis.holdout)
     if diagnosis.holdout is not None and horizon is not None:
-        old, new = format_held_out_errors(diagnosis, diagnosis.holdout, horizon, 2)
+        old, new = words.format_held_out_errors(diagnosis, diagnosis.holdout, horizon, 2)
         facts.append((f"On runs held out, cm, pieces of {horizon:g} s", f"{old} → {new}"))
     return facts
 
 
-def _build_bars_by_horizon(diagnosis: Diagnosis, kind: ErrorKind) -> dict[str, Any]:
+def _build_bars_by_horizon(diagnosis: Diagnosis, kind: words.ErrorKind) -> dict[str, Any]:
     """One kind of error by horizon as shares of the largest."""
     rows = {
         h: dict(zip(("before", "after", "noise"), _get_errors_before_after_noise(diagnosis, h, kind), strict=True))
@@ -183,7 +117,7 @@ def _build_bars_by_horizon(diagnosis: Diagnosis, kind: ErrorKind) -> dict[str, A
 
 
 def _describe_effect(finding: Finding) -> dict[str, Any]:
-    gain = format_gain_pct(finding)
+    gain = words.format_gain_pct(finding)
     if finding.gain_interval:
         low, high = (format_number(value, 0) for value in finding.gain_interval)
         gain += f" ({low} to {high})"
@@ -192,12 +126,12 @@ def _describe_effect(finding: Finding) -> dict[str, Any]:
         "id": finding.id,
         "label": get_effect_label(finding.id),
         "kind": finding.status,
-        "status": describe_status(finding),
+        "status": words.describe_status(finding),
         "block": finding.block,
-        "value": format_effect_estimate(finding),
+        "value": words.format_effect_estimate(finding),
         "gain": gain,
-        "visible": format_smallest_visible(finding),
-        "law": "" if finding.law is None or finding.law.kind == CONSTANT_LAW else end_sentence(finding.law.words),
+        "visible": words.format_smallest_visible(finding),
+        "law": "" if finding.law is None or finding.law.kind == CONSTANT_LAW else words.end_sentence(finding.law.words),
         "same": ", ".join(map(get_effect_label, finding.equivalent_to)),
         "regressor": get_effect(finding.id).regressor,
         "drive": get_effect(finding.id).drive if is_unseen else None,
@@ -210,7 +144,7 @@ def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
     is_requested = diagnosis.holdout is not None and diagnosis.holdout.is_requested
     return ResultView(
         summary=lambda: " ".join(
-            [replace_effect_ids(diagnosis.headline), *(describe_holdout(diagnosis)[1:] if is_requested else [])]
+            [replace_effect_ids(diagnosis.headline), *(words.describe_holdout(diagnosis)[1:] if is_requested else [])]
         ),
         html=lambda: render_diagnosis_fragment(diagnosis),
         table=lambda: [_flatten_effect(entry) for entry in build_diagnosis_dict(diagnosis)["effects"]],
@@ -222,7 +156,7 @@ def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
 
 def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
     """Verdict, how much was read, and the effects that were found, or all of them where none was."""
-    findings = sort_findings(diagnosis.findings)
+    findings = words.sort_findings(diagnosis.findings)
     shown = list_found(findings) or findings
     left_out = len(findings) - len(shown)
     note = f"{left_out} more effects were examined; to_pandas() has all." if left_out else ""
@@ -231,12 +165,12 @@ def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
     if diagnosis.before:
         picture = encode_picture(lambda axes: draw_errors(axes, diagnosis), (6.0, 3.0))
     sentences = [
-        *describe_columns(diagnosis),
-        *describe_hints(diagnosis),
-        *describe_unlike_runs(diagnosis),
-        f"{describe_log_size(diagnosis)}.",
-        *describe_holdout(diagnosis),
-        *filter(None, [describe_unsaved_finds(diagnosis)]),
+        *words.describe_columns(diagnosis),
+        *words.describe_hints(diagnosis),
+        *words.describe_unlike_runs(diagnosis),
+        f"{words.describe_log_size(diagnosis)}.",
+        *words.describe_holdout(diagnosis),
+        *filter(None, [words.describe_unsaved_finds(diagnosis)]),
     ]
     return render_fragment(
         replace_effect_ids(diagnosis.headline), sentences, tables, picture, "Error across the path before and after"

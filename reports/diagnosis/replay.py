@@ -66,17 +66,12 @@ def build_replay_table(replayed: ReplayResult, remarks: Sequence[str] = ()) -> G
     from rich.console import Group
 
     columns = tuple(map(TableColumn, ("Over", "Across cm", "Along cm", "Heading deg")))
+    effects = join_list(map(format_effect_with_id, replayed.effects))
     return Group(
-        format_sentence(
-            f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {_list_effect_names(replayed)}."
-        ),
+        format_sentence(f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {effects}."),
         FittedTable(columns, tuple(list_error_rows(replayed.errors))),
         *(format_sentence(line) for line in (*remarks, *_list_replayed_measurements(replayed))),
     )
-
-
-def _list_effect_names(replayed: ReplayResult) -> str:
-    return join_list(map(format_effect_with_id, replayed.effects))
 
 
 def draw_replay(replayed: ReplayResult) -> Figure:
@@ -162,7 +157,7 @@ def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> s
         "name": replayed.name,
         "tractor": replayed.tractor,
         "verdict": describe_replay(replayed),
-        "effects": _list_effect_names(replayed),
+        "effects": join_list(map(format_effect_with_id, replayed.effects)),
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
         "picture": encode_svg_base64(draw_replay(replayed)),
         "rows": list_error_rows(replayed.errors),

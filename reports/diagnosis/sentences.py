@@ -17,6 +17,7 @@ from reports.common.wording import (
     replace_effect_ids,
 )
 from vehicle.identification.diagnosis.results import (
+    ABOVE_FLOOR_FACTOR,
     EQUIVALENT,
     LIKELY,
     LIKELY_OF,
@@ -212,7 +213,6 @@ def describe_unsaved_finds(diagnosis: Diagnosis) -> str:
 LIKELY_MEANS = (
     "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
 )
-CLEARLY_MORE = 1.3  # chosen, times the noise: less is the scatter of few pieces
 STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
     "Smallest visible: the smallest change of the value in the tractor file that these logs would have shown; for a "
@@ -363,7 +363,7 @@ def _compare_with_noise(diagnosis: Diagnosis) -> str:
             after, noise = (getattr(each[over_s], kind.key) for each in (diagnosis.after, diagnosis.noise_floor))
             if math.isfinite(after):
                 parts.append(f"{kind.format(after)} {kind.full_unit} (noise {kind.format(noise)})")
-            clearly_more += [kind.place] if after > CLEARLY_MORE * noise else []
+            clearly_more += [kind.place] if after > ABOVE_FLOOR_FACTOR * noise else []
         text = f"The remaining error over pieces of {over_s:g} s, {', '.join(parts)},"
         exceeding = join_list(clearly_more) if clearly_more else ""
     if diagnosis.is_noise_only:

@@ -18,39 +18,8 @@ from reports.common.text_tables import (
     format_sentence,
 )
 from reports.common.wording import format_number, get_effect_label, replace_effect_ids
+from reports.diagnosis import sentences as words
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
-from reports.diagnosis.sentences import (
-    ERROR_KINDS,
-    MOST_RUNS,
-    SHOWN_HORIZON_S,
-    SMALLEST_VISIBLE,
-    describe_columns,
-    describe_confusable_effects,
-    describe_hints,
-    describe_holdout,
-    describe_log_size,
-    describe_next_drive,
-    describe_plan_change,
-    describe_remaining_error,
-    describe_saved_effects,
-    describe_trusted_range,
-    describe_unlike_runs,
-    describe_unsaved,
-    describe_unsaved_finds,
-    end_sentence,
-    explain_likely_verdict,
-    format_count,
-    format_effect_estimate,
-    format_gain_pct,
-    format_smallest_visible,
-    list_column_rows,
-    list_discrepancy_terms,
-    list_error_rows,
-    list_holdout_rows,
-    name_held_out_data,
-    sort_findings,
-    sort_runs,
-)
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,
@@ -106,7 +75,7 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         },
         "unexplained_depends_on": diagnosis.depends_on,
         **pick_values(diagnosis, ("hints", "holdout")),
-        "unsaved_reason": describe_unsaved(diagnosis) or None,
+        "unsaved_reason": words.describe_unsaved(diagnosis) or None,
         "next_drive": drive
         and {"words": drive.description, **pick_values(drive, ("id", "seconds", "separates", "score", "decides"))},
         **pick_values(diagnosis, ("calibration", "plan")),
@@ -131,16 +100,16 @@ _ERROR_COLUMNS = (
     *(
         TableColumn(f"{name} {who}", f"{name}\n{who}", drop_order=drop)
         for drop, who in enumerate(("before", "after", "noise"))
-        for name in [kind.heading for kind in ERROR_KINDS]
+        for name in [kind.heading for kind in words.ERROR_KINDS]
     ),
 )
 _EFFECT_FIGURES: tuple[tuple[TableColumn, Callable[[Finding], str]], ...] = (
     (TableColumn("Effect", is_text=True), lambda one: get_effect_label(one.id)),
     (TableColumn("Id in files", is_text=True, drop_order=4, is_unbroken=True), lambda one: one.id),
     (TableColumn("Status", is_text=True, is_unbroken=True), lambda one: one.status),
-    (TableColumn("Value (95 %)", is_text=True), format_effect_estimate),
-    (TableColumn("Gain %", drop_order=2), format_gain_pct),
-    (TableColumn("Smallest visible", drop_order=3), format_smallest_visible),
+    (TableColumn("Value (95 %)", is_text=True), words.format_effect_estimate),
+    (TableColumn("Gain %", drop_order=2), words.format_gain_pct),
+    (TableColumn("Smallest visible", drop_order=3), words.format_smallest_visible),
 )
 _HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
 _CHANGE_COLUMNS = (TableColumn("Before, cm", "Before"), TableColumn("After, cm", "After"))
@@ -165,29 +134,28 @@ def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
     if diagnosis.undiagnosed_reason:
         return Group(*parts, *map(format_sentence, list_diagnosis_remarks(diagnosis)))  # type: ignore[arg-type]
     title = (
-        f"Error of replayed commands on {name_held_out_data(diagnosis)} not used for fitting: root mean square over "
-        "pieces "
-        "of that length, each aligned with the measurement; across and along in cm, heading in degrees"
+        f"Error of replayed commands on {words.name_held_out_data(diagnosis)} not used for fitting: root mean square "
+        "over pieces of that length, each aligned with the measurement; across and along in cm, heading in degrees"
     )
     parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
     if len(diagnosis.runs) > 1:
-        title = f"Error of each run over pieces of {SHOWN_HORIZON_S:g} s, worst first"
-        runs = sort_runs(diagnosis)
+        title = f"Error of each run over pieces of {words.SHOWN_HORIZON_S:g} s, worst first"
+        runs = words.sort_runs(diagnosis)
         rows = [
             (run.name, format_number(run.error_before_cm, 1), format_number(run.error_after_cm, 1),
              "unlike the others" if run.unlike else "")
-            for run in runs[:MOST_RUNS]
+            for run in runs[:words.MOST_RUNS]
         ]  # fmt: skip
-        rows += [("...", "", "", f"{len(runs) - MOST_RUNS} more")] if len(runs) > MOST_RUNS else []
+        rows += [("...", "", "", f"{len(runs) - words.MOST_RUNS} more")] if len(runs) > words.MOST_RUNS else []
         parts += [Text(""), format_sentence(title, style="italic"), FittedTable(_RUN_COLUMNS, tuple(rows))]
     parts += build_holdout_parts(diagnosis, by_run=True)
     if diagnosis.columns:
         parts += [Text(""), format_sentence("Columns of the logs", style="italic")]
-        parts.append(FittedTable(_TIMING_COLUMNS, tuple(list_column_rows(diagnosis))))
+        parts.append(FittedTable(_TIMING_COLUMNS, tuple(words.list_column_rows(diagnosis))))
     parts += [
         Text(""),
         format_sentence("Effects", style="italic"),
-        build_effect_table(sort_findings(diagnosis.findings)),
+        build_effect_table(words.sort_findings(diagnosis.findings)),
         Text(""),
     ]
     parts += [format_sentence(line) for line in list_diagnosis_remarks(diagnosis)]
@@ -198,13 +166,13 @@ def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
     """Build the lines before the tables: faults that begin, columns, causes, hints, runs, and what was read."""
     for fault in diagnosis.faults:
         yield format_sentence(fault.sentence, style="bold")
-    for line in describe_columns(diagnosis):
+    for line in words.describe_columns(diagnosis):
         yield format_sentence(line)
     yield format_sentence(replace_effect_ids(diagnosis.causes_sentence), style="bold")
     for line in (
-        *describe_hints(diagnosis),
-        *describe_unlike_runs(diagnosis),
-        f"{describe_log_size(diagnosis)}.",
+        *words.describe_hints(diagnosis),
+        *words.describe_unlike_runs(diagnosis),
+        f"{words.describe_log_size(diagnosis)}.",
     ):
         yield format_sentence(line)
     if diagnosis.guilty_block:
@@ -216,34 +184,36 @@ def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
     holdout = diagnosis.holdout
     if holdout is None:
         return []
-    parts: list[object] = [Text(""), *(format_sentence(line) for line in describe_holdout(diagnosis))]
-    parts.append(FittedTable(_HOLDOUT_COLUMNS, tuple(list_error_rows(holdout.before, holdout.after))))
+    parts: list[object] = [Text(""), *(format_sentence(line) for line in words.describe_holdout(diagnosis))]
+    parts.append(FittedTable(_HOLDOUT_COLUMNS, tuple(words.list_error_rows(holdout.before, holdout.after))))
     if by_run and len(holdout.by_run) > 1:
-        parts.append(FittedTable(_HELD_OUT_RUN_COLUMNS, tuple(list_holdout_rows(diagnosis))))
+        parts.append(FittedTable(_HELD_OUT_RUN_COLUMNS, tuple(words.list_holdout_rows(diagnosis))))
     return parts
 
 
 def list_diagnosis_remarks(diagnosis: Diagnosis) -> list[str]:
     """List the sentences after the tables: how to read them, discrepancy model, next drive, remaining error, plan."""
-    lines = [SMALLEST_VISIBLE]
+    lines = [words.SMALLEST_VISIBLE]
     if any(one.status == LIKELY for one in diagnosis.findings):
-        lines.append(explain_likely_verdict())
+        lines.append(words.explain_likely_verdict())
     discrepancy = diagnosis.tractor.discrepancy_model
     if discrepancy is not None:
         lines.append(
-            f"Discrepancy model: {'; '.join(list_discrepancy_terms(discrepancy))}. "
-            f"{describe_trusted_range(discrepancy)}"
+            f"Discrepancy model: {'; '.join(words.list_discrepancy_terms(discrepancy))}. "
+            f"{words.describe_trusted_range(discrepancy)}"
         )
-    lines += describe_confusable_effects(diagnosis)
-    lines += [line for line in (describe_next_drive(diagnosis), end_sentence(diagnosis.interval_note)) if line]
-    lines += [*describe_remaining_error(diagnosis), *describe_plan_change(diagnosis)]
+    lines += words.describe_confusable_effects(diagnosis)
+    lines += [
+        line for line in (words.describe_next_drive(diagnosis), words.end_sentence(diagnosis.interval_note)) if line
+    ]
+    lines += [*words.describe_remaining_error(diagnosis), *words.describe_plan_change(diagnosis)]
     return lines + [replace_effect_ids(note) for note in diagnosis.notes]
 
 
 def build_error_table(diagnosis: Diagnosis) -> FittedTable:
     """Build the errors before, after and of noise by length of the pieces."""
     errors = (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
-    return FittedTable(_ERROR_COLUMNS, tuple(list_error_rows(*errors)))
+    return FittedTable(_ERROR_COLUMNS, tuple(words.list_error_rows(*errors)))
 
 
 def build_effect_table(findings: Sequence[Finding], without: Sequence[str] = ()) -> FittedTable:
@@ -263,12 +233,12 @@ def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
     if diagnosis.undiagnosed_reason:
         return Group(*parts, format_sentence(MORE_HINT, style="dim"))  # type: ignore[arg-type]
     if diagnosis.holdout is None or not diagnosis.holdout.is_requested:
-        data = name_held_out_data(diagnosis)
+        data = words.name_held_out_data(diagnosis)
         title = f"Error on {data} not used for fitting, by length of the pieces (cm, cm, degrees)"
         parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
     else:
         parts += build_holdout_parts(diagnosis, by_run=False)
-    findings = sort_findings(diagnosis.findings)
+    findings = words.sort_findings(diagnosis.findings)
     found = list_found(findings)
     counts = [f"{len(found) - MOST_EFFECTS} more found"] if len(found) > MOST_EFFECTS else []
     for status in (REFUTED, NOT_VISIBLE):
@@ -286,18 +256,20 @@ def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
 
 def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:
     """The worst runs, what remains, the next drive, what is saved, and how many notes there are."""
-    runs, worst_runs = sort_runs(diagnosis), ""
+    runs, worst_runs = words.sort_runs(diagnosis), ""
     if len(runs) > 1:
         parts = [
             f"{run.name} {format_number(run.error_before_cm, 1)} to {format_number(run.error_after_cm, 1)}"
             for run in runs[:MOST_NAMED]
         ]
         parts += [f"{len(runs) - MOST_NAMED} more"] if len(runs) > MOST_NAMED else []
-        worst_runs = f"By run over {SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(parts)}."
-    lines = [worst_runs, describe_remaining_error(diagnosis)[0], describe_next_drive(diagnosis)]
+        worst_runs = f"By run over {words.SHOWN_HORIZON_S:g} s, cm, worst first: {'; '.join(parts)}."
+    lines = [worst_runs, words.describe_remaining_error(diagnosis)[0], words.describe_next_drive(diagnosis)]
     if diagnosis.holdout is not None and not diagnosis.holdout.is_requested:
         lines.append(diagnosis.holdout.words)
-    lines.append(describe_saved_effects(diagnosis) if diagnosis.is_savable else describe_unsaved_finds(diagnosis))
+    lines.append(
+        words.describe_saved_effects(diagnosis) if diagnosis.is_savable else words.describe_unsaved_finds(diagnosis)
+    )
     if diagnosis.notes:
-        lines.append(f"{format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
+        lines.append(f"{words.format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
     return [line for line in lines if line]

@@ -1,4 +1,4 @@
-"""Deals by which tractors meet as little as can be: stretches of the headland, all driven one way, runs of swaths."""
+"""Deals by which tractors meet as little as can be: stretches of the headland, runs of swaths."""
 
 from __future__ import annotations
 
@@ -82,20 +82,6 @@ def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Tours) -> Bools:
         dealt[:, run], dealt[order[last], run] = False, True
         last = before[last]
     return dealt
-
-
-def list_other_way_round(lines: Sequence[WorkLine], tours: Tours) -> list[int]:
-    """The nodes by which sides along the edge are driven against the way round in which tours drive most of them.
-
-    Sides that may be driven only one way are none of them.
-    """
-    numbers = [number for ring in list_rings(lines)[:1] for side in ring for number in side]
-    sides = {number for number in numbers if lines[number].is_side and lines[number].both_ways}
-    lengths_m = [0.0, 0.0]
-    for node in (node for tour in tours for node in tour if node // 2 in sides):
-        lengths_m[node % 2] += lines[node // 2].length_m
-    other = int(lengths_m[0] >= lengths_m[1])
-    return [2 * number + other for number in sorted(sides)]
 
 
 def list_rings(lines: Sequence[WorkLine]) -> list[list[list[int]]]:

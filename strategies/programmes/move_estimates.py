@@ -40,6 +40,7 @@ class MoveEstimates:
     Attributes:
         ends, begins: poses of the guided point where nodes end and begin.
         starts: nodes that no move leads to, as tractors begin with them.
+        known: by pairs of nodes the seconds with charges and as driven.
     """
 
     site: Site
@@ -48,7 +49,7 @@ class MoveEstimates:
     ends: Sequence[Pose]
     begins: Sequence[Pose]
     starts: Sequence[int] = ()
-    _known: dict[Pair, tuple[float, float]] = field(default_factory=dict)
+    known: dict[Pair, tuple[float, float]] = field(default_factory=dict)
 
     @cached_property
     def plain_s(self) -> Floats:
@@ -95,7 +96,7 @@ class MoveEstimates:
 
     def estimate_s(self, pairs: Sequence[Pair], is_charged: bool = True) -> Floats:
         """Seconds (k,) of the best closed forms between pairs of nodes, with charges or as driven; else a guess."""
-        new = [pair for pair in dict.fromkeys(pairs) if pair not in self._known]
+        new = [pair for pair in dict.fromkeys(pairs) if pair not in self.known]
         if new:
             for pair, raised in zip(new, self._estimate_raised_s(np.array(new, np.int64)).tolist(), strict=True):
                 cost_s, drive_s = min([tuple(raised), *self._list_work_s(*pair)])
@@ -104,8 +105,8 @@ class MoveEstimates:
                     if np.isfinite(cost_s)
                     else (self.guess_detour_s(*pair), float(self.plain_s[pair]))
                 )
-                self._known[pair] = found
-        return np.array([self._known[pair][0 if is_charged else 1] for pair in pairs])
+                self.known[pair] = found
+        return np.array([self.known[pair][0 if is_charged else 1] for pair in pairs])
 
     def guess_searched_s(self, u: int, v: int) -> float:
         """Seconds of a move that a search finds, if it finds one."""

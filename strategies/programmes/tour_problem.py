@@ -31,7 +31,6 @@ class TourProblem:
         charged_s: (2 n + 1, 2 n + 1) what moves between nodes cost more than they take.
         served_s: (n,) how long a tractor takes to be served for each line, so that all finish together; None: no time.
         check: with it no two tractors of a field without an entrance begin or end where they never get on.
-        barred: nodes that are in no tour.
     """
 
     table: MoveTable
@@ -40,7 +39,6 @@ class TourProblem:
     charged_s: Floats
     served_s: Floats | None = None
     check: ClearanceCheck | None = None
-    barred: Sequence[int] = ()
 
     @property
     def tractors(self) -> int:
@@ -65,9 +63,7 @@ class TourProblem:
         own_s = np.array([line.own_m2 for line in lines]) * site.work_s_per_m2
         extra_s = np.zeros(len(lines)) if self.served_s is None else self.served_s
         is_barred = np.array([not line.both_ways and way == 1 for line in lines for way in (0, 1)], bool)
-        is_barred[list(self.barred)] = True
         costs = costs + self.charged_s
-        costs[list(self.barred)], costs[:, list(self.barred)] = np.inf, np.inf
         ends_s = [
             np.repeat(np.where(is_barred, np.inf, row)[None], len(may), axis=0)
             for row in ((costs[-1, :-1], costs[:-1, -1]) if site.lane is not None else moves.edge_ways_s)

@@ -25,8 +25,7 @@ from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchResult
 from vehicle.identification.diagnosis.verdicts import ValueConverter, decide, list_run_starts
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.replay.rig import build_rig
+from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.model.tractor import load_tractor
 
 BAND_SIGMAS, GREY, BLUE, BAND = 2.0, "#6b7280", "#1d4ed8", "#dbe3f1"

@@ -12,9 +12,8 @@ from tests.truth.second import second_logs
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.identification.replay.horizon_errors import compute_horizon_errors, measure_dataset
-from vehicle.identification.replay.rig import build_rig
 from vehicle.model.tractor import load_tractor
 
 RUNS = ("there", "back", "right")

@@ -11,8 +11,7 @@ from tests.truth.sensors import Instruments
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.replay.rig import build_rig
+from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.identification.replay.simulation import replay_segment
 from vehicle.model.effect_kinds import PER_SLOPE
 

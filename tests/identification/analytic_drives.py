@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vehicle.identification.diagnosis.demo_logs import NoiseLevels, add_instrument_noise, add_soil_noise
+from vehicle.identification.diagnosis.demo_logs import add_instrument_noise, add_soil_noise
 from vehicle.identification.diagnosis.next_drive import (
     DRIVE_PROGRAMMES,
     ProgrammePieces,
@@ -16,10 +16,10 @@ from vehicle.identification.diagnosis.next_drive import (
 )
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, build_dataset
-from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, ReplayRig, build_dataset, build_rig
 from vehicle.identification.replay.simulation import replay_segment
 from vehicle.model.tractor import Settings, load_tractor
+from vehicle.twin.step_motion import NO_NOISE, TractorNoise
 
 Array = npt.NDArray[np.float64]
 SPEED_MPS = 1.5
@@ -78,11 +78,8 @@ def course(*frames: pd.DataFrame) -> DriveDataset:
     return build_dataset([log(frame, f"run {number}") for number, frame in enumerate(frames)])
 
 
-QUIET = NoiseLevels(0.0, 0.0, 0.0, 0.0, 0.0)
-
-
 def measured(
-    pieces: ProgrammePieces, noise: NoiseLevels = QUIET, seed: int = 1, rate_hz: float = 10.0, run: int = 0
+    pieces: ProgrammePieces, noise: TractorNoise = NO_NOISE, seed: int = 1, rate_hz: float = 10.0, run: int = 0
 ) -> DriveSegment:
     """What the tractor of `rig` would log of a drive over ground and with instruments of this noise.
 

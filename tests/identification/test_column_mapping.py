@@ -302,3 +302,16 @@ def test_a_decimal_comma_in_quotes_is_found_in_any_row() -> None:
     rows = "a,b\n" + "1,2\n" * 60
     assert normalise_table(rows + '"1,5",2\n') == rows + "1.5,2\n"
     assert normalise_table(rows) is rows
+
+
+# --- Cells of a table as numbers ---
+
+HEAD = ("time_s", "easting_m", "northing_m", "steering_deg")
+
+
+def test_cells_are_numbers_or_missing() -> None:
+    frame = pd.DataFrame([["0", " 1.5 ", "2e1", "-3"], ["1", "", "NaN", "n/a"]], columns=list(HEAD)).assign(rpm="1800")
+    columns, others = extract_columns(frame, "run")
+    assert others == ("rpm",) and set(columns) == set(HEAD)
+    assert columns["easting_m"][0] == 1.5 and columns["northing_m"][0] == 20.0
+    assert all(np.isnan(columns[name][1]) for name in HEAD[1:])

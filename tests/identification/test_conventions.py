@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.examples import draw_seed
 from tests.identification.log_tables import (
     BENT,
     HOME,
@@ -22,7 +21,6 @@ from tests.identification.log_tables import (
     turned,
 )  # fmt: skip
 from tests.truth.drives import default_programme, reversing
-from tests.truth.effects import CLEAR_SIZES, OUTSIDE
 from tests.truth.model import Truth, make_logs
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.conventions import find_convention_errors
@@ -39,30 +37,6 @@ def found(frame: pd.DataFrame, wheelbase_m: float | None = None) -> list[Suspici
 
 def sentence(one: Suspicion) -> str:
     return str(LogError(one.format_sentence()))
-
-
-# --- right logs --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.matrix) for part in range(1, 16))])
-def test_no_right_log_is_refused(part: int) -> None:
-    """Three sets of seventeen runs each, one to three effects at clear size, drawn."""
-    known = {**CLEAR_SIZES, **OUTSIDE}
-    seed = draw_seed()
-    rng = np.random.default_rng([seed, part])
-    for number in range(3):
-        names = [str(one) for one in rng.choice(sorted(known), rng.integers(1, 4), replace=False)]
-        drop = ((), ("steering_deg",), ("steering_command_deg",), ("heading_deg",))[rng.integers(4)]
-        rate = float(rng.choice([4.0, 10.0, 20.0]))
-        print(f"part {part}, set {number}: {names}, without {drop}, {rate:g} Hz")
-        frames = make_logs(
-            {name: known[name] for name in names}, int(rng.integers(2**31)), [*default_programme(), reversing()],
-            rate_hz=rate, drop=drop, mirrored=bool(rng.random() < 0.5),
-        )  # fmt: skip
-        for frame in frames:
-            log = build_log(frame, frame.attrs["name"], check=False)
-            assert find_convention_errors(log, 2.4) == find_convention_errors(log) == [], log.name
 
 
 # --- speeds ------------------------------------------------------------------------------------------------------

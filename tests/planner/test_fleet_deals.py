@@ -31,30 +31,24 @@ def make_lines() -> list[WorkLine]:
 DEAL = LineDeal(np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 0, 1]], bool))
 
 
-@pytest.mark.parametrize("is_first", [True, False])
 @pytest.mark.parametrize(("dearer", "is_tidy"), [(0.5, True), (1.5, False)])
-def test_a_tidier_sketch_is_taken_unless_it_is_clearly_dearer(is_first: bool, dearer: float, is_tidy: bool) -> None:
-    """The tours go anticlockwise on three of four sides; the start of the second tractor is not barred."""
-    asked = list[tuple[Any, list[int]]]()
+def test_a_tidier_sketch_is_taken_unless_it_is_clearly_dearer(dearer: float, is_tidy: bool) -> None:
+    asked = list[Any]()
 
-    def sketch(allowed: Any, barred: Any) -> Sketch:
-        asked.append((allowed, list(barred)))
-        is_other = len(asked) == 2
-        return Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0 * (1.0 + is_other * dearer * TIDY_SHARE))
+    def sketch(allowed: Any) -> Sketch:
+        asked.append(allowed)
+        return Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0 * (1.0 + (len(asked) == 2) * dearer * TIDY_SHARE))
 
     moves: Any = SimpleNamespace(lines=make_lines(), starts=(4,))
-    found, allowed, barred = sketch_tidily(sketch, moves, DEAL, is_first=is_first)
-    (free, none), (other, ways) = asked
-    assert free is DEAL.allowed and none == []
-    assert (other[:, :4].sum(axis=0) == 1).all() if is_first else other is DEAL.allowed
-    assert ways == ([] if is_first else [1, 3, 7])
-    assert (allowed is other and barred == ways) if is_tidy else (allowed is DEAL.allowed and barred == [])
+    found, allowed = sketch_tidily(sketch, moves, DEAL)
+    free, other = asked
+    assert free is DEAL.allowed and (other[:, :4].sum(axis=0) == 1).all()
+    assert allowed is (other if is_tidy else DEAL.allowed)
     assert found.cost_s == pytest.approx(100.0 * (1.0 + is_tidy * dearer * TIDY_SHARE))
 
 
-def test_without_a_tidier_way_lines_are_driven_either_way() -> None:
+def test_without_a_tidier_deal_lines_are_dealt_as_they_are() -> None:
     moves: Any = SimpleNamespace(lines=make_lines()[4:], starts=())
     plain = Sketch([[0], [2]], [1.0, 1.0], 1.0)
     deal = LineDeal(DEAL.allowed[:, 4:])
-    for is_first in (True, False):
-        assert sketch_tidily(lambda *_: plain, moves, deal, is_first=is_first) == (plain, deal.allowed, [])
+    assert sketch_tidily(lambda _: plain, moves, deal) == (plain, deal.allowed)

@@ -16,11 +16,11 @@ LOGS = [replace(ONE, name=f"day{number}-north") for number in range(1, 9)]
 
 def held_out(asked: HeldOut, logs: list[Log] = LOGS) -> list[int]:
     """Numbers of the runs held out; the others are all used, in their order."""
-    split = split_held_out_runs(logs, asked)
+    used, unseen, words = split_held_out_runs(logs, asked)
     names = [log.name for log in logs]
-    chosen = [names.index(log.name) for log in split.held_out_logs]
-    assert [log.name for log in split.used_logs] == [name for k, name in enumerate(names) if k not in chosen]
-    assert all(names[number] in split.words for number in chosen)
+    chosen = [names.index(log.name) for log in unseen]
+    assert [log.name for log in used] == [name for k, name in enumerate(names) if k not in chosen]
+    assert all(names[number] in words for number in chosen)
     return chosen
 
 
@@ -62,11 +62,10 @@ def test_what_cannot_be_held_out_is_refused(asked: HeldOut, said: str) -> None:
 
 def test_a_single_run_is_cut_in_time() -> None:
     log = build_log(table(rows=2400), "long")
-    split = split_held_out_runs([log], "auto")
-    (used,), (unseen,) = split.used_logs, split.held_out_logs
+    (used,), (unseen,), words = split_held_out_runs([log], "auto")
     assert used.time_s[-1] < unseen.time_s[0] and len(used.time_s) + len(unseen.time_s) == 2400
     assert np.ptp(unseen.time_s) == pytest.approx(0.25 * np.ptp(log.time_s), abs=0.1)
-    assert unseen.segment[0] == 0 and unseen.segment_count == 1 and "the last 30 s of long" in split.words
+    assert unseen.segment[0] == 0 and unseen.segment_count == 1 and "the last 30 s of long" in words
     assert "log a second run" in refusal(lambda: split_held_out_runs([ONE], "auto"))
     assert "1 of 1 run" in refusal(lambda: split_held_out_runs([log], 1))
 
@@ -76,5 +75,5 @@ def test_segments_of_a_part_are_numbered_from_0() -> None:
     log = build_log(
         frame[(frame.index < 1000) | ((frame.index > 1400) & (frame.index < 3500)) | (frame.index > 3700)], "r"
     )
-    unseen = split_held_out_runs([log], "auto").held_out_logs[0]
+    (unseen,) = split_held_out_runs([log], "auto")[1]
     assert log.segment_count == 3 and sorted(set(unseen.segment)) == list(range(unseen.segment_count))

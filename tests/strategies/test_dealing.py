@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from strategies.interleaved import deal_in_turn
-from strategies.lines.deal_apart import deal_runs, deal_tours, list_deals_apart, list_other_way_round
+from strategies.lines.deal_apart import deal_runs, deal_tours, list_deals_apart
 from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
@@ -248,15 +248,6 @@ def test_a_plough_follows_the_furrow() -> None:
     assert not charge_furrows(make_site(), lines, in_turn).any()
     left = replace(lines[0], group=(LEFTOVER, 0))
     assert charge_furrows(site, [left, *lines], np.ones((1, 10), bool))[0, 2:-1].all(), "no furrow leads there"
-
-
-def test_sides_that_are_driven_against_the_others() -> None:
-    ring = draw_ring(1, 0.0, 100.0, 1)
-    ring[2] = replace(ring[2], both_ways=False)
-    lines = [*ring, draw_line(SWATH, 0, (12.0, 12.0), (12.0, 100.0))]
-    assert list_other_way_round(lines, [[0, 9], [2, 4]]) == [1, 3, 7]
-    assert list_other_way_round(lines, [[1, 8], [3, 4, 6]]) == [0, 2, 6], "two against one: what may go one way is none"
-    assert list_other_way_round([lines[4]], [[0]]) == []
 
 
 def test_lines_of_tours_are_their_tractors() -> None:

@@ -72,15 +72,14 @@ def test_changing_steering_keeps_its_pattern_with_rolling_tyres(eg105: Any) -> N
 @pytest.mark.parametrize("model", ["nonlinear", "linear"])
 def test_table_4_3(eg105: Any, ground: str, model: str) -> None:
     """One setting for all; lateral averages within 15 %, every number within 20 %."""
-    found = drive_slip_test(eg105, ground, model)
-    ours = (found.lateral_max_m, found.lateral_mean_m, found.heading_max_deg, found.heading_mean_deg)
-    assert ours == pytest.approx(TABLE_4_3[ground, model], rel=0.20)
-    assert found.lateral_mean_m == pytest.approx(TABLE_4_3[ground, model][1], rel=0.15)
+    sizes = drive_slip_test(eg105, ground, model).sizes
+    assert tuple(sizes) == pytest.approx(TABLE_4_3[ground, model], rel=0.20)
+    assert sizes.lateral_mean == pytest.approx(TABLE_4_3[ground, model][1], rel=0.15)
 
 
 def test_mud_parts_the_models_only_through_the_curve(eg105: Any) -> None:
-    with_curve = [drive_slip_test(eg105, "mud", model).lateral_mean_m for model in ("nonlinear", "linear")]
-    without = [drive_slip_test(eg105, "mud", model, curve=None).lateral_mean_m for model in ("nonlinear", "linear")]
+    with_curve = [drive_slip_test(eg105, "mud", model).sizes.lateral_mean for model in ("nonlinear", "linear")]
+    without = [drive_slip_test(eg105, "mud", model, curve=None).sizes.lateral_mean for model in ("nonlinear", "linear")]
     assert with_curve[0] > 1.2 * with_curve[1]
     assert without[0] < 1.05 * without[1]
 
@@ -157,8 +156,8 @@ def test_zigzag_parts_the_simulators_where_the_path_bends_too_tightly(eg105: Any
 
 def test_the_navigation_plan_holds_both_passes(eg105: Any) -> None:
     found = drive_navigation(eg105, position_errors=load_default_error_table())
-    assert max(found.lateral_mean_cm) < 5.2  # the real tractor's first pass
-    assert max(found.heading_mean_deg) < 1.49
+    assert max(one.lateral_mean for one in found.sizes) < 5.2  # the real tractor's first pass
+    assert max(one.heading_mean_deg for one in found.sizes) < 1.49
     assert found.trace.get_column("done")[-1] == 1.0 or found.trace.get_column("leg")[-1] == len(found.mission.legs) - 1
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.vehicle.bits import drive_fixed
 from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, simulate_programme
-from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.drive_segments import ReplayRig, build_rig
 from vehicle.identification.replay.simulation import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, replay_segment
 from vehicle.model.tractor import EffectSetting, Settings, Tractor, load_tractor
 from vehicle.records import BODY_ANGLE, BODY_X, BODY_Y, DT_S

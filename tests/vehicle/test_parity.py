@@ -15,8 +15,7 @@ import pytest
 
 from vehicle.control.guidance import compute_steering_command, find_target_point, project_point, wrap_angle
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
-from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import build_rig_and_corrections
+from vehicle.identification.replay.drive_segments import DriveSegment, build_rig_and_corrections
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     STEERING_COLUMN,

@@ -143,10 +143,6 @@ class Trace:
     rear_m: float
     point_m: float
 
-    def cut_at(self, row: int) -> Trace:
-        """The trace up to a row."""
-        return replace(self, time_s=self.time_s[:row], rows=self.rows[:row])
-
     def get_column(self, name: str) -> Floats:
         """One column (t,)."""
         return np.asarray(self.rows[:, TRACE_COLUMNS.index(name)])

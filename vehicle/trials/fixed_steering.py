@@ -43,14 +43,6 @@ class FixedSteeringDrive:
     trace: Trace
 
 
-@dataclass(frozen=True)
-class TyreHypothesis:
-    """A hypothesis about Table 4.1 and the radii it gives at ANGLES_DEG for the non-linear model (nan: oversteer)."""
-
-    words: str
-    radii_m: tuple[float, ...]
-
-
 def build_step_commands(angles_deg: Sequence[float], seconds: float = DRIVE_DURATION_S) -> Floats:
     """Straight for a second, then one angle per tractor: (steps, n)."""
     commands = np.tile(np.asarray(angles_deg, dtype=np.float64), (round(seconds / DT_S), 1))
@@ -121,8 +113,9 @@ def drive_best_hypothesis_table(tractor: Tractor) -> tuple[FixedSteeringDrive, .
     )
 
 
-def try_hypotheses(tractor: Tractor) -> tuple[TyreHypothesis, ...]:
-    """All hypotheses about the non-linear column of Table 4.1, one change at a time."""
+def try_hypotheses(tractor: Tractor) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """All hypotheses about the non-linear column of Table 4.1, one change at a time: words, and the radii (m) that each
+    gives at ANGLES_DEG (nan: oversteer)."""
     soil = get_tyres("soil", "nonlinear")
     bare = soil.model_copy(update={"grip": None})
     plain = bare.model_copy(update={"curve": None, "grip": 100.0})
@@ -159,7 +152,7 @@ def try_hypotheses(tractor: Tractor) -> tuple[TyreHypothesis, ...]:
         ("the same with the curve", sagging, change_tyres(closest, curve=ENGINE_CURVE)),
     ]  # fmt: skip
     return tuple(
-        TyreHypothesis(words, tuple(drive.radius_m for drive in drive_fixed_steering(variant, tyres)))
+        (words, tuple(drive.radius_m for drive in drive_fixed_steering(variant, tyres)))
         for words, variant, tyres in trials
     )
 

@@ -8,8 +8,8 @@ soil and a switch-back between them. The coordinates of that plan are not printe
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,6 +35,15 @@ from vehicle.trials.drive import (
 )
 
 
+class ErrorSizes(NamedTuple):
+    """Largest and mean lateral error (m or cm) and heading error (degrees)."""
+
+    lateral_max: float
+    lateral_mean: float
+    heading_max_deg: float
+    heading_mean_deg: float
+
+
 @dataclass(frozen=True, eq=False)
 class PathDeviation:
     """Errors of a driven path, (t,) each: distance along the path (m), lateral error (m, positive if the path lies to
@@ -49,10 +58,10 @@ class PathDeviation:
         """The errors of some rows."""
         return PathDeviation(self.along_m[rows], self.lateral_m[rows], self.heading_rad[rows])
 
-    def compute_sizes(self, per_m: float = 1.0) -> tuple[float, float, float, float]:
-        """Largest and mean lateral error, in a unit of which a metre has `per_m`, and heading error (degrees)."""
+    def compute_sizes(self, per_m: float = 1.0) -> ErrorSizes:
+        """Sizes, the lateral ones in a unit of which a metre has `per_m`."""
         lateral, heading = per_m * np.abs(self.lateral_m), np.degrees(np.abs(self.heading_rad))
-        return float(lateral.max()), float(lateral.mean()), float(heading.max()), float(heading.mean())
+        return ErrorSizes(*(float(size) for one in (lateral, heading) for size in (one.max(), one.mean())))
 
 
 def compute_deviation(place: Floats, angle: Floats, path: Floats, lookahead_m: float) -> PathDeviation:
@@ -104,14 +113,11 @@ UNMEASURED_END_M = 3.0  # the last metres before a stop are not measured
 
 @dataclass(frozen=True, eq=False)
 class NavigationPasses:
-    """The navigation drive, and per pass the largest and mean lateral error (cm) and heading error (degrees)."""
+    """The navigation drive, and the errors (cm) of both passes."""
 
     mission: Mission
     trace: Trace
-    lateral_max_cm: tuple[float, float]
-    lateral_mean_cm: tuple[float, float]
-    heading_max_deg: tuple[float, float]
-    heading_mean_deg: tuple[float, float]
+    sizes: tuple[ErrorSizes, ...]
 
 
 def build_navigation_mission() -> Mission:
@@ -143,11 +149,12 @@ def drive_navigation(tractor: Tractor, *, position_errors: Table = NO_ERROR, see
     """Drive the navigation plan with 5 m lookahead and measure both passes."""
     mission, tested = build_navigation_mission(), configure_tractor(tractor)
     trace = follow_mission(tested, mission, position_errors=position_errors, seed=seed, seconds=900.0)
-    passes = [_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS)]
-    return NavigationPasses(mission, trace, *zip(*passes, strict=True))
+    return NavigationPasses(
+        mission, trace, tuple(_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS))
+    )
 
 
-def _measure_pass(mission: Mission, trace: Trace, leg: int) -> tuple[float, float, float, float]:
+def _measure_pass(mission: Mission, trace: Trace, leg: int) -> ErrorSizes:
     rows = trace.get_column("leg") == leg
     points = mission.legs[leg].points
     errors = compute_deviation(trace.compute_path()[rows], trace.get_column("angle")[rows], points, STEP_LOOKAHEAD_M)
@@ -169,12 +176,9 @@ MEASURED_LENGTH_M = 15.0
 
 @dataclass(frozen=True, eq=False)
 class StepResponse:
-    """One step response: its setting and its trace; positive offsets are to the right."""
+    """The trace of one step response; positive offsets are to the right."""
 
     offset_cm: int
-    speed_kmh: float
-    ground: str
-    steering: str
     trace: Trace
     second_m: float = SECOND_PATH_M
 
@@ -216,7 +220,7 @@ def drive_step_response(
     path = build_straight_mission(FIRST_PATH_M + second_m + RUN_OUT_M, speed_kmh / 3.6, ground)
     tested, jump = configure_tractor(tractor, steering, limit_m=limit_m), (FIRST_PATH_M, 0.01 * offset_cm)
     trace = follow_mission(tested, path, position_errors=position_errors, seed=seed, jump=jump)
-    return StepResponse(offset_cm, speed_kmh, ground, steering, trace, second_m)
+    return StepResponse(offset_cm, trace, second_m)
 
 
 def measure_weaving_m(tractor: Tractor, offset_cm: int, *, limit_m: float) -> float:
@@ -239,28 +243,20 @@ PERIODS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class PathTracking:
-    """Errors along a path: sizes of the lateral error (m) and of the heading error of section 2.2.3 (degrees).
+    """A driven path and its errors (m), up to where the run-out of the path begins."""
 
-    `trace` and `errors` end where the run-out of the path begins.
-    """
-
-    ground: str
-    model: str
     trace: Trace
     errors: PathDeviation
-    lateral_max_m: float
-    lateral_mean_m: float
-    heading_max_deg: float
-    heading_mean_deg: float
+    sizes: ErrorSizes
 
 
-def measure_tracking(trace: Trace, path: Mission, lookahead_m: float, ground: str, model: str) -> PathTracking:
+def measure_tracking(trace: Trace, path: Mission, lookahead_m: float) -> PathTracking:
     """Measure a trace against the first leg of a path, up to its run-out."""
     points = path.legs[0].points
     errors = compute_deviation(trace.compute_path(), trace.get_column("angle"), points, lookahead_m)
     end = int(np.argmax(np.append(errors.along_m, np.inf) >= path.legs[0].length_m - RUN_OUT_M))
-    errors = errors.select(slice(end))
-    return PathTracking(ground, model, trace.cut_at(end), errors, *errors.compute_sizes())
+    errors, trace = errors.select(slice(end)), replace(trace, time_s=trace.time_s[:end], rows=trace.rows[:end])
+    return PathTracking(trace, errors, errors.compute_sizes())
 
 
 def drive_slip_test(
@@ -275,7 +271,7 @@ def drive_slip_test(
     tested = configure_tractor(tractor, lookahead_m=SLIP_LOOKAHEAD_M, point_m=point_m)
     path = build_sine_mission(AMPLITUDE_M, math.pi / HALF_PERIOD_M, PERIODS, CIRCLE_SPEED_MPS, "asphalt")
     trace = follow_mission(tested, path, tyres=get_tyres(ground, model, curve=curve), seconds=180.0)
-    return measure_tracking(trace, path, SLIP_LOOKAHEAD_M, ground, model)
+    return measure_tracking(trace, path, SLIP_LOOKAHEAD_M)
 
 
 def drive_zigzag(
@@ -284,7 +280,7 @@ def drive_zigzag(
     """Section 3.3 at 5 km/h, the path of Eq. 3.1 with the corrected base model."""
     path = build_sine_mission(AMPLITUDE_M, omega, PERIODS, CIRCLE_SPEED_MPS, "soil")
     trace = follow_mission(configure_tractor(tractor, steering, lookahead_m=lookahead_m), path, seconds=240.0)
-    return measure_tracking(trace, path, lookahead_m, "soil", steering)
+    return measure_tracking(trace, path, lookahead_m)
 
 
 def compute_distance_m(result: PathTracking, other_result: PathTracking) -> tuple[float, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,6 @@ from strategies.lines.deal_apart import (
     find_near_blocks,
     find_swath_middles,
     list_deals_apart,
-    list_other_way_round,
 )
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.programme import Sketch
@@ -27,29 +26,20 @@ from vehicle.missions.plan import HEADLAND_PASS
 
 Flags = npt.NDArray[np.bool_]
 TIDY_SHARE = 0.05  # of the cost of tours: what people give for tractors that each keep to their part of the headland
-SketchDeal = Callable[[Flags, Sequence[int]], Sketch]
-"""Sketches tours by a deal of lines, with some nodes barred."""
+SketchDeal = Callable[[Flags], Sketch]
+"""Sketches tours by a deal of lines."""
 
 
-def sketch_tidily(
-    sketch: SketchDeal, moves: SiteMoves, deal: LineDeal, *, is_first: bool
-) -> tuple[Sketch, Flags, list[int]]:
-    """A sketch by a deal in a way that people would rather see, with the lines for each and the nodes that are barred.
+def sketch_tidily(sketch: SketchDeal, moves: SiteMoves, deal: LineDeal) -> tuple[Sketch, Flags]:
+    """A sketch by a deal in a way that people would rather see, with the lines for each.
 
-    The first of a fleet, in which every side of the headland is one tractor's in all passes and the tracks of each are
-    neighbours; one that follows, in which all go round the field the way that most of the headland is driven without
-    that. What is clearly dearer than by the deal alone is not taken.
+    Every side of the headland is one tractor's in all passes, and the tracks of each are neighbours. What is clearly
+    dearer than by the deal alone is not taken.
     """
-    lines, free = moves.lines, sketch(deal.allowed, ())
+    lines, free = moves.lines, sketch(deal.allowed)
     most_s = (1.0 + TIDY_SHARE) * free.cost_s
-    if not is_first:
-        starts = {node // 2 for node in moves.starts}
-        barred = [node for node in list_other_way_round(lines, free.tours) if node // 2 not in starts]
-        one_way = sketch(deal.allowed, barred) if barred else free
-        return (one_way, deal.allowed, barred) if one_way.cost_s <= most_s else (free, deal.allowed, [])
     found, allowed = _sketch_tidier(sketch, deal_sides(lines, deal.allowed), (free, deal.allowed), most_s)
-    found, allowed = _sketch_tidier(sketch, deal_runs(lines, allowed, found.tours), (found, allowed), most_s)
-    return found, allowed, []
+    return _sketch_tidier(sketch, deal_runs(lines, allowed, found.tours), (found, allowed), most_s)
 
 
 def _sketch_tidier(
@@ -58,30 +48,30 @@ def _sketch_tidier(
     """The sketch by a tidier deal, with that; what is `known` where it costs more than `most_s`, or is the same."""
     if np.array_equal(tidier, known[1]):
         return known
-    tidy = sketch(tidier, ())
+    tidy = sketch(tidier)
     return (tidy, tidier) if tidy.cost_s <= most_s else known
 
 
 def list_other_deals(
     sketch: SketchDeal, moves: SiteMoves, deal: LineDeal, order: str, *, goes_on: bool
 ) -> list[LineDeal]:
-    """What is tried where a deal makes the tractors of a fleet wait, itself with one way round first.
+    """What is tried where a deal makes the tractors of a fleet wait.
 
-    Where a crop stands the next is that by which all are done with the headland together: nobody waits for its end.
+    Where a crop stands the first is that by which all are done with the headland together: nobody waits for its end.
     """
     if len(deal.allowed) == 1:
         return []
 
     def sketch_tours(allowed: Flags) -> list[list[int]]:
-        return sketch(allowed, ()).tours
+        return sketch(allowed).tours
 
     if goes_on:
-        return [deal, *_list_deals_from_here(moves, len(deal.allowed), sketch_tours)]
+        return _list_deals_from_here(moves, len(deal.allowed), sketch_tours)
     others = list_deals_apart(moves.lines, deal.allowed, sketch_tours)
     if moves.site.crop_stands and order == HEADLAND_FIRST:
         is_headland = [line.task.kind == HEADLAND_PASS for line in moves.lines]
         others.insert(0, deal_tours(deal.allowed, sketch_tours(deal.allowed & is_headland)))
-    return [deal, *(replace(deal, allowed=allowed) for allowed in others)]
+    return [replace(deal, allowed=allowed) for allowed in others]
 
 
 def _list_deals_from_here(moves: SiteMoves, tractors: int, sketch_tours: SketchTours) -> list[LineDeal]:

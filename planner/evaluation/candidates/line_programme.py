@@ -331,30 +331,30 @@ class DealtLines:
         supply = self.context.supply
         return None if supply is None else estimate_served_s(self.table, supply, self.stop_moves)
 
-    def _pose_tours(self, allowed: Flags, barred: Sequence[int]) -> TourProblem:
-        """The search for tours of lines that each tractor may work (tractors, n), without nodes that are barred."""
+    def _pose_tours(self, allowed: Flags) -> TourProblem:
+        """The search for tours of lines that each tractor may work (tractors, n)."""
         may = self.wishes.limit(self.moves.lines, allowed)
         goes_on = self.context.going_on is not None
         charged_s = charge_order(self.moves.site, self.moves.lines, self.order, may, goes_on=goes_on)
-        return TourProblem(self.table, may, self.stages, charged_s, self.served_s, self.check, barred)
+        return TourProblem(self.table, may, self.stages, charged_s, self.served_s, self.check)
 
-    def sketch_tours(self, allowed: Flags, barred: Sequence[int] = ()) -> Sketch:
-        """Tours by estimated moves, of lines that each tractor may work (tractors, n) without nodes that are barred."""
-        return sketch_programme(self._pose_tours(allowed, barred))
+    def sketch_tours(self, allowed: Flags) -> Sketch:
+        """Tours by estimated moves, of lines that each tractor may work (tractors, n)."""
+        return sketch_programme(self._pose_tours(allowed))
 
-    def sketch(self, is_plain: bool = False) -> SketchedPlan:
-        """The plan as sketched; unless `is_plain`, in a way that people would rather see (sketch_tidily)."""
-        dealt = self.deal.allowed
-        if len(dealt) == 1 or is_plain or (self.is_first and self.context.going_on is not None):
-            sketched, own, barred = self.sketch_tours(dealt), dealt, list[int]()
+    def sketch(self) -> SketchedPlan:
+        """The plan as sketched; by the deal of a strategy in a way that people would rather see (sketch_tidily)."""
+        own = self.deal.allowed
+        if self.is_first and len(own) > 1 and self.context.going_on is None:
+            sketched, own = sketch_tidily(self.sketch_tours, self.moves, self.deal)
         else:
-            sketched, own, barred = sketch_tidily(self.sketch_tours, self.moves, self.deal, is_first=self.is_first)
+            sketched = self.sketch_tours(own)
         served_s = np.zeros(len(self.moves.lines)) if self.served_s is None else self.served_s
         return SketchedPlan(
             self.order,
             sketched.tractor_s,
-            lambda: self._compose(self._pose_tours(own, barred), sketched.tours),
-            (lambda: self._sketch_others(is_tidy=own is not dealt)) if self.is_first else None,
+            lambda: self._compose(self._pose_tours(own), sketched.tours),
+            (lambda: self._sketch_others(is_tidy=own is not self.deal.allowed)) if self.is_first else None,
             tours=sketched.tours,
             served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours],
         )
@@ -362,10 +362,10 @@ class DealtLines:
     def _sketch_others(self, *, is_tidy: bool) -> list[SketchedPlan]:
         """Sketches by other deals, that of the strategy alone first where the first sketch `is_tidy`."""
         goes_on, found = self.context.going_on is not None, list[SketchedPlan]()
-        following = list_other_deals(self.sketch_tours, self.moves, self.deal, self.order, goes_on=goes_on)
-        for place, deal in enumerate([*([self.deal] if is_tidy else []), *following]):
+        others = list_other_deals(self.sketch_tours, self.moves, self.deal, self.order, goes_on=goes_on)
+        for deal in [self.deal, *others] if is_tidy else others:
             with suppress(StrategyError):
-                found.append(replace(self, deal=deal, is_first=False).sketch(is_tidy and place == 0))
+                found.append(replace(self, deal=deal, is_first=False).sketch())
         return found
 
     def _compose(self, problem: TourProblem, start: Sequence[Sequence[int]]) -> ComposedPlan:

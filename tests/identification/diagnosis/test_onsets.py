@@ -8,23 +8,14 @@ import pandas as pd
 import pytest
 
 from tests.identification.fault_logs import START_S, clean_frames, clean_logs, degrade, freeze, ignore_commands, rows_of
-from tests.truth.drives import drive, stairs, steps, three_speeds_programme
-from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
+from tests.truth.drives import three_speeds_programme
 from tests.truth.second import second_logs
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
 from vehicle.identification.diagnosis.onsets import _find_likely_rows, find_onset_spans, mark_onset_faults
-from vehicle.identification.diagnosis.other_vehicles import (
-    ARTICULATED,
-    REAR_STEERED,
-    drop_course_headings,
-    find_other_turning,
-)
 from vehicle.identification.diagnosis.search import ADD_NATS
 from vehicle.identification.faults.steering_evidence import STEP_S
-from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log, LogFault
-from vehicle.model.tractor import Tractor, load_tractor
 
 
 def build_logs(changed: dict[str, pd.DataFrame]) -> list[Log]:
@@ -74,19 +65,11 @@ def test_wheels_that_run_away_are_stuck() -> None:
     assert faults[0].from_s - START_S == pytest.approx(22.0, abs=2.0) and faults[0].between_s is None
 
 
-@pytest.mark.parametrize(
-    ("columns", "expected"),
-    [
-        (("easting_m", "northing_m"), "position_frozen"), (("heading_deg",), "heading_frozen"),
-        (("speed_mps",), "speed_frozen"), (("steering_deg",), "wheel_sensor_frozen"),
-    ],
-)  # fmt: skip
-def test_a_column_that_freezes_is_found(
-    columns: tuple[str, ...], expected: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    logs = build_unread_logs({"steps": freeze(clean_frames()["steps"], columns, 21.0, 35.0)}, monkeypatch)
-    faults = [fault for fault in list_faults(logs) if fault.id != "position_jump"]
-    assert [(fault.id, fault.run) for fault in faults] == [(expected, "steps")]
+def test_a_wheel_sensor_that_freezes_is_found() -> None:
+    logs = build_logs({"waves": freeze(clean_frames()["waves"], ("steering_deg",), 21.0, 35.0)})
+    faults = list_faults(logs)
+    assert not any(log.faults for log in logs)  # the reader of a log does not see it
+    assert [(fault.id, fault.run) for fault in faults] == [("wheel_sensor_frozen", "waves")]
     assert faults[0].from_s - START_S == pytest.approx(21.0, abs=1.0)
     assert faults[0].to_s is not None and faults[0].to_s - START_S == pytest.approx(35.0, abs=2.0)
 
@@ -143,32 +126,3 @@ def test_spans_of_a_run_do_not_overlap() -> None:
     logs = build_logs({"steps": ignore_commands(clean_frames()["steps"], 15.0, 40.0, True)})
     spans = sorted(find_onset_spans(logs), key=lambda span: (span.run, span.first_s))
     assert all(a.run < b.run or a.last_s < b.first_s for a, b in pairwise(spans))
-
-
-def make_jointed_logs(vehicle: Jointed) -> list[Log]:
-    angles = (3.0, -3.0, 12.0, -12.0, 20.0, -20.0, 6.0, -16.0, 0.0)
-    paces = stairs((12.0, 0.8), (12.0, 2.0), (12.0, 0.8), (12.0, 2.0))
-    drives = [steps(angles, 5.0, "slow", 0.9), drive("bends", 48.0, stairs((24.0, 14.0), (24.0, -14.0)), paces)]
-    runs = [drive_jointed(vehicle, run, number, True) for number, run in enumerate(drives)]
-    return [build_log(run, run.attrs["name"], wheelbase_m=vehicle.base_m) for run in runs]
-
-
-def make_file(antenna_m: float) -> Tractor:
-    axles = {"front_axle_m": 1.32, "rear_axle_m": 1.08, "radius": {}, "source": {}, "antenna_forward_m": antenna_m}
-    return Tractor.model_validate({**load_tractor("eg105").model_dump(), **axles})
-
-
-@pytest.mark.parametrize(
-    ("kind", "antenna_m", "expected"), [(FRONT, 1.6, None), (REAR, 1.1, REAR_STEERED), (JOINT, 2.0, ARTICULATED)]
-)
-def test_how_a_vehicle_turns_is_told(kind: str, antenna_m: float, expected: str | None) -> None:
-    found = find_other_turning(make_jointed_logs(Jointed(kind, 2.4, antenna_m)), make_file(antenna_m))
-    assert (None if found is None else found.kind) == expected
-
-
-def test_a_heading_that_is_the_course_is_dropped_and_told() -> None:
-    logs = make_jointed_logs(Jointed(FRONT, 2.4, 1.1))
-    assert drop_course_headings(logs, make_file(1.1)) == logs
-    known = [replace(logs[0], corrections=(COURSE_HEADING,)), logs[1]]
-    dropped = drop_course_headings(known, make_file(1.1))
-    assert all(log.heading_deg is None and COURSE_HEADING in log.corrections for log in dropped)

@@ -14,10 +14,12 @@ from vehicle.identification.diagnosis.other_vehicles import (
     ARTICULATED,
     REAR_STEERED,
     OtherTurning,
+    drop_course_headings,
     find_other_turning,
     measure_turning,
 )
 from vehicle.identification.diagnosis.results import Diagnosis
+from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.model.tractor import Tractor, load_tractor
@@ -133,6 +135,14 @@ def test_effects_of_the_wheel_sensor_keep_their_names() -> None:
     assert {"antenna_forward", "steering_gain", "gnss_latency", "clock_offset_steering"} <= with_sensor.faked_ids
     assert "steering_dead_time" not in with_sensor.faked_ids and "wheel_slip" not in without.faked_ids
     assert "steering_dead_time" in without.faked_ids
+
+
+def test_a_heading_that_is_the_course_is_dropped_and_told() -> None:
+    logs = make_logs(Jointed(FRONT, 2.4, 1.1))
+    assert drop_course_headings(logs, make_file(2.4)) == logs
+    known = [replace(logs[0], corrections=(COURSE_HEADING,)), *logs[1:]]
+    dropped = drop_course_headings(known, make_file(2.4))
+    assert all(log.heading_deg is None and COURSE_HEADING in log.corrections for log in dropped)
 
 
 def diagnose(vehicle: Jointed, file_antenna_m: float) -> tuple[Diagnosis, OtherTurning | None]:

@@ -66,7 +66,7 @@ def test_columns_that_contradict_each_other_are_refused() -> None:
     assert find_largest_steering(log(joined(circle(0.0), circle(0.1)))) == pytest.approx(10.0)
 
 
-@pytest.mark.parametrize("curvature", [0.1, -0.05, 0.0])
+@pytest.mark.parametrize("curvature", [0.25, 0.1, -0.05, 0.0])
 def test_speed_and_curvature_of_a_circle(curvature: float) -> None:
     chords = compute_path_chords(log(circle(curvature)))
     assert chords is not None
@@ -84,5 +84,6 @@ def test_tighter_bends_get_shorter_chords() -> None:
     assert wide is not None and tight is not None and wide.span_s == 2.0 > tight.span_s
 
 
-def test_a_log_of_a_moment_has_no_chords() -> None:
+def test_a_log_of_a_moment_or_a_standstill_has_no_chords() -> None:
     assert compute_path_chords(log(circle(0.0, seconds=0.3))) is None
+    assert compute_path_chords(log(circle(0.0).assign(easting_m=1.0, northing_m=2.0))) is None

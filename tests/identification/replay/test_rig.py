@@ -10,8 +10,12 @@ import pytest
 from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, course, log, rig
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.next_drive import build_command_segment
-from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
-from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
+from vehicle.identification.replay.drive_segments import (
+    DriveSegment,
+    build_dataset,
+    build_rig,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,

@@ -16,7 +16,7 @@ from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motio
 from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.identification.diagnosis.verdicts import compute_values
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.identification.logs.thresholds import FEWEST_ROWS, FEWEST_TIMES, MOVING_SHARE, WINDOW_S
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, FEWEST_ROWS, FEWEST_TIMES, WINDOW_S
 from vehicle.model import effects
 from vehicle.records import GRAVITY_MPS2
 
@@ -64,7 +64,7 @@ def build_residual_plot(problem: Problem, base: Fit, fit: Fit, name: str) -> Res
     values = read_regressor(problem, base, regressor, responses[0].shape[2])
     data = problem.data
     speed = np.abs(data.cut(data.path["speed"], values.shape[1]))
-    moving = speed > MOVING_SHARE * float(np.median(speed))
+    moving = speed > ALIKE_SHARE * float(np.median(speed))
     by_channel = {"pose": data.east, "wheel": data.wheel, "speed": data.speed}
     measured = data.heading if quantity == effects.CRAB else by_channel[CHANNEL_BY_QUANTITY[quantity]]
     used = np.asarray(moving & measured.observed)

@@ -17,8 +17,7 @@ from vehicle.identification.diagnosis.next_drive import PROGRAMME_PACE_MPS, Prog
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.series import turn_path
-from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import ReplayRig, build_rig
+from vehicle.identification.replay.drive_segments import DriveSegment, ReplayRig, build_rig
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,
@@ -32,21 +31,10 @@ from vehicle.model.effects import EFFECTS_BY_ID, get_effect, get_neutral_values
 from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
 from vehicle.model.tractor import Settings, Tractor
 from vehicle.records import DT_S
+from vehicle.twin.step_motion import TractorNoise
 
-
-@dataclass(frozen=True)
-class NoiseLevels:
-    """Standard deviations: white position (m) and heading (rad), their slow drifts, yaw by soil (rad per m driven)."""
-
-    position: float
-    position_drift: float
-    heading: float
-    heading_drift: float
-    soil: float
-
-
-DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025)  # chosen: RTK with two antennas, ordinary soil
-WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
+DEMO_NOISE = TractorNoise()
+WHEEL_DIGIT_DEG = 0.1  # chosen: a usual digit of a sensor
 DEMO_PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
 
 
@@ -120,13 +108,14 @@ def simulate_demo_logs(
         assert drive.command is not None
         rough = add_soil_noise(DEMO_NOISE, states, rng)
         measured, wheel, speed = add_instrument_noise(rig, DEMO_NOISE, drive, rough, settings, rng)
+        speed = speed + DEMO_NOISE.speed_mps * rng.standard_normal(drive.rows)
         frame = pd.DataFrame(
             {
                 "time_s": drive.time,
                 "easting_m": np.round(measured.east, 3),
                 "northing_m": np.round(measured.north, 3),
                 "heading_deg": np.round(np.mod(90.0 - np.degrees(measured.heading), 360.0), 2),
-                "speed_mps": np.round(np.maximum(speed + SPEED_NOISE_MPS * rng.standard_normal(drive.rows), 0.0), 2),
+                "speed_mps": np.round(np.maximum(speed, 0.0), 2),
                 "speed_command_mps": drive.target,
                 "steering_command_deg": np.round(np.degrees(drive.command), 3),
                 "steering_deg": np.round(np.degrees(wheel) / WHEEL_DIGIT_DEG) * WHEEL_DIGIT_DEG,
@@ -139,7 +128,7 @@ def simulate_demo_logs(
 
 def add_instrument_noise(
     rig: ReplayRig,
-    noise: NoiseLevels,
+    noise: TractorNoise,
     segment: DriveSegment,
     states: Array,
     settings: Settings,
@@ -153,16 +142,16 @@ def add_instrument_noise(
         memory = np.exp(-dt / DRIFT_MEMORY_S)
         return white * rng.standard_normal(segment.rows) + drift * draw_coloured_noise(rng, memory)
 
-    east = antenna[:, 0] + draw_instrument_noise(noise.position, noise.position_drift)
-    north = antenna[:, 1] + draw_instrument_noise(noise.position, noise.position_drift)
+    east = antenna[:, 0] + draw_instrument_noise(noise.position_m, noise.position_drift_m)
+    north = antenna[:, 1] + draw_instrument_noise(noise.position_m, noise.position_drift_m)
     if segment.heading_measured:
-        heading = heading + draw_instrument_noise(noise.heading, noise.heading_drift)
+        heading = heading + draw_instrument_noise(noise.heading_rad, noise.heading_drift_rad)
     return replace(segment, east=east, north=north, heading=heading), wheel, speed
 
 
-def add_soil_noise(noise: NoiseLevels, states: Array, rng: np.random.Generator) -> Array:
+def add_soil_noise(noise: TractorNoise, states: Array, rng: np.random.Generator) -> Array:
     """Return replayed states (n, 5) turned, step by step, by the disturbance of the soil."""
-    pushes = noise.soil * draw_coloured_noise(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
+    pushes = noise.soil_per_m * draw_coloured_noise(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
     extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S)
     out = states.copy()
     out[:, [X_COLUMN, Y_COLUMN]] = turn_path(states[:, [X_COLUMN, Y_COLUMN]], extra)

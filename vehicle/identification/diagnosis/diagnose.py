@@ -41,7 +41,12 @@ from vehicle.identification.diagnosis.verdicts import (
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
+from vehicle.identification.replay.drive_segments import (
+    DriveDataset,
+    build_dataset,
+    build_rig,
+    build_rig_and_corrections,
+)
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
     FEWEST_PIECE_ROWS,
@@ -49,7 +54,6 @@ from vehicle.identification.replay.horizon_errors import (
     find_piece_bounds,
     measure_dataset,
 )
-from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import CIRCLE
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
@@ -163,7 +167,7 @@ class _Composer:
             for one in (self.tractor, extended)
         )
         floor = compute_noise_floor(problem, result.fit, dataset)
-        unexplained = measure_unexplained(dataset, problem.data.row_step_s, floor, before, after)
+        unexplained_share, above_s = measure_unexplained(dataset, problem.data.row_step_s, floor, before, after)
         clearest = sorted(findings, key=lambda one: -(one.gain_pct or 0.0))  # by the error that returns without it
         named = tuple(one.id for one in clearest if one.status == NAMED)
         equivalents = [one for one in findings if one.status == EQUIVALENT]
@@ -186,9 +190,9 @@ class _Composer:
             block_error=self._compute_block_errors(),
             findings=tuple(findings),
             named=named,
-            unexplained_share=unexplained.share,
+            unexplained_share=unexplained_share,
             depends_on=tuple(dict.fromkeys(f"{one.effect} that depends on {one.regressor}" for one in terms))
-            if unexplained.share > 0.0
+            if unexplained_share > 0.0
             else (),
             next_drive=choose_next_drive(problem, result.fit, self._list_pairs()),
             tractor=extended,
@@ -200,11 +204,11 @@ class _Composer:
             curve=build_residual_plot(problem, result.base, result.fit, curves[0]) if curves else None,
             pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
             along_judged=dataset.has_speed,
-            above_noise_s=unexplained.above_s,
+            above_noise_s=above_s,
             correlations=compute_value_correlations(problem, result.fit),
             runs=check_runs(dataset, before, after, odd_runs),
             holdout=self.saved.holdout,
-            hints=find_hints(problem, result.fit, result.judgements, unexplained) if unexplained.above_s else (),
+            hints=find_hints(problem, result.fit, result.judgements) if above_s else (),
             interval_note=INTERVAL_NOTE if any(one.interval for one in findings) else "",
             rows_gated_by_reason=count_rows_left_out(self.logs, dataset.rows),
             faults=list_onset_faults(self.logs),

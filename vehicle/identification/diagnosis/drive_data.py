@@ -18,18 +18,19 @@ import numpy as np
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import STANDSTILL_MPS, WINDOW_S
+from vehicle.identification.logs.thresholds import GRID_S, STANDSTILL_MPS, WINDOW_S
 from vehicle.identification.replay.drive_inputs import DriveInputs, Places, Samples, build_inputs
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.records import DT_S, HISTORY_STEPS
 
-POSE_CELL_S, SENSOR_CELL_S = 0.4, 0.2  # cells of a window; shorter ones cost time and tell nothing more at 10 Hz
+SENSOR_CELL_S = 2.0 * GRID_S  # cells of a window; shorter ones cost time and tell nothing more at 10 Hz
+POSE_CELL_S = 2.0 * SENSOR_CELL_S
 STRIDE = 2  # steps of the grid in a step of the path: 1/30 s, which turns 0.1 % otherwise than 1/60 s
 STEP_S, PATH_STEP_S = DT_S, STRIDE * DT_S
 POSE_CELLS, SENSOR_CELLS = round(WINDOW_S / POSE_CELL_S), round(WINDOW_S / SENSOR_CELL_S)
 FEWEST_WINDOWS = 3
 LEAST_CELL_SHARE = 0.2  # of the cells of a window that hold a position
-CRAWL_MPS = 0.2  # windows driven more slowly on average say nothing
+CRAWL_MPS = 2.0 * STANDSTILL_MPS  # windows driven more slowly on average say nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +122,7 @@ def _list_windows(segment: DriveSegment) -> list[float]:
     for start in WINDOW_S * np.arange(count):
         rows = (segment.time >= start) & (segment.time < start + WINDOW_S)
         cells = len(np.unique(segment.time[rows] // POSE_CELL_S))
-        if rows.any() and cells >= max(4, LEAST_CELL_SHARE * POSE_CELLS):
+        if rows.any() and cells >= LEAST_CELL_SHARE * POSE_CELLS:
             starts += [float(start)] if float(np.abs(segment.speed[rows]).mean()) > CRAWL_MPS else []
     return starts
 

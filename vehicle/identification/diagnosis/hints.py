@@ -39,13 +39,13 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER, FREEDOM, POSE_PARTS, SENSOR_PARTS
-from vehicle.identification.diagnosis.results import Hint
+from vehicle.identification.diagnosis.results import ABOVE_FLOOR_FACTOR, Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Searcher
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.series import turn_path
-from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, DOUBT_SIGMAS, SEED, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, DOUBT_SIGMAS, FEWEST_LINE_CHORDS, SEED, SURE_SIGMAS
 from vehicle.identification.replay.drive_inputs import sample_rows
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, ReplayRig
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
     Pieces,
@@ -53,16 +53,13 @@ from vehicle.identification.replay.horizon_errors import (
     join_pieces,
     measure_pieces,
 )
-from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.simulation import Simulator
 from vehicle.model.effects import PATH, get_effect
 
 MOST_HINTS, MOST_TRIED = 4, 3  # chosen: a longer list is of no use to a reader; laws of a scan that are fitted
 # Mean square of whitened residuals with noise that is still noise: eleven clean sets have 1.1, 1.9 with misjudged crab.
-LOUD_SQUARE = 1.5
-LOUD_RATIO = 1.5  # of the noise to its limit, from which a part of it is part of what is too loud
+LOUD = 1.5  # also the ratio of a part of the noise to its limit, from which it is part of what is too loud
 CLUE_TIMES = 2.0  # errors in the third of windows where they are larger over the other: noise shows up to 1.9
-FEWEST_CLUE_WINDOWS = 12  # chosen: ranks of fewer windows show nothing
 DEG = math.radians(1.0)
 QUANTITY_WORDS = {
     "speed": "speed",
@@ -139,10 +136,9 @@ LOUD_SENSOR = {
 }  # fmt: skip
 
 
-def find_hints(
-    problem: Problem, fit: Fit, judgements: Sequence[Judgement], unexplained: Unexplained
-) -> tuple[Hint, ...]:
-    """Hints on what a fit leaves; one sentence each, the most telling first. The noise of the problem is kept."""
+def find_hints(problem: Problem, fit: Fit, judgements: Sequence[Judgement]) -> tuple[Hint, ...]:
+    """Hints on what a fit leaves above the noise; one sentence each, the most telling first. The noise of the problem
+    is kept."""
     noise = problem.get_noise()
     hints = list(list_law_hints(judgements))
     try:
@@ -151,13 +147,12 @@ def find_hints(
         rest = problem.refit(fit.model, fit.amounts, 2)
         quantities = list_quantities(problem)
         hints += find_laws(problem, rest, quantities)
-        if unexplained.above_s:
-            white, _ = problem.weigh(rest.residuals)
-            counts = {channel: one.counts for channel, one in problem.noise.items()}
-            squares = {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
-                       for channel, own in white.items()}  # fmt: skip
-            hints += list_loud(squares, {channel: np.exp(0.5 * noise[channel]) / limits[channel] for channel in noise})
-            hints += list_clues(problem, squares, quantities)
+        white, _ = problem.weigh(rest.residuals)
+        counts = {channel: one.counts for channel, one in problem.noise.items()}
+        squares = {channel: (own * own).sum(axis=1)[counts[channel] > 0] / counts[channel][counts[channel] > 0]
+                   for channel, own in white.items()}  # fmt: skip
+        hints += list_loud(squares, {channel: np.exp(0.5 * noise[channel]) / limits[channel] for channel in noise})
+        hints += list_clues(problem, squares, quantities)
     finally:
         problem.set_noise(noise)
     return tuple({hint.words: hint for hint in hints}.values())[:MOST_HINTS]
@@ -194,7 +189,11 @@ def list_quantities(problem: Problem) -> dict[str, Array]:
 def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list[Hint]:
     """The law that explains most of the rest, if it is large and predicts left-out driving clearly."""
     arrays = {f"hint_{name}": values for name, values in quantities.items()}
-    tried = {hypothesis: change for change in CHANGES for hypothesis in _list_laws(change, arrays)}
+    tried = {}
+    for change in CHANGES:
+        for key in (key for key in (f"hint_{key}" for key in change.keys) if key in arrays):
+            own = (Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),)
+            tried[Hypothesis(f"hint_{change.field}", key, own, PENALTIES["place"], change.least)] = change
     before = dict(problem.bases.arrays)
     problem.bases.arrays |= arrays
     try:
@@ -215,21 +214,14 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
         problem.bases.arrays = before
 
 
-def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
-    keys = [key for key in (f"hint_{key}" for key in change.keys) if key in arrays]
-    own = [(Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),) for key in keys]
-    pairs = zip(keys, own, strict=True)
-    return [Hypothesis(f"hint_{change.field}", *pair, PENALTIES["place"], change.least) for pair in pairs]
-
-
 def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[Hint]:
     """What is louder than noise, by mean squares (w,) of whitened residuals, and ratios of noise to its limits."""
-    loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD_SQUARE}
+    loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD}
     yield from (hint for channel, hint in LOUD_SENSOR.items() if channel in loud)
     if "pose" in loud:
         pairs = list(zip(POSE_PARTS, ratios["pose"], strict=True))
         of = {name: max(float(ratio) for part, ratio in pairs if part.shown_by == name) for name in LOUD_POSE}
-        if min(of["speed"], of["heading"]) > LOUD_RATIO:
+        if min(of["speed"], of["heading"]) > LOUD:
             of["position"] = math.inf
         yield LOUD_POSE[max(of, key=lambda name: of[name])]
 
@@ -237,7 +229,7 @@ def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[H
 def list_clues(problem: Problem, squares: dict[str, Array], quantities: dict[str, Array]) -> Iterator[Hint]:
     """Per channel, with what driving the size of its error goes together most."""
     for channel, own in squares.items():
-        if len(own) < max(FEWEST_CLUE_WINDOWS, problem.data.windows):
+        if len(own) < max(FEWEST_LINE_CHORDS, problem.data.windows):
             continue
         cut = {key: problem.data.cut(quantities[key], 1)[:, 0] for key in WHERE_WORDS if key in quantities}
         clues = [(compute_rank_sigmas(values, own), key, compare_thirds(values, own)) for key, values in cut.items()]
@@ -275,12 +267,8 @@ def compare_thirds(values: Array, squares: Array) -> float:
 
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
 DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
-MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart
 Rng = np.random.Generator
 Model = Sequence[tuple[Hypothesis, Array]]
-# Chosen: times the noise floor that counts as noise, and the addition per second between rows, where motion is not
-# observed.
-ABOVE_FLOOR_FACTOR, ABOVE_FLOOR_PER_ROW_S = 1.3, 1.0
 LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
 
 
@@ -310,7 +298,7 @@ def limit_noise(problem: Problem) -> dict[str, Array]:
     """Standard deviations of the parts of the noise per channel, none above what is still noise."""
     parts = {"pose": POSE_PARTS, **SENSOR_PARTS}
     most = {channel: np.array([part.most for part in own]) for channel, own in parts.items()}
-    most["wheel"][3:] = np.maximum(most["wheel"][3:], MOST_JITTERS * COMMAND_JITTER * problem.data.row_step_s)
+    most["wheel"][3:] = np.maximum(most["wheel"][3:], DOUBT_SIGMAS * COMMAND_JITTER * problem.data.row_step_s)
     return {channel: np.minimum(np.exp(0.5 * one.amounts), most[channel]) for channel, one in problem.noise.items()}
 
 
@@ -416,18 +404,11 @@ def draw_cells(rng: Rng, count: int, cell_s: float) -> Array:
     return np.repeat(rng.standard_normal(-(-count // steps)), steps)[:count]
 
 
-@dataclass(frozen=True)
-class Unexplained:
-    """Share of the error over 5 s above the noise floor that remains, and the horizons (s) with an error above it."""
-
-    share: float
-    above_s: tuple[float, ...]
-
-
 def measure_unexplained(
     dataset: DriveDataset, row_step_s: float, floor: Pieces, before: Pieces, after: Pieces
-) -> Unexplained:
-    """The error that a model leaves: `before` is that of the tractor file, `after` that of the model.
+) -> tuple[float, tuple[float, ...]]:
+    """The share of the error over 5 s above the noise floor that a model leaves, and the horizons (s) with an error
+    above it; `before` is that of the tractor file, `after` that of the model.
 
     Errors are in units of the floor, and count along the path where all speeds were measured. Those over a horizon are
     noise where they are no more than noise, and motion between rows, would leave by chance. The share is 0 while the
@@ -439,7 +420,8 @@ def measure_unexplained(
 
     def compute_limit(horizon: float) -> float:
         factor = max(ABOVE_FLOOR_FACTOR, 1.0 + compute_chance(dataset.seconds, horizon))
-        return (factor + ABOVE_FLOOR_PER_ROW_S * row_step_s) * compute_error(floor, horizon)
+        # Between rows motion is not observed: chosen, once more the floor per second.
+        return (factor + row_step_s) * compute_error(floor, horizon)
 
     above = tuple(
         horizon
@@ -447,10 +429,10 @@ def measure_unexplained(
         if len(rows) and not compute_error(after, horizon) < compute_limit(horizon)
     )
     if ERROR_PIECE_S not in above:
-        return Unexplained(0.0, above)
+        return 0.0, above
     rest, whole = (compute_error(pieces) - compute_error(floor) for pieces in (after, before))
     share = rest / max(rest, whole)
-    return Unexplained(share if share > LEAST_SHARE else 0.0, above)
+    return share if share > LEAST_SHARE else 0.0, above
 
 
 def compute_chance(seconds: float, piece_s: float) -> float:

@@ -24,7 +24,7 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.noise import SENSOR_PARTS, ChannelNoise, build_pose_noise, build_sensor_noise
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.drive_segments import ReplayRig
 from vehicle.identification.replay.simulation import CHAINS, SENSOR_FIELDS, Simulator
 
 CHANNELS = ("pose", "wheel", "speed")

@@ -23,8 +23,7 @@ from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, 
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import GRID_S, SURE_SIGMAS
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
-from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, ReplayRig
 from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S

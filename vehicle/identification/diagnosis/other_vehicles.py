@@ -31,6 +31,7 @@ from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.identification.logs.thresholds import (
     DOUBT_SIGMAS,
+    FEW_SHARE,
     FEWEST_LINE_ROWS,
     MEASURED_SIGMAS,
     READING_S,
@@ -46,7 +47,7 @@ THIN_STEPS = 3  # between them
 MOST_ROWS = 10_000
 PIECE_STEPS = round(12.0 * WINDOW_S / STEP_S)  # two minutes
 MOST_STEPS = 50 * PIECE_STEPS  # of longer logs pieces are looked at
-MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
+MOST_HOLD_S = 0.5 * READING_S  # steering columns that change more rarely do not show when the angle moved
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
 # Of 142 sets of two references, those without a joint show at most 0.04 rad per rad, those with one 0.35 to 0.65.
@@ -54,7 +55,7 @@ JOINT_SHARES, LEAST_NATS = (0.2, 0.85), 20.0
 COURSE_SHARES = (0.4, 1.5)  # of a / base, as the course over a second or two shows it
 STILL_SHARE, NEAR_STILL_SHARE = 0.03, 0.2  # of the antenna's distance: it does not move sideways
 # Of the wheelbase: how near to the front axle; how well that is known, and the least lever.
-_AT_AXLE_SHARE, KNOWN_SHARE = 0.15, 0.1
+_AT_AXLE_SHARE, KNOWN_SHARE = 0.15, FEW_SHARE
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from vehicle.identification.logs.schema import Array, LogFault
+from vehicle.identification.logs.thresholds import ALIKE_SHARE
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.model.tractor import Tractor
@@ -16,8 +17,7 @@ from vehicle.model.tractor import Tractor
 LIKELY_RIGHT, LIKELY_OF = 3, 5
 NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent", "refuted", "not-visible"
 ErrorsByHorizon = dict[float, HorizonError]
-
-
+ABOVE_FLOOR_FACTOR = 1.0 + ALIKE_SHARE  # chosen: times the noise floor that is still noise
 CONSTANT_LAW = "constant"
 
 

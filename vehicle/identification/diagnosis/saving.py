@@ -23,7 +23,7 @@ from vehicle.identification.diagnosis.verdicts import ValueConverter, Verdict, c
 from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_inputs import Places
-from vehicle.identification.replay.drive_segments import build_dataset, compute_half_numbers
+from vehicle.identification.replay.drive_segments import build_dataset, build_rig_and_corrections, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     Pieces,
     compute_horizon_errors,
@@ -32,7 +32,6 @@ from vehicle.identification.replay.horizon_errors import (
     measure_pieces,
     sum_by_run,
 )
-from vehicle.identification.replay.rig import build_rig_and_corrections
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import DISCREPANCY_KEY

@@ -31,12 +31,11 @@ from vehicle.identification.diagnosis.grammar import (
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, collect_bounds
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, LASTING_S
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, DOUBT_SIGMAS, LASTING_S
 from vehicle.model.effects import get_effect
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
-WORTHWHILE_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
 MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
@@ -176,7 +175,7 @@ class Searcher:
                 elsewhere = [one for one in scanned if not (hypothesis.place and one.hypothesis.place)]
                 gains = [one for one in elsewhere if one.hypothesis not in fit.model]
             for gain in gains[:MOST_TRIED]:
-                if gain.nats < WORTHWHILE_SHARE * max(gains[0].nats, 1.0):
+                if gain.nats < ALIKE_SHARE * max(gains[0].nats, 1.0):
                     break
                 start = self._fit_with(without, gain)
                 others.append(self._compare(fit, predicted, start, gain.hypothesis, noise))

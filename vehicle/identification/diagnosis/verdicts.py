@@ -36,6 +36,8 @@ from vehicle.identification.diagnosis.search import (
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
+    DOUBT_SIGMAS,
+    MEASURED_SIGMAS,
     NEARLY_SHARE,
     STRAY_CORRELATION,
     SURE_SIGMAS,
@@ -45,16 +47,16 @@ from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import CATALOGUE, DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
-LIKELY_Z = 1.5  # standard errors of the predictive difference from which something is likely
+LIKELY_Z = 0.5 * CLEAR_SIGMAS  # standard errors of the predictive difference from which something is likely
 EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
-CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
+CLEAR_LAW_Z = 2.0 * CLEAR_SIGMAS  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
-LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
-FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
+LARGE_END_WIDTHS = DOUBT_SIGMAS  # a limit so far from neutral is not reached by a fault; no dead band at all is near
+FAR_WIDTHS = MEASURED_SIGMAS  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 TIME_FIELDS = frozenset({"dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"})
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 

@@ -34,6 +34,7 @@ from vehicle.identification.logs.thresholds import (
     DOUBT_SIGMAS,
     FEW_SHARE,
     FEWEST_LINE_ROWS,
+    FEWEST_PARTS,
     FEWEST_TIMES,
     LASTING_S,
     MAJORITY,
@@ -52,10 +53,10 @@ from vehicle.identification.logs.thresholds import (
 STEERING_JUMP = "steering_jump"
 _THIN_S = 2.0 * STEP_S  # between rows of the search; nearer ones say about the same
 _LEAST_SIDE_S = 3.0 * PART_S  # driving on each side, and parts of it that have a level each
-_FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
-_CLEAR_DEG = 12.0  # chosen: smaller angles for a moment show a step at once
+_FEWEST_OTHERS, _ALONE_SIDE_S = 2, FEWEST_PARTS * _LEAST_SIDE_S  # with fewer other runs, the least on each side
 _LEAST_SHARE, _MOST_SHARE = 0.55, 1.6  # chosen: of the step, as driving alike on both sides shows it
 _STRAIGHT_DEG = 4.0  # chosen: smaller angles are those of straights
+_CLEAR_DEG = 3.0 * _STRAIGHT_DEG  # smaller angles for a moment show a step at once
 _PLACE_M, _BEYOND_M = 25.0, 10.0  # chosen: squares of the field; driving on the other side of the place of a step
 _GAINS = (0.5, 2.0)  # chosen: of an angle needed per angle measured
 _PASSES, _ROUNDS = 5, 3  # of a fit; of a search without, and with the step of the round before

@@ -25,7 +25,9 @@ from vehicle.identification.logs.thresholds import (
     GAP_STEPS,
     GRID_S,
     LOCK_QUANTILE,
+    PART_S,
     PATH_MPS,
+    READING_S,
     SURE_SIGMAS,
     TURN_S,
 )
@@ -39,9 +41,9 @@ STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
 EITHER_WAY_S = 0.6  # chosen: clocks of two columns are so far apart at most, with what stands still in them
 COURSE_TURN_S = 2.0 * TURN_S  # chosen: the course of the antenna is noisier
 OFFSET_DEG = 2.5  # an offset, a dead band and play of the catalogue together
-SWING_S = 5.0  # in which the slowest steering does what was commanded
+SWING_S = PART_S  # in which the slowest steering does what was commanded
 LARGEST_ACCELERATION_MPS2 = 1.0  # of a tractor
-BEND_S = 0.5  # the time to both sides of a position
+BEND_S = 0.5 * READING_S  # the time to both sides of a position
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +86,7 @@ class RunEvidence:
     def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
         """The wheel angles (k, deg) that the path needs and its curvatures, by heading and course as far as known."""
         return [
-            ((bends - scale.at_zero) / scale.per_degree, bends)
+            ((bends - scale[1]) / scale[0], bends)
             for scale, bends in zip(scales, self.bends, strict=True)
             if scale is not None and np.isfinite(bends).any()
         ]
@@ -96,12 +98,8 @@ class RunEvidence:
         return replace(self, **{**values, **arrays})
 
 
-@dataclass(frozen=True)
-class BendScale:
-    """Curvature (1/m) per degree of the wheels, and the curvature of wheels at 0; of heading and of course."""
-
-    per_degree: float
-    at_zero: float
+BendScale = tuple[float, float]
+"""Curvature (1/m) per degree of the wheels, and the curvature of wheels at 0; of heading or of course."""
 
 
 def find_lock(logs: Sequence[Log]) -> float:
@@ -216,7 +214,7 @@ def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
                 apart = np.abs((y - at_zero) / per_degree - x)
                 kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
                 is_clear = np.corrcoef(x[kept], y[kept])[0, 1] > CLEAR_CORRELATION
-                scale = BendScale(float(per_degree), float(at_zero)) if is_clear else None
+                scale = (float(per_degree), float(at_zero)) if is_clear else None
         scales.append(scale)
     return scales
 

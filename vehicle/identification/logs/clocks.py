@@ -43,8 +43,6 @@ _HALF_CHORD_S = 0.5 * READING_S  # one centimetre of antenna noise is 1.4 cm/s o
 _LEAST_DRIFT_S = 0.3
 # Shorter logs cannot show two clocks.
 CLOCKS_FROM_S = 10.0 * WINDOW_S
-# Chosen: the rate of each half as a share of the whole; with a fifth of a window of error either way.
-_HALF_RATE_SHARES = (0.5, 1.5)
 _NULL_ORDERS = 100  # chosen, other orders of the windows, all of which must gain less than the true one
 
 
@@ -215,7 +213,7 @@ def find_drift(table: LagTable | None) -> Drift | None:
     numbers = np.arange(count)
     for half in (numbers[: count // 2], numbers[count // 2 :]):
         share = _fit_line(table.select_windows(half))[0][1] / drift[1]
-        if not _HALF_RATE_SHARES[0] <= share <= _HALF_RATE_SHARES[1]:
+        if not MAJORITY <= share <= 1.0 + MAJORITY:  # with a fifth of a window of error either way
             return None
     # The line of every other window leaves less mismatch in the others than their constant lag.
     by_line = by_constant = 0.0
@@ -272,7 +270,7 @@ def _find_columns(lag: Array, count: int) -> Rows:
     return np.asarray(np.clip(np.round((lag + _SEARCH_S) / _FINE_S), 0, count - 1).astype(np.int64))
 
 
-_WINDOW_ROWS = 21  # chosen: the clock of a logger keeps its rate over so many rows
+_WINDOW_ROWS = 2 * FEWEST_EVENTS + 1  # chosen: the clock of a logger keeps its rate over so many rows
 # Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
 # so many steps comes after lost rows; more of those are no rate.
 _AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75

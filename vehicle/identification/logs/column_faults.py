@@ -34,6 +34,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_ROWS,
     FEWEST_TIMES,
     HOLDS,
+    JUMP_M,
     LASTING_S,
     MAJORITY,
     MOMENT_S,
@@ -99,11 +100,11 @@ def _find_still_faults(
     reading = STILL_READINGS[column]
     spans = _find_frozen_spans(motion, column)
     faults = [_build_fault(name, motion, rows, span, reading.fault_id, reading.words) for span in spans]
-    for still in find_standing_spans(motion, column):
-        if any(still.first <= last and first <= still.last for first, last in [*spans, *lost]):
+    for begin, end, shown in find_standing_spans(motion, column):
+        if any(begin <= last and first <= end for first, last in [*spans, *lost]):
             continue
-        found = _build_fault(name, motion, rows, (still.first, still.last), reading.fault_id, reading.standing_words)
-        first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
+        found = _build_fault(name, motion, rows, (begin, end), reading.fault_id, reading.standing_words)
+        first_s, shown_s = float(motion.time_s[begin]), float(motion.time_s[shown])
         if shown_s - first_s >= MOMENT_S:  # a column that stands does not show when it began
             fault = replace(found.fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
             found = replace(found, fault=fault)
@@ -183,7 +184,7 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
 # --- a fix that is lost ------------------------------------------------------------------------------------------
 
 # Chosen, m and m/s2: no clod moves an antenna so far from the middle of its neighbours, and no tractor accelerates so.
-_LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
+_LEAST_ASIDE_M, _LARGEST_ACCELERATION_MPS2 = 0.5 * JUMP_M, 3.0
 # Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
 # Rayleigh distribution, because a fix may be lost for most of a log.
 _LEAST_NOISES = 8.0
@@ -213,7 +214,7 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
     apart = np.hypot(*aside)
     step_s = 0.5 * (time[2 * lag :] - time[: -2 * lag])
     usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _CALM_SHARE))
-    limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _LEAST_NOISES * usual)
+    limit = np.maximum(_LEAST_ASIDE_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _LEAST_NOISES * usual)
     # Across a gap any bend is far from the middle of its neighbours.
     far = (apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))
     if far.any() and motion.speed is not None and motion.heading is not None:
@@ -229,7 +230,6 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
 
 POSITION_JUMP = "position_jump"
 _POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-_LEAST_STEP_M = 2.0 * _LEAST_JUMP_M  # smaller steps are those of clods and of a poor receiver
 
 
 def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[ColumnFault]]:
@@ -289,5 +289,5 @@ def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | N
         noises.append(measure_spread(place[:, side].T - line @ theta))
         ends.append(theta[0])
     size_m: Array = ends[1] - ends[0]
-    least = max(_LEAST_STEP_M, _LEAST_NOISES * max(noises))
+    least = max(JUMP_M, _LEAST_NOISES * max(noises))
     return size_m if float(np.hypot(*size_m)) > least else None

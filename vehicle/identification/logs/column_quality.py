@@ -37,6 +37,7 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_READINGS,
     MAJORITY,
     MOMENT_S,
+    POSITION_NOISE_M,
     STANDING_FACTOR,
     STANDSTILL_MPS,
     STEERING_NOISE_DEG,
@@ -217,7 +218,6 @@ def _describe_held_values(what_held: str, instrument: str, every_s: float, time:
 COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared
 # Chosen: good positions give the course over 5 s more precisely; larger steps are directions of field rows.
 COARSE_HEADING_DEG = (1.5, 45.0)
-COARSE_SPEED_SHARE = 0.1  # chosen, of the median speed: positions give the speed over some seconds more precisely
 _STEP_TOLERANCE = 0.02  # of a step, by which values may miss it
 _UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
 
@@ -236,9 +236,10 @@ def drop_coarse_columns(log: Log) -> Log:
         log = _drop_coarse_column(log, "heading_deg", step)
     if log.speed_mps is not None:
         moving = log.speed_mps[log.used & (log.speed_mps > 0.0)]
-        # Moving rows only: a tractor that starts and stops abruptly has steps in its speed.
+        # Moving rows only: a tractor that starts and stops abruptly has steps in its speed. Positions give the speed
+        # over some seconds more precisely than a tenth of it.
         step = find_rounding_step(moving)
-        if len(moving) and step > COARSE_SPEED_SHARE * float(np.median(moving)):
+        if len(moving) and step > FEW_SHARE * float(np.median(moving)):
             log = _drop_coarse_column(log, "speed_mps", step)
     return log
 
@@ -288,7 +289,7 @@ def _is_multiple_of_step(values: Array, step: float) -> bool:
     return bool((np.abs(steps - np.round(steps)) < _STEP_TOLERANCE).all())
 
 
-STANDING_M = 0.3  # spread of antenna noise
+STANDING_M = 10.0 * POSITION_NOISE_M  # spread of positions of a tractor that stands
 _WANDER_M = 5.0  # of a log whose own speed says that it stands: a receiver without corrections wanders this far
 _SAME = 2e-3  # chosen, s and m: one digit of rounding; no drive repeats another one this closely
 

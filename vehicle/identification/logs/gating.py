@@ -9,13 +9,12 @@ import numpy as np
 
 from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, GatedRows, Mask, Rows, find_file_line
 from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
-from vehicle.identification.logs.thresholds import STANDSTILL_MPS
+from vehicle.identification.logs.thresholds import JUMP_M, STANDSTILL_MPS, TURNED_DEG
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
-JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
 MOST_STEERING_DEG = 90.0  # no wheel turns further
 MOST_HEADING_DEG = 720.0  # two turns, for sensors that count on beyond 360
-SPIKE_DEG = 60.0  # no tractor yaws this far and back between two rows
+SPIKE_DEG = 2.0 * TURNED_DEG  # no tractor yaws this far and back between two rows
 _MOST_OPEN_CHAINS = 8  # positions a receiver may jump between before the shortest chain is dropped
 
 
@@ -107,4 +106,4 @@ def find_jumps(time: Array, east: Array, north: Array) -> Mask:
 
 
 def _is_reachable(seconds: Array, east: Array, north: Array) -> Mask:
-    return np.asarray(np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_SLACK_M)
+    return np.asarray(np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_M)

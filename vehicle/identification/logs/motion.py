@@ -22,9 +22,10 @@ from vehicle.identification.logs.thresholds import (
     FEWEST_TIMES,
     GAP_STEPS,
     LASTING_S,
+    MAJORITY,
     MOST_SHARE,
     MOVING_MPS,
-    MOVING_SHARE,
+    READING_S,
 )
 
 _SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)  # long chords have less noise, short ones follow the bends of small fast vehicles
@@ -82,7 +83,7 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
         return None
     length = np.hypot(*(first + second).T)
     halves = np.hypot(*first.T) + np.hypot(*second.T)
-    moving = length > MOVING_SHARE * np.median(halves[halves > 0.0]) if (halves > 0.0).any() else length > 0.0
+    moving = length > ALIKE_SHARE * np.median(halves[halves > 0.0]) if (halves > 0.0).any() else length > 0.0
     if np.count_nonzero(moving) < FEWEST_TIMES:
         return None
     row, first, second, length, halves = row[moving], first[moving], second[moving], length[moving], halves[moving]
@@ -205,7 +206,7 @@ LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
 # Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
 PACE_CHANGE_MPS = 0.35
 # Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
-_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
+_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, MAJORITY, 1.5 * READING_S
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fields.errors import MAX_NAMED
+from fields.text_files import count_noun
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.clocks import even_time_stamps, is_bundled
 from vehicle.identification.logs.column_faults import (
@@ -92,11 +93,11 @@ def list_remarks(log: Log) -> list[str]:
         bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG)) if values is not None else np.empty(0, dtype=np.int64)
         if len(bad):
             messages.append(
-                f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_format_row_count(len(bad))} (first in line "
+                f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {count_noun(len(bad), 'row')} (first in line "
                 f"{find_file_line(bad)}); values are interpolated there"
             )
     messages += [
-        f"{_format_row_count(message.rows)} left out: {message.rule} (first in line {message.first_line})"
+        f"{count_noun(message.rows, 'row')} left out: {message.rule} (first in line {message.first_line})"
         for message in log.gated
     ]
     long_segments, short_segments = split_drive_segments(log)
@@ -104,7 +105,7 @@ def list_remarks(log: Log) -> list[str]:
         rows = np.concatenate(short_segments)
         reason = _SHORT_SEGMENTS if long_segments else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
         line = find_file_line(rows)
-        messages.append(f"{_format_row_count(len(rows))} not used: {reason} (first in line {line})")
+        messages.append(f"{count_noun(len(rows), 'row')} not used: {reason} (first in line {line})")
     return [f"{log.name}: {message}." for message in messages]
 
 
@@ -132,10 +133,6 @@ def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
             counts[rule] = counts.get(rule, 0) + rows
     counts[_REPEATED] = sum(len(log.used) for log in logs) - rows_used - sum(counts.values())
     return dict(sorted(((rule, rows) for rule, rows in counts.items() if rows > 0), key=lambda pair: -pair[1]))
-
-
-def _format_row_count(count: int) -> str:
-    return "1 row" if count == 1 else f"{count} rows"
 
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong

@@ -42,7 +42,6 @@ from vehicle.model.effects import DRIVE_LINE_SLIP
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
 _LEAST_SENSOR_FACTOR = 1.25
-_FOLLOWING_CORRELATION = 0.9  # with the bends of the path, of a sensor that works
 _SAME_SHARE = 0.03  # by which factors of parts may differ
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 
@@ -148,7 +147,7 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
         return log
     by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None))
     by_command = _correlate_with_bends(replace(log, steering_deg=None))
-    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= _FOLLOWING_CORRELATION
+    is_clear = float(np.std(log.steering_deg[log.used])) >= STEERING_NOISE_DEG and by_command >= NEARLY_SHARE
     if abs(by_sensor) > STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"

@@ -18,7 +18,7 @@ from vehicle.identification.logs.schema import Array, Mask, Rows
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 
 WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
-WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2200 rows
+WINDOW_GROWTH = 1.5  # chosen: ratio of the widths of windows
 # Chosen: closer values are equal up to rounding, larger differences are no last digit.
 DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
 
@@ -142,9 +142,8 @@ def denoise_angles(time: Array, values: Array) -> Array:
     if noise == 0.0:
         return values
     most_rows = min(int(WIDEST_WINDOW_S / float(np.median(np.diff(time)))), len(values) - 1)
-    widths = [
-        int(width) for width in np.unique(np.round(WINDOW_GROWTH ** np.arange(WINDOW_COUNT))) if width <= most_rows
-    ]
+    count = math.ceil(math.log(max(most_rows, 1), WINDOW_GROWTH)) + 1
+    widths = [int(width) for width in np.unique(np.round(WINDOW_GROWTH ** np.arange(count))) if width <= most_rows]
     mean_before, count_before = _compute_one_sided_means(values, widths, noise)
     mean_after, count_after = _compute_one_sided_means(values[::-1], widths, noise)
     mean_after, count_after = mean_after[::-1], count_after[::-1]

@@ -24,6 +24,7 @@ from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
     CLEAR_CORRELATION,
+    CLEAR_SIGMAS,
     CLEARLY_APART_DEG,
     FEWEST_EVENTS,
     FEWEST_READINGS,
@@ -44,20 +45,12 @@ POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 _LEAST_STANDING_S = 2.0 * LASTING_S  # of a standstill
-_NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
+_NOISE_ERRORS = 2.0 * CLEAR_SIGMAS  # by which means of a value that stands may differ, up and down
 _LEAST_DRIVEN_M = 5.0  # chosen: a speed sensor drives so far while positions stay
 _LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest
 # Chosen, deg: an antenna swings by half of this. From LEAST_TURN_DEG on a heading is doubted.
 _COURSE_APART_DEG = 20.0
 _STOPPED_MPS = 0.5 * MOVING_MPS  # a pace that is a halt
-
-
-class StandingSpan(NamedTuple):
-    """First and last row of a column that stands, and the first row in which others show it."""
-
-    first: int
-    last: int
-    shown: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +66,9 @@ class _Blocks:
     apart: Array
 
 
-def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
-    """Return the spans in which position, heading or speed stands within its noise although others change."""
+def find_standing_spans(motion: RawMotion, column: str) -> list[tuple[int, int, int]]:
+    """Return the spans in which position, heading or speed stands within its noise although others change: first and
+    last row, and the first row in which others show it."""
     values = motion.get_column(column)
     reading = STILL_READINGS[column]
     if values is None or reading.check is None:
@@ -99,7 +93,7 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
     speed, target, pace, heading = (_average(own, starts) for own in (speed, target, motion.pace, heading))
     blocks = _Blocks(motion.time_s[starts], speed, target, pace, heading, apart)
     means = np.stack([_average(axis, starts) for axis in values])
-    found = list[StandingSpan]()
+    found = list[tuple[int, int, int]]()
     for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, HOLDS * hold_s)):
         if blocks.time_s[last] - blocks.time_s[first] > ALMOST_ALL_SHARE * motion.total_s:
             continue
@@ -113,8 +107,8 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
             before, after = np.flatnonzero(moves[begin:begins]), np.flatnonzero(moves[end:limit_row])
             start = begin + (int(before[-1]) + 1 if len(before) else 0)
             stop = end + int(after[0]) if len(after) else limit_row
-            found.append(StandingSpan(start, stop - 1, start if shown[2] == shown[0] else int(edges[shown[2]])))
-    return sorted(found, key=lambda one: one.first)
+            found.append((start, stop - 1, start if shown[2] == shown[0] else int(edges[shown[2]])))
+    return sorted(found)
 
 
 def _average(values: Array, starts: Rows) -> Array:

@@ -23,7 +23,9 @@ from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     CLEAR_SIGMAS,
+    FEW_SHARE,
     FEWEST_PARTS,
+    MAJORITY,
     MEASURED_SIGMAS,
     MOVING_MPS,
     NEARLY_SHARE,
@@ -220,8 +222,7 @@ def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -
 
 
 STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
-_LEAST_GAIN = 0.1  # of the speed per slope: less is a centimetre per second on a slope of 10 %
-_SPEED_FACTORS = (0.5, 1.5)  # of the speed: limits, so that no outlier stops a tractor
+_LEAST_GAIN = FEW_SHARE  # of the speed per slope: less is a centimetre per second on a slope of 10 %
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +267,9 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
         if source
         else f"; the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
     )
-    return GradeSpeed(split_per_log(logs, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
+    # Half of the speed is a limit, so that no outlier stops a tractor.
+    share = 1.0 + np.clip(gain * forward_fall, -MAJORITY, MAJORITY)
+    return GradeSpeed(split_per_log(logs, share), (remark,))
 
 
 def _estimate_grade_gain(

@@ -22,14 +22,20 @@ from vehicle.identification.logs.motion import (
     find_largest_steering,
 )
 from vehicle.identification.logs.schema import Array, Log
-from vehicle.identification.logs.thresholds import FEWEST_LINE_CHORDS, NEARLY_SHARE, STEERING_SPREAD_DEG, SURE_SIGMAS
+from vehicle.identification.logs.thresholds import (
+    ALIKE_SHARE,
+    FEWEST_LINE_CHORDS,
+    MAJORITY,
+    NEARLY_SHARE,
+    STEERING_SPREAD_DEG,
+    SURE_SIGMAS,
+)
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 
 _CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
 _ROUGH_ERROR_SHARE = 1.0 - NEARLY_SHARE  # relative standard error of a ratio from such chords: surely within 40 %
-_FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
-_LOCK_SHARE = 1.3  # of the file's lock, and clear steering beyond that: more than errors of sensors
+_LOCK_SHARE = 1.0 + ALIKE_SHARE  # of the file's lock, and clear steering beyond that: more than errors of sensors
 _COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
 _LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = QUANTITIES["max_steering_deg"].high, QUANTITIES["wheelbase_m"].low
 _MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
@@ -60,11 +66,11 @@ def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> Measured
     if len(angle) >= FEWEST_LINE_CHORDS and float(np.std(angle)) >= STEERING_SPREAD_DEG:
         x, y = expected - expected.mean(), curvature - curvature.mean()
         slope, correlation = _fit_line_through_zero(x, y)
-        if correlation > _FOLLOWING_CORRELATION:
+        if correlation > MAJORITY:  # a command that the path hardly follows says nothing about size
             ratio, error = slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
     if ratio is None and np.count_nonzero(is_clear) >= FEWEST_LINE_CHORDS:
         slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
-        if correlation > _FOLLOWING_CORRELATION:
+        if correlation > MAJORITY:
             ratio, error = slope, _ROUGH_ERROR_SHARE * slope
     speeds = (float(np.quantile(pace, 0.05)), float(np.quantile(pace, 0.95))) if len(pace) else (0.0, 0.0)
     return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)

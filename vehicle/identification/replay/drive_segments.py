@@ -1,4 +1,5 @@
-"""Logs prepared for replay: segments driven in one gear, resampled on the simulation's time grid.
+"""Logs prepared for replay: segments driven in one gear, resampled on the simulation's time grid. A tractor made ready
+for it: what planning compiles of it, with effects in it or without.
 
 Where no heading was logged it is the course of the antenna and the angle from the heading to that course. The rear axle
 follows the antenna like a load on a rod, so its direction is a tractrix of the antenna's path: over a straight piece of
@@ -31,10 +32,21 @@ from vehicle.identification.logs.schema import (
 )
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
-from vehicle.identification.logs.thresholds import ALIKE_SHARE, TURN_S, WHEEL_NOISE_DEG
+from vehicle.identification.logs.thresholds import ALIKE_SHARE, GRID_S, TURN_S, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
+from vehicle.model.ground import find_ground_index
+from vehicle.model.tractor import (
+    Implement,
+    LogCorrections,
+    Settings,
+    Tractor,
+    get_log_corrections,
+    remove_log_corrections,
+)
 from vehicle.records import DT_S, HISTORY_STEPS
+from vehicle.sim.calibration import build_steering_tables
+from vehicle.sim.compile import build_ground_records, build_model_record
 
 # Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
 _STANDING_SIGMAS = 3.6
@@ -143,7 +155,7 @@ class DriveDataset:
         return all(segment.speed_measured for segment in self.segments)
 
 
-_STANDING_S = 0.2  # chosen: wheels that follow a command move by more than noise meanwhile
+_STANDING_S = 2.0 * GRID_S  # chosen: wheels that follow a command move by more than noise meanwhile
 WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
 _WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
@@ -376,3 +388,45 @@ def _compute_pulled_rod_angles(course, distances, length, first, out) -> None:  
         turned = 0.5 * (course[k + 1] - course[k])
         angle = 2.0 * math.atan(math.tan(0.5 * (angle + turned)) * math.exp(-distances[k] / length)) + turned
         out[k + 1] = angle
+
+
+# --- the tractor -------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayRig:
+    """A tractor ready for replay: its compiled model without effects, the ground, the steering table, and limits to
+    where a discrepancy model was observed; one that is still being fitted has none."""
+
+    tractor: Tractor
+    model: Any
+    ground: Any
+    table: Array
+    origin: tuple[float, float] = (0.0, 0.0)
+    ranges: Mapping[str, float] = field(default_factory=dict)
+
+    def build_effective_model(self, settings: Settings) -> Any:
+        """Build the model record with effects; places in the field are moved to the origin of the dataset."""
+        model = self.model.copy()
+        fields = LogCorrections(settings, self.ranges).fields
+        fields["affected"] = 1.0
+        fields["patch_east"] -= self.origin[0]
+        fields["patch_north"] -= self.origin[1]
+        for name, value in fields.items():
+            model[0][name] = value
+        return model
+
+
+def build_rig(tractor: Tractor, ground: str, origin: tuple[float, float]) -> ReplayRig:
+    """Build the rig of a tractor without the effects learnt from logs; raises VehicleError for an unknown ground."""
+    bare = remove_log_corrections(tractor)
+    index = find_ground_index(ground)
+    model = np.zeros(1, dtype=build_model_record(bare, Implement()).dtype)
+    model[0] = build_model_record(bare, Implement())
+    return ReplayRig(bare, model, build_ground_records()[index : index + 1], build_steering_tables(bare)[index], origin)
+
+
+def build_rig_and_corrections(tractor: Tractor, ground: str, origin: tuple[float, float]) -> tuple[ReplayRig, Settings]:
+    """Build the rig of a tractor, with the ranges of its discrepancy model, and return what its file has from logs."""
+    learnt_effects = get_log_corrections(tractor)
+    return replace(build_rig(tractor, ground, origin), ranges=learnt_effects.ranges), learnt_effects.settings

@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from vehicle.fast_math import compute_cosine_sine, round_number
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
-from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment, ReplayRig
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.jit import compile_function
 from vehicle.model.tractor import Settings

@@ -24,8 +24,7 @@ from vehicle.control.steering import step_steering_simulator
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_inputs import DriveInputs, Samples, build_inputs
-from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.drive_segments import DriveSegment, ReplayRig
 from vehicle.jit import compile_function, inline_function
 from vehicle.model.effect_kinds import PER_SLOPE as PER_SLOPE_KEY
 from vehicle.model.effects import (

@@ -37,7 +37,6 @@ from vehicle.trials.fixed_steering import (
     STUDY_STEERING_DEG,
     CentreOfMassSweep,
     FixedSteeringDrive,
-    TyreHypothesis,
     TyreMap,
     build_best_hypothesis,
     build_step_commands,
@@ -105,7 +104,6 @@ def build_fixed_sheet(tractor: Tractor) -> ExperimentSheet:
     """Table 4.1, the plots of Fig. 4.5 and 4.6, and the hypotheses about the non-linear column."""
     drives = drive_table_4_1(tractor)
     plain = drive_table_4_1(tractor, curve=None)
-    hypotheses = try_hypotheses(tractor)
     closest = drive_best_hypothesis_table(tractor)
     used = get_tyres("soil", "linear")
     without_circle = drive_fixed_steering(tractor, used.model_copy(update={"grip": None}))
@@ -122,7 +120,13 @@ def build_fixed_sheet(tractor: Tractor) -> ExperimentSheet:
         + ".",
         _describe_closest(closest),
     )
-    tables = (_build_hypothesis_table(hypotheses), _build_friction_curve_table(drives, plain, closest))
+    thesis = ("thesis", *(f"{value:.2f} m" if value else "oversteer" for value in TABLE_4_1["nonlinear"]))
+    guesses = ((guess, *map(_format_radius, radii_m)) for guess, radii_m in try_hypotheses(tractor))
+    header = ("Hypothesis, non-linear model", "25 deg", "30 deg", "35 deg")
+    tables = (
+        TextTable("Hypotheses about the non-linear column", header, (thesis, *guesses)),
+        _build_friction_curve_table(drives, plain, closest),
+    )
     return ExperimentSheet(
         "fixed", "Fixed steering (Table 4.1)", words, tuple(rows), _build_fixed_panels(drives, closest), tables
     )
@@ -161,13 +165,6 @@ def _describe_closest(closest: Sequence[FixedSteeringDrive]) -> str:
         f"{100.0 * worst:.1f} %. But it fits two numbers to the column and has no engine's curve, which Table 4.3 "
         "needs, so it is not used."
     )
-
-
-def _build_hypothesis_table(hypotheses: Sequence[TyreHypothesis]) -> TextTable:
-    thesis = ("thesis", *(f"{v:.2f} m" if v else "oversteer" for v in TABLE_4_1["nonlinear"]))
-    rows = tuple((guess.words, *(_format_radius(value) for value in guess.radii_m)) for guess in hypotheses)
-    header = ("Hypothesis, non-linear model", "25 deg", "30 deg", "35 deg")
-    return TextTable("Hypotheses about the non-linear column", header, (thesis, *rows))
 
 
 def _build_friction_curve_table(

@@ -72,18 +72,27 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         for omega in OMEGAS
         for name in SIMULATORS
     }
-    rows = []
-    for ahead in LOOKAHEADS_M:
-        for omega in OMEGAS:
-            proposed, traditional = drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"]
-            apart = [f"{100 * metres:.1f} cm" for metres in compute_distance_m(proposed, traditional)]
-            laterals = [f"{drive.lateral_max_m:.2f} m" for drive in (proposed, traditional)]
-            rows.append((f"{ahead:g} m", f"1/{round(1 / omega)}", *laterals, *apart))
+    apart = {
+        setting: compute_distance_m(drives[*setting, "proposed"], drives[*setting, "traditional"])
+        for setting in itertools.product(LOOKAHEADS_M, OMEGAS)
+    }
+    rows, comparisons = [], []
+    for (ahead, omega), (largest, mean) in apart.items():
+        laterals = {name: drives[ahead, omega, name].sizes.lateral_max for name in SIMULATORS}
+        cells = [f"{laterals[name]:.2f} m" for name in SIMULATORS[:2]]
+        cells += [f"{100 * metres:.1f} cm" for metres in (largest, mean)]
+        rows.append((f"{ahead:g} m", f"1/{round(1 / omega)}", *cells))
+        # All our numbers; the thesis prints none.
+        ours = {(f"lateral error, maximum, {name}", "m"): metres for name, metres in laterals.items()}
+        ours["proposed and traditional apart, largest", "cm"] = 100.0 * largest
+        ours["proposed and traditional apart, mean", "cm"] = 100.0 * mean
+        label = f"zigzag lookahead {ahead:g} m omega 1/{round(1 / omega)}"
+        comparisons += [ThesisComparison(label, *what, None, value, NOT_PRINTED) for what, value in ours.items()]
     header = ("Lookahead", "omega (1/m)", "Lateral, proposed", "Lateral, traditional", "Apart, largest", "Apart, mean")
     words = (
         "P_y = A sin(omega P_x), A = 5 m, soil, 5 km/h (Eq. 3.1). The thesis finds that the two simulators differ more "
         "as omega grows.",
-        *(_describe_zigzag(drives, ahead) for ahead in LOOKAHEADS_M),
+        *(_describe_zigzag(drives, apart, ahead) for ahead in LOOKAHEADS_M),
     )
     panels = tuple(
         _build_wave_panel(
@@ -98,35 +107,18 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         for name in ("proposed", "traditional")
     )
     table = TextTable("Zigzag", header, tuple(rows))
-    return ExperimentSheet("zigzag", "Zigzag (section 3.3)", words, _compare_zigzag(drives), panels + wheels, (table,))
+    title, pictures = "Zigzag (section 3.3)", panels + wheels
+    return ExperimentSheet("zigzag", title, words, tuple(comparisons), pictures, (table,))
 
 
-def _compare_zigzag(drives: dict[tuple[float, float, str], PathTracking]) -> tuple[ThesisComparison, ...]:
-    """All our numbers; the thesis prints none."""
-    rows = []
-    for ahead in LOOKAHEADS_M:
-        for omega in OMEGAS:
-            largest, mean = compute_distance_m(drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"])
-            ours = {
-                (f"lateral error, maximum, {name}", "m"): drives[ahead, omega, name].lateral_max_m
-                for name in SIMULATORS
-            }
-            ours["proposed and traditional apart, largest", "cm"] = 100.0 * largest
-            ours["proposed and traditional apart, mean", "cm"] = 100.0 * mean
-            label = f"zigzag lookahead {ahead:g} m omega 1/{round(1 / omega)}"
-            rows += [ThesisComparison(label, *quantity, None, value, NOT_PRINTED) for quantity, value in ours.items()]
-    return tuple(rows)
-
-
-def _describe_zigzag(drives: dict[tuple[float, float, str], PathTracking], ahead: float) -> str:
+def _describe_zigzag(
+    drives: dict[tuple[float, float, str], PathTracking], apart: dict[tuple[float, float], tuple[float, float]],
+    ahead: float,
+) -> str:  # fmt: skip
     """How far the simulators are apart with one lookahead, and whether the third stage matters."""
-    gaps, slews = [], []
-    for omega in OMEGAS:
-        proposed, traditional = drives[ahead, omega, "proposed"], drives[ahead, omega, "traditional"]
-        gaps.append(100.0 * compute_distance_m(proposed, traditional)[0])
-        slews.append(bool(find_slewing(proposed.trace).mean() > 0.01))
-    gap_list = ", ".join(f"{gap:.1f}" for gap in gaps)
-    where = [f"1/{round(1 / omega)}" for omega, slew in zip(OMEGAS, slews, strict=True) if slew]
+    gap_list = ", ".join(f"{100.0 * apart[ahead, omega][0]:.1f}" for omega in OMEGAS)
+    slews = [omega for omega in OMEGAS if find_slewing(drives[ahead, omega, "proposed"].trace).mean() > 0.01]
+    where = [f"1/{round(1 / omega)}" for omega in slews]
     stage = f"The third stage matters at omega = {', '.join(where)}." if where else "The third stage is hardly entered."
     return f"With a lookahead of {ahead:g} m they are {gap_list} cm apart at omega = 1/5, 1/4, 1/3. {stage}"
 
@@ -154,8 +146,7 @@ def build_wheel_panel(title: str, trace: Trace, from_s: float = -math.inf, until
 def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     """Table 3.4; the column of the digital twin is lost, the text only gives its difference from the real tractor."""
     passes = drive_navigation(tractor, position_errors=load_default_error_table(), seed=seed)
-    lateral = passes.lateral_max_cm, passes.lateral_mean_cm
-    ours = dict(zip(LATERAL + HEADING, (*lateral, passes.heading_max_deg, passes.heading_mean_deg), strict=True))
+    ours = dict(zip(LATERAL + HEADING, zip(*passes.sizes, strict=True), strict=True))
     rows = []
     for (number, quantity, unit), thesis in TABLE_3_4.items():
         note = "physical space, other field and start; the twin's column is lost"
@@ -205,13 +196,13 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
     for (ground, subject), printed in TABLE_4_3.items():
         pair = (ground, "nonlinear" if subject == "real" else subject)
         quantities = zip(LATERAL + HEADING, ("m", "m", "deg", "deg"), strict=True)
-        columns = printed, results[pair].errors.compute_sizes(), plain[pair].errors.compute_sizes()
+        columns = printed, results[pair].sizes, plain[pair].sizes
         for (quantity, unit), thesis, ours, bare in zip(quantities, *columns, strict=True):
             note = f"without the engine's curve {bare:.3g} {unit}"
             if subject == "real":
                 note = "real tractor against our non-linear model; " + note
             rows.append(ThesisComparison(f"4.3 {ground} {subject}", quantity, unit, thesis, ours, note))
-    ratio = results["mud", "nonlinear"].lateral_mean_m / results["mud", "linear"].lateral_mean_m
+    ratio = results["mud", "nonlinear"].sizes.lateral_mean / results["mud", "linear"].sizes.lateral_mean
     words = (
         f"Waves of 5 m and 37.6 m at 5 km/h, lookahead {SLIP_LOOKAHEAD_M} m, controlled point {-CONTROLLED_POINT_M} m "
         "behind the centre of mass, with the engine's curve: one setting for all 16 numbers. Angles are not corrected.",
@@ -228,9 +219,9 @@ def _build_point_table(tractor: Tractor) -> TextTable:
     for point in POINTS_M:
         cells = []
         for ground, model in (("asphalt", "nonlinear"), ("mud", "nonlinear"), ("mud", "linear")):
-            result = drive_slip_test(tractor, ground, model, point_m=point)
-            lateral = f"{result.lateral_max_m:.3f} / {result.lateral_mean_m:.3f} m"
-            cells.append(f"{lateral}, {result.heading_mean_deg:.2f} deg")
+            sizes = drive_slip_test(tractor, ground, model, point_m=point).sizes
+            lateral = f"{sizes.lateral_max:.3f} / {sizes.lateral_mean:.3f} m"
+            cells.append(f"{lateral}, {sizes.heading_mean_deg:.2f} deg")
         rows.append((f"{point:+.2f} m", *cells))
     header = ("Controlled point ahead of the centre of mass", "Asphalt", "Mud, non-linear", "Mud, linear")
     return TextTable("Lateral error, maximum / average, and mean heading error", header, tuple(rows))
@@ -367,24 +358,16 @@ def _build_weaving_table(tractor: Tractor) -> TextTable:
     return TextTable(title, header, tuple(rows))
 
 
-def _describe_finding(quiet: Steps) -> str:
-    """Whether the thesis's finding about the simulators is confirmed."""
-    near, far = _compute_gap_range(quiet, 50)[1], _compute_gap_range(quiet, 100)[0]
-    if near < AGREEMENT_CM < far:
-        within = f"within {AGREEMENT_CM:g} cm"
-        return f"Proposed and traditional simulators agree at 50 cm ({within}) and differ from 100 cm on."
-    return "The thesis's finding that the simulators agree at 50 cm and differ from 100 cm on is not confirmed."
-
-
 def _describe_results(quiet: Steps, noisy: Steps, bare: Steps, limit_m: float) -> tuple[str, ...]:
     limited_cm = [drive.mean_lateral_error_cm for key, drive in noisy.items() if key[1] == "proposed"]
     inside = sum(2.0 <= value <= 6.0 for value in limited_cm)
     plain = [drive.mean_lateral_error_cm for key, drive in bare.items() if key[1] == "proposed"]
-    gaps = "; ".join(
-        f"{size} cm: {low:.1f} to {high:.1f} cm"
-        for size in (50, 100, 150, 200)
-        for low, high in [_compute_gap_range(quiet, size)]
-    )
+    ranges = {size: _compute_gap_range(quiet, size) for size in (50, 100, 150, 200)}
+    gaps = "; ".join(f"{size} cm: {low:.1f} to {high:.1f} cm" for size, (low, high) in ranges.items())
+    within, finding = f"within {AGREEMENT_CM:g} cm", "agree at 50 cm and differ from 100 cm on is not confirmed."
+    finding = f"The thesis's finding that the simulators {finding}"
+    if ranges[50][1] < AGREEMENT_CM < ranges[100][0]:
+        finding = f"Proposed and traditional simulators agree at 50 cm ({within}) and differ from 100 cm on."
     small = [drive for key, drive in quiet.items() if key[1] == "proposed" and abs(key[3]) == 50]
     slewing = sum(drive.enters_third_stage for drive in small)
     return (
@@ -394,7 +377,7 @@ def _describe_results(quiet: Steps, noisy: Steps, bare: Steps, limit_m: float) -
         f"limited to {limit_m:g} m ({min(limited_cm):.1f} to {max(limited_cm):.1f} cm), and "
         f"{sum(2.0 <= v <= 6.0 for v in plain)} with the plain law: from 2 m at 5 km/h the locked third stage may "
         f"carry the tractor past path 2 ({max(plain):.1f} cm).",
-        f"{_describe_finding(quiet)} Largest distance between the two on soil: {gaps}.",
+        f"{finding} Largest distance between the two on soil: {gaps}.",
         f"The thesis supposes that the third stage is not entered at 50 cm; here it is entered in {slewing} of "
         f"{len(small)} drives of 50 cm.",
     )
