@@ -130,9 +130,9 @@ def tell_moves(context: PlanningContext) -> tuple[Any, ...] | None:
     return moves.lines, moves.starts, moves.used, moves.orders, moves.folded, moves.estimates.known
 
 
-def take_moves(context: PlanningContext, told: tuple[Any, ...]) -> None:
-    """Let a context have the lines, and the estimates of moves between them, that `tell_moves` told of it."""
-    *laid, known = told
+def take_moves(context: PlanningContext, state: tuple[Any, ...]) -> None:
+    """Let a context have the lines, and the estimates of moves between them, that `tell_moves` gave of it."""
+    *laid, known = state
     moves = context.site_cache[SiteMoves] = SiteMoves(build_site(context), *laid)
     moves.estimates.known.update(known)
 

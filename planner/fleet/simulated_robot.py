@@ -1,11 +1,10 @@
-"""A simulated robot tractor: how it obeys frames, what it does in silence, and its unacknowledged states."""
+"""A simulated robot tractor: how it obeys frames, and what it does in silence."""
 
 from __future__ import annotations
 
 import json
 import math
 import time
-from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
@@ -82,7 +81,14 @@ class RobotDriver:
                     self.stepper.drive_automatically()
         kind = frame.get("kind")
         if kind == "welcome":
-            self._take_welcome(frame)
+            self.times = float(frame["settings"]["times"])
+            self.sequence = max(self.sequence, int(frame["last_sequence"]))
+            self._replace_mission_legs(frame["plan"])
+            leg, leg_m = int(frame.get("leg") or 0), float(frame.get("leg_m") or 0.0)
+            if not self.is_welcomed and (leg, leg_m) > (0, 0.0):
+                # progress from before this process started
+                self.stepper.place_on_leg(leg, leg_m, self._read_place(frame))
+            self.is_welcomed = True
         elif kind == "release":
             self.update, self.stepper.base_legs = int(frame["update"]), int(frame["base_end"])
             self._horizon_s = float(frame.get("horizon_s", HORIZON_S))
@@ -116,15 +122,6 @@ class RobotDriver:
             forgiven_s = CLOCK_DRIFT * (now - self._quickest_at_s)
             self._quickest_s, self._quickest_at_s = min(offset_s, self._quickest_s + forgiven_s), now
             self._late_s = offset_s - self._quickest_s
-
-    def _take_welcome(self, frame: dict[str, Any]) -> None:
-        self.times = float(frame["settings"]["times"])
-        self.sequence = max(self.sequence, int(frame["last_sequence"]))
-        self._replace_mission_legs(frame["plan"])
-        leg, leg_m = int(frame.get("leg") or 0), float(frame.get("leg_m") or 0.0)
-        if not self.is_welcomed and (leg, leg_m) > (0, 0.0):
-            self.stepper.place_on_leg(leg, leg_m, self._read_place(frame))  # progress from before this process started
-        self.is_welcomed = True
 
     def _read_place(self, frame: dict[str, Any]) -> tuple[float, float, float] | None:
         """The last place of its antenna in a welcome: east and north of the plan's origin (m), heading (rad)."""
@@ -198,33 +195,3 @@ class RobotDriver:
             "done": state.done,
             "errors": [],
         } | ({} if self._heartbeat_s is None else {"heartbeat_s": self._heartbeat_s})
-
-
-MOST_STATES = 6000  # ten minutes at 10 Hz
-
-
-class UnacknowledgedStates:
-    """States to send again until they are acknowledged, by sequence; of too many the oldest are lost."""
-
-    def __init__(self, most: int = MOST_STATES) -> None:
-        self._waiting: deque[tuple[int, str]] = deque(maxlen=most)
-        self.lost = 0
-
-    def __len__(self) -> int:
-        return len(self._waiting)
-
-    def add(self, state: dict[str, Any]) -> str:
-        """Add a state."""
-        text = json.dumps(state, separators=(",", ":"))
-        self.lost += len(self._waiting) == self._waiting.maxlen
-        self._waiting.append((int(state["sequence"]), text))
-        return text
-
-    def drop_acknowledged(self, sequence: int) -> None:
-        """Drop all states up to this sequence, which the service has recorded."""
-        while self._waiting and self._waiting[0][0] <= sequence:
-            self._waiting.popleft()
-
-    def list_after(self, sequence: int) -> list[tuple[int, str]]:
-        """States after a sequence: sequences and texts."""
-        return [waiting for waiting in self._waiting if waiting[0] > sequence]

@@ -70,9 +70,9 @@ def unpack_context(packed_context: bytes) -> PlanningContext:
     """
     cached: tuple[bytes, PlanningContext] | None = getattr(current_thread(), CONTEXT_ATTRIBUTE, None)
     if cached is None or cached[0] != packed_context:
-        context, told = pickle.loads(packed_context)
-        if told is not None:
-            take_moves(context, told)
+        context, moves = pickle.loads(packed_context)
+        if moves is not None:
+            take_moves(context, moves)
         return _cache_context(packed_context, context)
     return cached[1]
 

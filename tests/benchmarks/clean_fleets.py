@@ -24,8 +24,7 @@ from unittest.mock import patch
 import numpy as np
 
 from planner.fleet.model.alarms import CRITICAL, FleetAlarm
-from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import Hold
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession

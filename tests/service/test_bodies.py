@@ -82,7 +82,7 @@ def test_a_fleet_is_made_from_a_file_and_stored_under_its_id(both: ServiceSettin
     new = build_requested_fleet("0" * 16, len(TEXT.encode()), both, make_request(both, times=2.0))
     store = Store(both)
     row = store.get_fleet("0" * 16)
-    assert (row.name, row.plan, row.settings, row.created) == ("north", TEXT, new.settings, new.created)
+    assert (row.name, row.plan, row.settings, row.created) == ("north", TEXT, new.settings, new.label.created)
     assert new.settings["times"] == 2.0 and new.plan_bytes == len(TEXT.encode())
     with pytest.raises(BusyError, match="delete a fleet first"):
         build_requested_fleet("1" * 16, new.plan_bytes - 1, both, make_request(both))

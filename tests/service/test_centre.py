@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import ControlLeaseError, FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import BROKEN, OFFLINE, ONLINE, Hold, TractorReport
 from tests.examples import count_examples
 from tests.service.fleets import LENGTH, SimulatedFleet, fleet_plan, restart_manager, start_fleet
@@ -153,7 +152,7 @@ def test_one_operator_at_a_time_drives_within_speed_and_lock_and_who_goes_leaves
         operators.send_command("anna", 0, 0.0, 0.5, fleet.now)
     assert operators.disconnect_operator("bert", fleet.now) == [0]
     assert fleet.manager.take_outputs()[0][-1].kind == "stop"
-    assert fleet.manager.control_leases.get_holder(0) is None
+    assert fleet.manager.lease_holders.get(0) is None
     operators.resume_tractors("bert", 0, fleet.now)
     assert not fleet.manager.states[0].holds
 

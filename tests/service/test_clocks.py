@@ -7,8 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.session import fleet_session as lives
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession

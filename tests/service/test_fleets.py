@@ -168,7 +168,7 @@ def test_a_fleet_goes_on_after_a_restart_of_the_service(plain: Store) -> None:
         fleet = hub.get_session(id)
         assert fleet.manager.state == "running"
         assert fleet.manager.states[0].leg_m == pytest.approx(10.5)
-        assert len([p for p in fleet.manager.coverage_map.lines[0] if p is not None]) == 8
+        assert len([p for p in fleet.manager.coverage_lines[0] if p is not None]) == 8
         tractor = FleetClient(TRACTOR, "tractor 1", 0)
         fleet.add_client(tractor, time.monotonic())
         welcome = json.loads(str(await tractor.outbox.take_next_frame()))

@@ -21,8 +21,8 @@ from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.replanning.planning_anew import ReplanProposal, _build_taken_ground, continue_remaining_work
 from planner.fleet.safety.compliance import build_area_doubt
 from planner.pipeline.executors import SerialExecutor

@@ -13,8 +13,7 @@ from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.fleet_state import RUNNING, STOPPED
 from planner.fleet.manager.operator_orders import STOP_SEEN_S
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits
-from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import TractorReport
 from planner.fleet.session.fleet_twins import LEAP_DELAY_S, FleetTwins
 from planner.fleet.session.inbound_frames import ResumeFrame, StartFrame, StateFrame, StopAllFrame, TakeLeaseFrame

@@ -12,8 +12,7 @@ import pytest
 import planner.guide
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import CRITICAL
-from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import (
     AUTOMATIC,
     POSITIONS,

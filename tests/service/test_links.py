@@ -313,7 +313,7 @@ def test_a_lease_is_shown_to_both_and_only_the_holder_drives(own_service: Servic
         command = until(tractor, "command")
         assert (command["steering_command_deg"], command["speed_command_mps"], command["shuttle"]) == (-5.0, 0.5, 1)
         assert until(tractor, "command")["speed_command_mps"] == 0.0  # nobody says so again: dead man
-    assert own_service.fleet.manager.control_leases.get_holder(1) is None
+    assert own_service.fleet.manager.lease_holders.get(1) is None
 
 
 def until_kept(session: WebSocketTestSession, sequence: int) -> None:
@@ -344,7 +344,7 @@ def test_whose_token_is_revoked_is_turned_out_and_what_it_leased_is_free(service
         with pytest.raises(WebSocketDisconnect) as end:
             operator.receive_json()
         assert end.value.code == 1008
-        assert until(other, "tick") and service.fleet.manager.control_leases.get_holder(0) is None
+        assert until(other, "tick") and service.fleet.manager.lease_holders.get(0) is None
 
 
 JUNK = st.one_of(

@@ -6,8 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from tests.examples import seldom
 from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, restart_manager, start_fleet

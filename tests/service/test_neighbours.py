@@ -18,9 +18,8 @@ from planner.fleet.manager.neighbourhood import (
     Neighbourhood,
     build_plan_extent,
 )
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.safety.motion_prediction import compute_centre_poses

@@ -12,8 +12,8 @@ import pytest
 from planner.evaluation.candidates.energy_figures import find_service_conflict, find_service_stops
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import extract_remaining_work
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.replanning import from_here
 from planner.fleet.replanning.from_here import cut_leg
 from planner.fleet.replanning.planning_anew import (

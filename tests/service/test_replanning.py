@@ -15,9 +15,8 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import check_proposal_still_fits, extract_remaining_work
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.replanning.planning_anew import ReplanProposal, continue_remaining_work
 from planner.fleet.session.frame_content import build_report, describe_mission

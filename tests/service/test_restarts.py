@@ -15,9 +15,8 @@ import pytest
 
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import FleetAlarm
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session import fleet_session as lives
 from planner.fleet.session import state_recorder
@@ -232,7 +231,7 @@ def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_def
 
     hub = asyncio.run(restore_all(plain))
     assert [hub.by_id[id].manager.rules.horizon_s for id in ("f1", "f2")] == [20.0, 5.0]
-    assert [(fleet.name, fleet.created[:2]) for fleet in hub.by_id.values()] == [("old", "20"), ("new", "20")]
+    assert [(label.name, label.created[:2]) for label in hub.labels.values()] == [("old", "20"), ("new", "20")]
     assert [member.name for member in hub.neighbourhood.list_neighbours("f1")] == ["new"], (
         "they are driven on one ground"
     )

@@ -4,6 +4,7 @@ import asyncio
 import json
 import math
 import time
+from collections import deque
 from functools import partial
 from typing import Any
 
@@ -13,7 +14,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from planner.fleet.session.frame_content import describe_mission
 from planner.fleet.session.inbound_frames import FRAMES_OF_ROLE
-from planner.fleet.simulated_robot import HORIZON_S, RobotDriver, UnacknowledgedStates
+from planner.fleet.simulated_robot import HORIZON_S, RobotDriver
 from planner.service.errors import ServiceError
 from planner.service.fleets import robot_client
 from planner.service.fleets.fleet_socket import REPLACED_CODE
@@ -212,12 +213,14 @@ def test_one_that_lives_faster_reports_oftener_so_its_twin_sees_its_commands(tim
 
 
 def test_states_wait_until_they_are_acknowledged_and_the_oldest_are_lost_first() -> None:
-    waiting = UnacknowledgedStates(most=3)
+    driver: Any = Counter()
+    robot = RobotClient(driver, "http://here", "f", 1, None)
+    robot.waiting = deque(maxlen=3)
     for sequence in range(5):
-        waiting.add({"sequence": sequence})
-    assert waiting.lost == 2 and len(waiting) == 3
-    waiting.drop_acknowledged(3)
-    assert waiting.list_after(2) == [(4, '{"sequence":4}')] and waiting.list_after(4) == []
+        robot.add_state({"sequence": sequence})
+    assert [sequence for sequence, _ in robot.waiting] == [2, 3, 4]
+    robot._handle_frame({"kind": "ack", "sequence": 3})
+    assert list(robot.waiting) == [(4, '{"sequence":4}')]
 
 
 class Counter:
@@ -276,7 +279,7 @@ def test_every_state_arrives_once_and_orders_are_heard_while_old_ones_are_sent_a
         async with serve(centre, "127.0.0.1", 0) as server:
             robot = linked(counting, server)
             for _ in range(600):
-                robot.waiting.add(counting.step(0.0))
+                robot.add_state(counting.step(0.0))
             driving = asyncio.create_task(robot.run())
             await asyncio.wait_for(last, 60.0)
             driving.cancel()

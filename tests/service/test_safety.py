@@ -17,8 +17,7 @@ from planner.fleet.manager.fleet_state import DOUBT_CODE
 from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
 from planner.fleet.manager.operator_orders import NEIGHBOUR_STOPPED, RESTARTED
 from planner.fleet.model.alarms import CRITICAL, WARNING, AlarmRegister
-from planner.fleet.model.errors import FleetManagerError
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import Hold, TractorOrder, TractorReport
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import UNRECORDED, FleetSession

@@ -9,7 +9,7 @@ import pytest
 from planner.fleet.manager.fleet_state import DONE, MOST_OBSTACLES, MOST_PER_REPORTER
 from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
 from planner.fleet.manager.remaining_work import check_proposal_still_fits, extract_remaining_work
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session.inbound_frames import StateFrame
 from planner.fleet.session.state_recorder import MOST_SEQUENCES_AHEAD, StateRecorder

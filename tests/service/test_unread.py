@@ -10,7 +10,7 @@ import pytest
 
 from planner.fleet.manager.obstacle_reports import CLEARED_RADIUS_M, LOOK_DELAY_S, SETTLED_S, UNREADABLE_CODE
 from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
-from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
+from planner.fleet.model.rules import ControlLeaseError, FleetManagerError
 from planner.fleet.model.tractor_state import Hold, TractorReport
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession

@@ -8,11 +8,11 @@ from collections.abc import Collection, Mapping, Sequence
 from planner.fleet.manager.fleet_state import FLEET_MANAGER, FleetState, join_fleet_names
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.tractor_state import BY_HAND, MOVING_MPS, Hold
-from planner.fleet.safety.base_release import find_closed_gates
-from planner.fleet.safety.motion_prediction import NeighbourTractor, TractorKey
-from planner.fleet.safety.separation import STUCK_AFTER_S, NearPair, SafetyDanger, SeparationMonitor
+from planner.fleet.safety.motion_prediction import CONTACT_M, NearPair, NeighbourTractor, SafetyDanger, TractorKey
 
 NEAR, NEAR_FLEET, UNKNOWN_GROUND = "near", "near fleet", "unknown ground"
+PARTING_SLACK_M = 0.05  # noise of positions of two that move apart
+STUCK_AFTER_S = 10.0  # after which operators are warned that no standing tractor can resume
 
 
 def build_proximity_alarm_code(other_tractor: int | TractorKey) -> str:
@@ -21,6 +21,84 @@ def build_proximity_alarm_code(other_tractor: int | TractorKey) -> str:
         return f"{NEAR} {other_tractor + 1}"
     fleet, number = other_tractor
     return f"{NEAR_FLEET}/{fleet} {number + 1}"
+
+
+class SeparationMonitor:
+    """Since when pairs and paths are clear, and which pairs move apart; seconds of the fleet manager's clock.
+
+    Its hysteresis lets nobody be stopped and resumed again and again. Stopping and resuming differ by a distance
+    (`SafetyGuard.release_clearances_m`) and a time (`release_s`): the alarm of a pair ends when the two have been
+    farther apart than that for so long, and a standing tractor resumes when its path has been clear for so long, one
+    after the other. Two that stand nearer than the stopping distance may move apart: as long as they come no nearer
+    than they were, they are not stopped again.
+    """
+
+    def __init__(self, release_s: float, stuck_s: float) -> None:
+        self.release_s, self.stuck_s = release_s, stuck_s
+        self._clear_since: dict[NearPair, float] = {}
+        self._free_since: dict[int, float] = {}
+        self._stands_since: dict[int, float] = {}
+        self._parting: dict[NearPair, float] = {}
+
+    @property
+    def has_parting_pairs(self) -> bool:
+        """Whether any pair is still moving apart."""
+        return bool(self._parting)
+
+    def is_parting(self, danger: SafetyDanger) -> bool:
+        """Whether a pair in danger is moving apart and comes no nearer than it was."""
+        if danger.second is None:
+            return False
+        distance_m = self._parting.get((danger.first, danger.second))
+        return distance_m is not None and danger.least_distance_m >= max(distance_m - PARTING_SLACK_M, CONTACT_M)
+
+    def mark_endangered(self, first: int, second: int | TractorKey) -> None:
+        """A pair has to stop, now or soon: it is neither clear nor moving apart."""
+        self._clear_since.pop((first, second), None)
+        self._parting.pop((first, second), None)
+
+    def find_cleared_pairs(
+        self,
+        pairs: Collection[NearPair],
+        close_pairs: Mapping[NearPair, float],
+        standing: Collection[int | TractorKey],
+        now: float,
+    ) -> list[NearPair]:
+        """Which of these pairs have been apart for `release_s`. `close_pairs` are not apart; pairs with a `standing`
+        tractor do not count as apart, as it would come near if it resumed."""
+        for pair in list(self._parting):
+            if pair not in close_pairs:
+                del self._parting[pair]
+        clear = [pair for pair in pairs if pair not in close_pairs and not any(number in standing for number in pair)]
+        self._clear_since = {pair: self._clear_since.get(pair, now) for pair in clear}
+        return [pair for pair, since in self._clear_since.items() if now - since >= self.release_s]
+
+    def find_tractors_free_to_resume(self, is_path_clear: Mapping[int, bool], now: float) -> list[int]:
+        """Standing tractors whose path has been clear for `release_s`; `is_path_clear` by tractor for now."""
+        self._free_since = {
+            number: self._free_since.get(number, now) for number, is_free in is_path_clear.items() if is_free
+        }
+        self._stands_since = {number: self._stands_since.get(number, now) for number in is_path_clear}
+        return [number for number, since in self._free_since.items() if now - since >= self.release_s]
+
+    def is_stuck(self, number: int, now: float) -> bool:
+        """Whether a tractor has stood for `stuck_s` without a clear path, so that an operator must help."""
+        since = self._stands_since.get(number)
+        return since is not None and number not in self._free_since and now - since >= self.stuck_s
+
+    def start_parting(self, number: int, close_pairs: Mapping[NearPair, float]) -> None:
+        """A tractor resumes; all other standing ones start their waiting time again."""
+        self._parting |= {pair: distance_m for pair, distance_m in close_pairs.items() if number in pair}
+        self.restart_waiting_times()
+
+    def is_free(self, number: int) -> bool:
+        """Whether the path of a standing tractor was clear at the last check."""
+        return number in self._free_since
+
+    def restart_waiting_times(self) -> None:
+        """A tractor resumes: all standing ones start their waiting time again."""
+        self._free_since.clear()
+        self._stands_since.clear()
 
 
 class DangerWatch:
@@ -93,9 +171,6 @@ class DangerWatch:
         if pairs or self.separation.has_parting_pairs or any(Hold.TOO_NEAR in state.holds for state in fleet.states):
             self._resolve_near_pairs(pairs, neighbours, now)
 
-    def _is_alarm_on(self, pair: NearPair) -> bool:
-        return self.fleet.alarms.is_alarm_on(build_proximity_alarm_code(pair[1]), pair[0])
-
     def find_alarmed_pairs(self) -> list[NearPair]:
         """Pairs whose alarm is on: of this fleet first, then with tractors of other fleets."""
         own_pairs, pairs = list[tuple[int, int]](), list[NearPair]()
@@ -141,7 +216,8 @@ class DangerWatch:
         for pair in self.separation.find_cleared_pairs(pairs, close_pairs, standing, now):
             fleet.alarms.end_alarm(build_proximity_alarm_code(pair[1]), pair[0])
         for number in near_states.keys() - waiting:
-            if not any(number in pair and self._is_alarm_on(pair) for pair in pairs):
+            codes = [(build_proximity_alarm_code(pair[1]), pair[0]) for pair in pairs if number in pair]
+            if not any(fleet.alarms.is_alarm_on(*code) for code in codes):
                 near_states[number].holds.discard(Hold.TOO_NEAR)  # every remote command is checked
         movers_heard = [  # of those that still move, whether they are heard
             *(fleet.is_report_current(n) for n in unattended if near_states[n].is_moving),
@@ -194,6 +270,6 @@ class DangerWatch:
         """Metres that a tractor can drive before it waits for one of `waiting`; infinite if it never does."""
         state = self.fleet.states[number]
         for leg in range(state.base_end, len(state.mission.legs)):
-            if any(gate.tractor in waiting for gate in find_closed_gates(state, leg, self.fleet.states)):
+            if any(gate.tractor in waiting for gate in state.find_closed_gates(leg, self.fleet.states)):
                 return state.mission.leg_starts_m[leg] - state.position_m
         return math.inf

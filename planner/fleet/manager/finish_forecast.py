@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
-from planner.fleet.model.tractor_state import TractorState
-from planner.fleet.safety.base_release import is_passed
+from planner.fleet.model.tractor_state import TractorState, is_passed
 
 NORMAL = NormalDist()
 NORMAL_SCORES = tuple(NORMAL.inv_cdf(share) for share in (0.80, 0.95))

@@ -13,9 +13,8 @@ from planner.fleet.manager.fleet_state import DONE, DOUBT_CODE, FLEET_MANAGER, R
 from planner.fleet.manager.obstacle_reports import ObstacleReports
 from planner.fleet.manager.operator_orders import OperatorOrders
 from planner.fleet.model.alarms import CRITICAL, WARNING
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import (
     AUTOMATIC,
     BROKEN,
@@ -27,7 +26,6 @@ from planner.fleet.model.tractor_state import (
     TractorReport,
     TractorState,
 )
-from planner.fleet.safety.base_release import compute_base_end
 from planner.fleet.safety.compliance import (
     REPEAT_STOP_S,
     build_area_doubt,
@@ -126,7 +124,7 @@ class FleetManager(FleetState):
         if not is_possible or state.doubt is not None:
             return
         _advance_progress(state, report, driving_s)
-        self.coverage_map.add_place(number, report.x_m, report.y_m, bool(report.implement))
+        self.add_coverage(number, report.x_m, report.y_m, bool(report.implement))
         if report.errors and (previous is None or previous.errors != report.errors):
             sentence = f"Tractor {number + 1} reports: {'; '.join(report.errors)}."
             self.raise_alarm("error", number, WARNING, sentence, now)
@@ -286,7 +284,7 @@ class FleetManager(FleetState):
         for number, state in enumerate(self.states):
             if state.has_no_more_legs or state.done:
                 continue
-            base_end = compute_base_end(state, self.states, self.blocked_legs[number], self.rules)
+            base_end = state.compute_base_end(self.states, self.blocked_legs[number], self.rules)
             limit_mps = self._compute_speed_limit(number)
             if base_end > state.base_end or limit_mps != state.limit_mps:
                 if base_end > state.base_end == 0:

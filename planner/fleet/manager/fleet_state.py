@@ -1,4 +1,4 @@
-"""The state of a fleet: plan, tractors, control leases, obstacles, coverage, and pending orders and events."""
+"""The state of a fleet: plan, tractors, who drives them, obstacles, coverage, and pending orders and events."""
 
 from __future__ import annotations
 
@@ -11,54 +11,12 @@ import numpy as np
 import shapely
 
 from planner.fleet.model.alarms import AlarmRegister
-from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import ControlLeaseError, FleetManagerError, FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import MOVING_MPS, FleetEvent, Hold, TractorOrder, TractorState
-from planner.fleet.safety.base_release import find_awaited_legs, find_gates_closed_on_base
 from planner.fleet.safety.motion_prediction import NeighbourFleets, TwinPredictions
 from planner.fleet.safety.safety_guard import SafetyGuard
-
-
-class ControlLeases:
-    """Who drives which tractor by remote control; a holder is one link of one operator."""
-
-    def __init__(self) -> None:
-        self._holders: dict[int, str] = {}
-
-    def get_holder(self, tractor: int) -> str | None:
-        """The holder of a tractor, None if nobody."""
-        return self._holders.get(tractor)
-
-    def list_tractors_leased_by(self, who: str) -> list[int]:
-        """The tractors that somebody drives."""
-        return sorted(tractor for tractor, holder in self._holders.items() if holder == who)
-
-    def take_lease_of(self, tractor: int, who: str, takeover: bool) -> str | None:
-        """Lease a tractor; returns the previous holder. Raises ControlLeaseError if held and not `takeover`."""
-        previous_holder = self._holders.get(tractor)
-        if previous_holder not in (None, who) and not takeover:
-            raise ControlLeaseError(
-                f"Tractor {tractor + 1} is driven by {previous_holder}; take it over to drive it yourself."
-            )
-        self._holders[tractor] = who
-        return previous_holder if previous_holder != who else None
-
-    def check_holder(self, tractor: int, who: str) -> None:
-        """Raise ControlLeaseError unless `who` holds this tractor."""
-        holder = self._holders.get(tractor)
-        if holder != who:
-            state_text = "nobody drives it" if holder is None else f"{holder} drives it"
-            raise ControlLeaseError(f"Tractor {tractor + 1} is not yours to drive: {state_text}. Take control first.")
-
-    def end_lease_of(self, tractor: int, who: str) -> bool:
-        """Give a tractor back; whether `who` held it."""
-        if self._holders.get(tractor) != who:
-            return False
-        del self._holders[tractor]
-        return True
-
 
 MOST_OBSTACLES, MOST_PER_REPORTER, MOST_OUTLINE_POINTS = 100, 20, 200
 SAME_PLACE_M = 0.5  # by which an obstacle that is reported again may have moved
@@ -120,12 +78,11 @@ class ObstacleMap:
         own = (block for block in self.items.values() if block.who == who)
         return next((block for block in own if shapely.buffer(block.shape, SAME_PLACE_M).contains(shape)), None)
 
-    def remove_obstacle(self, number: int) -> FleetObstacle:
+    def remove_obstacle(self, number: int) -> None:
         """Remove an obstacle. Raises FleetManagerError if there is none of this number."""
-        if number not in self.items:
+        if self.items.pop(number, None) is None:
             raise FleetManagerError(f"There is no obstacle {number}; it was already cleared.", parameter="obstacle")
         self.version += 1
-        return self.items.pop(number)
 
     def find_blocked_legs(self, mission: TimedMission) -> dict[int, str]:
         """Legs that an obstacle blocks, with its name."""
@@ -158,24 +115,6 @@ CoveragePoint = tuple[float, float] | None
 """A place in metres of the plan; None where the implement was lifted."""
 
 
-class CoverageMap:
-    """The line of the guided point of each tractor while its implement is down."""
-
-    def __init__(self, tractors: int) -> None:
-        self.lines: list[list[CoveragePoint]] = [[] for _ in range(tractors)]
-
-    def add_place(self, tractor: int, x_m: float, y_m: float, is_working: bool) -> None:
-        """Add the place of a tractor."""
-        line = self.lines[tractor]
-        if not is_working:
-            if line and line[-1] is not None:
-                line.append(None)
-            return
-        last = line[-1] if line else None
-        if (last is None or math.dist(last, (x_m, y_m)) >= COVERAGE_STEP_M) and len(line) < MOST_COVERAGE_POINTS:
-            line.append((x_m, y_m))
-
-
 READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
 DOUBT_CODE = "contradiction"  # of the alarm of a tractor in doubt
 FLEET_MANAGER = "centre"
@@ -188,7 +127,11 @@ def join_fleet_names(names: Sequence[str]) -> str:
 
 
 class FleetState:
-    """State of a fleet, with pending orders and events."""
+    """State of a fleet, with pending orders and events.
+
+    `lease_holders` drive tractors by remote control; a holder is one link of one operator. `coverage_lines` are those
+    of the guided point of each tractor while its implement is down.
+    """
 
     def __init__(self, plan: FleetPlan, rules: FleetRules, twins: TwinPredictions | None = None) -> None:
         self.plan, self.rules, self.twins = plan, rules, twins or TwinPredictions()
@@ -196,11 +139,11 @@ class FleetState:
         self.state = READY
         self.started_s: float | None = None
         self.states = [TractorState(mission) for mission in plan.timed_missions]
-        self.control_leases, self.alarms = ControlLeases(), AlarmRegister()
+        self.lease_holders, self.alarms = dict[int, str](), AlarmRegister()
         reach_m = 0.5 * max(plan.tractor.width_m, plan.implement.contact_width_m) + rules.obstacle_margin_m
         self.obstacles = ObstacleMap(reach_m)
         self.blocked_legs: list[dict[int, str]] = [{} for _ in plan.timed_missions]
-        self.coverage_map = CoverageMap(plan.tractor_count)
+        self.coverage_lines: list[list[CoveragePoint]] = [[] for _ in plan.timed_missions]
         self.guard = SafetyGuard(plan, rules, self.twins)
         self.neighbours = NeighbourFleets()
         self.finish_in_s, self.forecast_at_s = [math.inf] * plan.tractor_count, -math.inf
@@ -231,6 +174,34 @@ class FleetState:
                 parameter="tractor",
             )
 
+    def hand_lease(self, number: int, who: str, takeover: bool) -> str | None:
+        """Let somebody drive a tractor; returns who else drove it. Raises ControlLeaseError then without `takeover`."""
+        previous_holder = self.lease_holders.get(number)
+        if previous_holder not in (None, who) and not takeover:
+            raise ControlLeaseError(
+                f"Tractor {number + 1} is driven by {previous_holder}; take it over to drive it yourself."
+            )
+        self.lease_holders[number] = who
+        return previous_holder if previous_holder != who else None
+
+    def check_lease(self, number: int, who: str) -> None:
+        """Raise ControlLeaseError unless `who` drives this tractor, FleetManagerError for one that there is not."""
+        self.check_tractor_number(number)
+        holder = self.lease_holders.get(number)
+        if holder != who:
+            state_text = "nobody drives it" if holder is None else f"{holder} drives it"
+            raise ControlLeaseError(f"Tractor {number + 1} is not yours to drive: {state_text}. Take control first.")
+
+    def add_coverage(self, number: int, x_m: float, y_m: float, is_working: bool) -> None:
+        """Add the place of a tractor to its line of coverage."""
+        line = self.coverage_lines[number]
+        last = line[-1] if line else None
+        if not is_working:
+            if last is not None:
+                line.append(None)
+        elif (last is None or math.dist(last, (x_m, y_m)) >= COVERAGE_STEP_M) and len(line) < MOST_COVERAGE_POINTS:
+            line.append((x_m, y_m))
+
     def issue_order(self, number: int, kind: str, **data: Any) -> None:
         """Add an order to a tractor."""
         self._orders.append(TractorOrder(number, kind, data))
@@ -260,7 +231,7 @@ class FleetState:
     def hold_tractors_at_gates(self) -> None:
         """Hold tractors that a replanned plan makes wait where they stand, until their gates open."""
         for number, state in enumerate(self.states):
-            if state.done or state.has_no_more_legs or not find_gates_closed_on_base(state, self.states):
+            if state.done or state.has_no_more_legs or not state.find_gates_closed_on_base(self.states):
                 state.holds.discard(Hold.WAITS_FOR_PLAN)
             else:
                 self.hold_tractor(number, Hold.WAITS_FOR_PLAN)
@@ -329,8 +300,15 @@ class FleetState:
         return self.states[number].is_linked and not self.alarms.is_alarm_on("broken", number)
 
     def find_awaited_legs(self, number: int) -> list[tuple[int, int]]:
-        """The (tractor, leg) that a tractor waits for now."""
-        return find_awaited_legs(self.states[number], self.states, self.rules)
+        """The (tractor, leg) that a tractor near the end of its base waits for, without repeats: two gates may wait for
+        two places on one leg."""
+        state = self.states[number]
+        if state.done:
+            return []
+        gates, next_leg = state.find_gates_closed_on_base(self.states), state.base_end
+        if not gates and next_leg < len(state.mission.legs) and state.is_within_reach(next_leg, self.rules):
+            gates = state.find_closed_gates(next_leg, self.states)
+        return list(dict.fromkeys((gate.tractor, gate.leg) for gate in gates))
 
     def compute_total_worked_m(self) -> float:
         """Metres worked so far by all tractors."""

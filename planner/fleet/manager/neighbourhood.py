@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 import shapely
-from pyproj import CRS, Transformer
-from pyproj.exceptions import ProjError
 
+from fields.errors import FieldError
+from fields.geometry.geodesy import project
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.tractor_state import BY_HAND, Hold
@@ -63,18 +64,17 @@ class GroundConversion:
         self._terms: Array | None = None
         self._shift = np.asarray(source.origin_m) - np.asarray(target.origin_m)
         if source.crs != target.crs:
-            self._fit_conversion_terms(source, target, shapely.bounds(ground))
-
-    def _fit_conversion_terms(self, source: SavedPlan, target: SavedPlan, bounds: Array) -> None:
-        west, south, east, north = bounds
-        self._middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
-        self._size = max(east - west, north - south, 1.0)
-        x, y = np.meshgrid(*(middle + np.linspace(-0.5, 0.5, FIT_SAMPLES) * self._size for middle in self._middle))
-        places = np.column_stack([x.ravel(), y.ravel()])  # a square: one line would not determine the other direction
-        converted = _convert_by_wgs84(source, target, places)
-        self._terms = np.asarray(np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0], np.float64)
-        ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
-        self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
+            west, south, east, north = shapely.bounds(ground)
+            self._middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
+            self._size = max(east - west, north - south, 1.0)
+            x, y = np.meshgrid(*(middle + np.linspace(-0.5, 0.5, FIT_SAMPLES) * self._size for middle in self._middle))
+            # a square: one line would not determine the other direction
+            places = np.column_stack([x.ravel(), y.ravel()])
+            converted = _convert_places(source, target, places)
+            fitted = np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0]
+            self._terms = np.asarray(fitted, np.float64)
+            ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
+            self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
 
     def _compute_powers(self, places: Array) -> Array:
         x, y = ((places - self._middle) / self._size).T
@@ -91,22 +91,20 @@ class GroundConversion:
         return moved.reshape(poses.shape)
 
 
-def _convert_by_wgs84(source: SavedPlan, target: SavedPlan, places: Array) -> Array:
-    """Places (n, 2) in metres of one plan as those of another, through longitude and latitude."""
+def _convert_places(source: SavedPlan, target: SavedPlan, places: Array) -> Array:
+    """Places (n, 2) in metres of one plan as those of another, through longitude and latitude if they differ."""
+    source_origin, target_origin = np.asarray(source.origin_m), np.asarray(target.origin_m)
+    if source.crs == target.crs:
+        shifted: Array = places + (source_origin - target_origin)
+        return shifted
     if source.crs is None or target.crs is None:
         raise IncomparablePlacesError("One of two plans has local metres and the other a coordinate system.")
     try:
-        to_wgs84 = Transformer.from_crs(CRS(source.crs), WGS84, always_xy=True)
-        from_wgs84 = Transformer.from_crs(WGS84, CRS(target.crs), always_xy=True)
-        east, north = (places + np.asarray(source.origin_m)).T
-        converted = np.column_stack(from_wgs84.transform(*to_wgs84.transform(east, north))) - np.asarray(
-            target.origin_m
-        )
-    except ProjError as fault:
-        raise IncomparablePlacesError(f"A coordinate system cannot be used: {fault}") from None
-    if not np.isfinite(converted).all():
-        raise IncomparablePlacesError("The places of one plan have none in the coordinate system of the other.")
-    return np.asarray(converted)
+        degrees = project(places + source_origin, source.crs, WGS84)
+        converted: Array = project(degrees, WGS84, target.crs) - target_origin
+        return converted
+    except FieldError as fault:
+        raise IncomparablePlacesError(f"The places of two plans cannot be compared: {fault}") from None
 
 
 NEAR_M = 50.0
@@ -115,13 +113,7 @@ LOOKOUT_M = 5.0  # beyond what two could close in the predicted time
 
 def are_grounds_near(source: FleetPlan, target: FleetPlan) -> bool:
     """Whether the grounds of two plans come within NEAR_M. Raises IncomparablePlacesError."""
-    shift = np.asarray(source.saved.origin_m) - np.asarray(target.saved.origin_m)
-
-    def convert(places: Array) -> Array:
-        is_same = source.saved.crs == target.saved.crs
-        return places + shift if is_same else _convert_by_wgs84(source.saved, target.saved, places)
-
-    moved = shapely.transform(build_plan_extent(source), convert)
+    moved = shapely.transform(build_plan_extent(source), partial(_convert_places, source.saved, target.saved))
     return bool(shapely.dwithin(moved, build_plan_extent(target), NEAR_M))
 
 
@@ -152,13 +144,11 @@ class NeighbourhoodMember(NeighbourFleets):
     def update_neighbour_names(self, now: float) -> None:
         """Tell its fleet manager who is near, and who is at an unknown distance."""
         unknown = [self.unknown[id] for id in sorted(self.unknown)]
-        unplaced_beside = [fleet.name for fleet in unknown if self._is_unplaced_beside(fleet)]
+        # where both have coordinate systems, neither can be placed
+        has_own_metres = self.manager.plan.saved.crs is None
+        unplaced_beside = [one.name for one in unknown if has_own_metres or one.manager.plan.saved.crs is not None]
         near_names, unknown_names = [one.name for one in self.list_neighbours()], [fleet.name for fleet in unknown]
         self.manager.dangers.set_neighbours(near_names, unknown_names, unplaced_beside, now)
-
-    def _is_unplaced_beside(self, fleet: NeighbourhoodMember) -> bool:
-        """Whether it is this fleet that cannot be placed; where both have coordinate systems, neither can."""
-        return self.manager.plan.saved.crs is None or fleet.manager.plan.saved.crs is not None
 
     def find_nearby_tractors(self) -> list[NeighbourTractor]:
         """Tractors of neighbours that could come near its own within the predicted time."""

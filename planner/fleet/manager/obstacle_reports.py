@@ -19,7 +19,7 @@ import math
 
 from planner.fleet.manager.fleet_state import DOUBT_CODE, FleetObstacle, FleetState, Ring
 from planner.fleet.model.alarms import CRITICAL, WARNING
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import Hold
 
 LOOK_DELAY_S = 1.0  # after a report, in which nobody can have looked

@@ -11,11 +11,18 @@ import numpy as np
 from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED, FleetState, join_fleet_names
 from planner.fleet.manager.obstacle_reports import ObstacleReports
 from planner.fleet.model.alarms import CRITICAL, WARNING
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.model.tractor_state import MOVING_MPS, ONLINE, SAFE_TO_DRIVE, UNTIL_RESUMED, Hold, TractorState
-from planner.fleet.safety.base_release import is_passed
+from planner.fleet.model.tractor_state import (
+    MOVING_MPS,
+    ONLINE,
+    SAFE_TO_DRIVE,
+    UNTIL_RESUMED,
+    Hold,
+    TractorState,
+    is_passed,
+)
 from planner.fleet.safety.safety_guard import SafetyGuard
 
 RESTARTED, NEIGHBOUR_STOPPED = "restarted", "neighbour stopped"
@@ -87,12 +94,9 @@ class OperatorOrders:
             place = state.report.x_m, state.report.y_m
             offset_m = state.mission.compute_distance_to_leg_m(state.leg, place)
             heading_offset_rad = state.mission.compute_heading_offset_rad(state.leg, place, state.report.heading_rad)
-        holder = self.fleet.control_leases.get_holder(number)
+        holder = self.fleet.lease_holders.get(number)
         if is_single and holder is not None:
-            raise FleetManagerError(
-                f"Tractor {number + 1} is driven by {self.fleet.control_leases.get_holder(number)}; "
-                "they must give it back first."
-            )
+            raise FleetManagerError(f"Tractor {number + 1} is driven by {holder}; they must give it back first.")
         if is_single and Hold.REASSIGNED in state.holds:
             raise FleetManagerError(
                 f"The tracks of tractor {number + 1} were given to others; drive it by remote control only.",
@@ -164,7 +168,7 @@ class OperatorOrders:
             raise FleetManagerError(
                 f"Tractor {number + 1} has failed; mark it as working again first.", parameter="tractor"
             )
-        previous_holder = self.fleet.control_leases.take_lease_of(number, who, takeover)
+        previous_holder = self.fleet.hand_lease(number, who, takeover)
         state = self.fleet.states[number]
         state.holds.add(Hold.REMOTE_CONTROL)
         state.holds -= {Hold.PAUSED, Hold.SERVICE_RESTARTED}  # remote control holds it instead
@@ -177,13 +181,14 @@ class OperatorOrders:
 
     def return_lease(self, who: str, number: int, now: float) -> None:
         """Give a tractor back; it stands until it is resumed."""
-        if self.fleet.control_leases.end_lease_of(number, who):
+        if self.fleet.lease_holders.get(number) == who:
+            del self.fleet.lease_holders[number]
             self.fleet.stop_tractor(number, "remote control ended")
             self.fleet.log_event(who, "leave", tractor=number + 1)
 
     def disconnect_operator(self, who: str, now: float) -> list[int]:
         """The link of an operator is down: their leased tractors stop. Returns these."""
-        leased_numbers = self.fleet.control_leases.list_tractors_leased_by(who)
+        leased_numbers = sorted(number for number, holder in self.fleet.lease_holders.items() if holder == who)
         for number in leased_numbers:
             self.return_lease(who, number, now)
         return leased_numbers
@@ -194,8 +199,7 @@ class OperatorOrders:
         Both are limited to what the rules and the tractor allow. Raises ControlLeaseError without a lease, and
         FleetManagerError, after stopping the tractor, if the command would do harm or the tractor must stand.
         """
-        self.fleet.check_tractor_number(number)
-        self.fleet.control_leases.check_holder(number, who)
+        self.fleet.check_lease(number, who)
         state = self.fleet.states[number]
         lock_rad = math.radians(self.fleet.plan.tractor.max_steering_deg)
         steering = min(max(steering_rad, -lock_rad), lock_rad)
@@ -230,9 +234,7 @@ class OperatorOrders:
         self.fleet.states[number].failed = True
         self.fleet.states[number].holds.add(Hold.FAILED)
         self.fleet.stop_tractor(number, Hold.FAILED)
-        holder = self.fleet.control_leases.get_holder(number)
-        if holder is not None:
-            self.fleet.control_leases.end_lease_of(number, holder)
+        self.fleet.lease_holders.pop(number, None)
         sentence = f"Tractor {number + 1} has failed; plan its remaining tracks for the others."
         self.fleet.raise_alarm("failed", number, CRITICAL, sentence, now)
         self.fleet.log_event(who, "fail", tractor=number + 1)

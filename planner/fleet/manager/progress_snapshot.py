@@ -32,12 +32,7 @@ def capture_progress(manager: FleetManager, now: float, clock_s: float) -> dict[
     return {
         "state": manager.state,
         "started_clock_s": started_clock_s,
-        "tractors": [
-            {key: getattr(state, name) for key, name in LASTING_FIELDS.items()}
-            | {"holds": sorted(state.holds - TRANSIENT_HOLDS), "last": _capture_last_report(state, now, clock_s)}
-            | {"doubt": _capture_doubt(state, now, clock_s)}
-            for state in manager.states
-        ],
+        "tractors": [_capture_tractor(state, now, clock_s) for state in manager.states],
         "obstacles": [
             {"id": block.id, "name": block.name, "who": block.who, "ring": [list(point) for point in block.ring]}
             for block in manager.obstacles.items.values()
@@ -48,17 +43,16 @@ def capture_progress(manager: FleetManager, now: float, clock_s: float) -> dict[
     }
 
 
-def _capture_last_report(state: TractorState, now: float, clock_s: float) -> dict[str, Any] | None:
-    """The last report of a tractor and when it came; None without one."""
-    if state.report is None:
-        return None
-    contact = {"clock_s": clock_s - (now - state.last_fix_s), "said_goodbye": state.has_disconnected}
-    return {"report": state.report._asdict()} | contact
-
-
-def _capture_doubt(state: TractorState, now: float, clock_s: float) -> dict[str, Any] | None:
-    """The doubt of a tractor, since seconds since 1970; None without one."""
-    return None if state.doubt is None else asdict(state.doubt) | {"since_s": clock_s - (now - state.doubt.since_s)}
+def _capture_tractor(state: TractorState, now: float, clock_s: float) -> dict[str, Any]:
+    """A tractor with its last report and when it came, and its doubt, if there are any."""
+    values = {key: getattr(state, name) for key, name in LASTING_FIELDS.items()}
+    values |= {"holds": sorted(state.holds - TRANSIENT_HOLDS), "last": None, "doubt": None}
+    if state.report is not None:
+        contact = {"clock_s": clock_s - (now - state.last_fix_s), "said_goodbye": state.has_disconnected}
+        values["last"] = {"report": state.report._asdict()} | contact
+    if state.doubt is not None:
+        values["doubt"] = asdict(state.doubt) | {"since_s": clock_s - (now - state.doubt.since_s)}
+    return values
 
 
 def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, clock_s: float) -> None:
@@ -77,15 +71,13 @@ def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, c
         obstacle = manager.obstacle_reports.add(block["who"], ring, block["name"], now)
         codes[f"obstacle {block.get('id')}"] = f"obstacle {obstacle.id}"
     if "alarms" in saved:
-        manager.alarms.restore(_restore_alarm(values, codes, now - clock_s) for values in saved["alarms"])
+        alarms = []
+        for values in saved["alarms"]:  # obstacles have new numbers, which the codes of alarms that are on have too
+            code = values["code"] if values["over"] else codes.get(values["code"], values["code"])
+            alarms.append(FleetAlarm(**values | {"code": code, "since_s": values["since_s"] + (now - clock_s)}))
+        manager.alarms.restore(alarms)
     if manager.state in (RUNNING, STOPPED):
         manager.operators.hold_after_restart(now)
-
-
-def _restore_alarm(values: dict[str, Any], codes: dict[str, str], offset_s: float) -> FleetAlarm:
-    """A saved alarm; obstacles have new numbers, given by `codes` for alarms that are on."""
-    code = values["code"] if values["over"] else codes.get(values["code"], values["code"])
-    return FleetAlarm(**values | {"code": code, "since_s": values["since_s"] + offset_s})
 
 
 def _restore_tractor(state: TractorState, values: dict[str, Any], offset_s: float) -> None:

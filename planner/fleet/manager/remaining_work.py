@@ -12,8 +12,8 @@ import numpy.typing as npt
 import shapely
 
 from planner.fleet.manager.fleet_state import FleetState
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import BY_HAND, MANUAL, REMOTE, Hold, TractorState
 from planner.fleet.safety.motion_prediction import compute_braking_distance_m
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 
 WARNING, CRITICAL = "warning", "critical"
 DECIMAL_NUMBER = re.compile(r"\d+\.\d+")
@@ -125,25 +125,23 @@ class AlarmRegister:
         self.version += 1
 
     def describe_alarms(self) -> list[dict[str, Any]]:
-        """Alarms as items of a frame; the number at the end of a code becomes `related_number`."""
-        return [
-            {
-                "id": a.id,
-                **_split_alarm_code(a.code),
-                "level": a.level,
-                "sentence": a.sentence,
-                "tractor": None if a.tractor is None else a.tractor + 1,
-                "since": a.since_s,
-                "acknowledged": a.acknowledged,
-                "over": a.over,
-            }
-            for a in self._items.values()
-        ]
-
-
-def _split_alarm_code(code: str) -> dict[str, Any]:
-    """Split a code into its kind and the number (from 1) at its end, if any; a fleet id after a slash is dropped."""
-    kind, _, number = code.rpartition(" ")
-    if not number.isdigit():
-        return {"code": code, "related_number": None}
-    return {"code": kind.partition("/")[0], "related_number": int(number)}
+        """Alarms as items of a frame; the number (from 1) at the end of a code becomes `related_number`, and a fleet id
+        after a slash is dropped."""
+        items = []
+        for a in self._items.values():
+            kind, _, number = a.code.rpartition(" ")
+            has_number = number.isdigit()
+            items.append(
+                {
+                    "id": a.id,
+                    "code": kind.partition("/")[0] if has_number else a.code,
+                    "related_number": int(number) if has_number else None,
+                    "level": a.level,
+                    "sentence": a.sentence,
+                    "tractor": None if a.tractor is None else a.tractor + 1,
+                    "since": a.since_s,
+                    "acknowledged": a.acknowledged,
+                    "over": a.over,
+                }
+            )
+        return items

@@ -20,7 +20,7 @@ from fields.geometry.overlays import unite
 from fields.sample_fields import list_sample_names
 from fields.units import DAY_S
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_physics, read_request
 from planner.request.plan_request import PlanRequest

@@ -1,15 +1,23 @@
-"""The rules by which a fleet is watched and driven."""
+"""The rules by which a fleet is watched and driven, and the refusals of its fleet manager."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
 
+from fields.errors import HeadlandError
 from fields.units import MPS_PER_KMH
-from planner.fleet.model.errors import FleetManagerError
 
 SHORTEST_HORIZON_S, LONGEST_HORIZON_S = 2.0, 600.0
 MAY_BE_ZERO = frozenset({"fence_margin_m", "clearance_m", "beside_m", "release_m", "release_s", "obstacle_margin_m"})
+
+
+class FleetManagerError(HeadlandError):
+    """An order or report that cannot be accepted now: one sentence with the value, the rule and the fix."""
+
+
+class ControlLeaseError(FleetManagerError):
+    """Another operator drives that tractor."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +32,7 @@ class FleetRules:
     widened by `fence_margin_m`. Paths are predicted `ahead_s`; two tractors that would come nearer than `clearance_m`
     (`beside_m` side by side) raise an alarm, and are stopped when only `reaction_s` and braking at `deceleration_mps2`
     remain. They resume once their path has been clear by `release_m` more for `release_s` of the fleet's clock, see
-    planner.fleet.safety.separation. `times` is how much faster than real time the fleet runs.
+    planner.fleet.manager.danger_watch. `times` is how much faster than real time the fleet runs.
     """
 
     silence_s: float = 1.0

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, NamedTuple
 
+from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
-from vehicle.missions.plan import Leg
+from vehicle.missions.plan import Leg, LegGate
 
 
 @dataclass(frozen=True)
@@ -221,3 +223,37 @@ class TractorState:
         if self.is_linked and now - self.last_contact_s <= silence_s:
             return ONLINE
         return OFFLINE if self.has_disconnected and not self.is_linked else BROKEN
+
+    # Which legs it may drive: base and horizon, as in VDA 5050 (6.1). The base is never taken back, and reaches only a
+    # little ahead. A leg joins it once the leg before has, its gates are open by what the other tractors have really
+    # driven, and nothing blocks it.
+
+    def find_closed_gates(self, leg: int, states: Sequence[TractorState]) -> list[LegGate]:
+        """The gates of a leg that are not open yet."""
+        return [gate for gate in self.mission.legs[leg].gates if not is_passed(gate, states)]
+
+    def find_gates_closed_on_base(self, states: Sequence[TractorState]) -> list[LegGate]:
+        """Closed gates for which it stands on a base leg; only replanned plans have them."""
+        return self.find_closed_gates(self.leg, states) if self.leg < self.base_end else []
+
+    def compute_base_end(self, states: Sequence[TractorState], blocked: Mapping[int, str], rules: FleetRules) -> int:
+        """The number of legs in its base now, at least as many as before."""
+        base_end = self.base_end
+        while base_end < len(self.mission.legs) and base_end not in blocked:
+            is_beyond_reach = base_end > self.leg and not self.is_within_reach(base_end, rules)
+            if is_beyond_reach or self.find_closed_gates(base_end, states):
+                break
+            base_end += 1
+        return base_end
+
+    def is_within_reach(self, leg: int, rules: FleetRules) -> bool:
+        """Whether the base may reach as far ahead as the start of a leg."""
+        speed_mps = max(self.present_leg.speed_mps, 0.0)
+        reach_m = max(rules.base_m, rules.base_s * speed_mps * rules.times)
+        return self.mission.leg_starts_m[leg] - self.position_m <= reach_m
+
+
+def is_passed(gate: LegGate, states: Sequence[TractorState]) -> bool:
+    """Whether a tractor has reached the place that a gate waits for."""
+    awaited = states[gate.tractor]
+    return awaited.done or (awaited.leg, awaited.leg_m) >= (gate.leg, gate.after_m) or awaited.leg > gate.leg

@@ -20,10 +20,10 @@ from planner.evaluation.candidates.energy_figures import find_service_conflict
 from planner.evaluation.candidates.fleet_drive import FleetDriver
 from planner.evaluation.context import PlanningContext
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
-from planner.fleet.safety.base_release import is_passed
+from planner.fleet.model.tractor_state import is_passed
 from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -48,7 +48,7 @@ class RestDriver:
     def drive(self, missions: Sequence[tuple[Leg, ...]]) -> SimulationRun:
         """The run of all that is left, with tractors served one at a time where only one can be.
 
-        Raises FleetManagerError if conflicts remain.
+        Raises FleetManagerError if conflicts remain, with the tractor to pause if one would have to wait on its base.
         """
         try:
             run, conflict = self._driver.drive(self._build_plan(missions))
@@ -56,22 +56,9 @@ class RestDriver:
             raise self._refuse(f"The remaining work cannot be planned: {refusal}") from None
         if conflict is not None or run.outcome != DONE:
             raise self._refuse(f"The remaining work cannot be planned: {conflict or run.outcome}.")
-        self._check_nobody_waits_on_way(run.plan)
-        crowding = find_service_conflict(run, self._context.supply)
-        if crowding is not None:
-            raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
-        return run
-
-    def _refuse(self, sentence: str) -> FleetManagerError:
-        """A refusal, with what may help where tractors drive, as these cannot wait."""
-        names = _name_tractors(sorted(self._on_way - set(self._remaining.excluded)))
-        advice = [f"It may help to pause {names}, and to replan once all stand."] if names else []
-        return FleetManagerError(" ".join([sentence, *advice]))
-
-    def _check_nobody_waits_on_way(self, plan: Plan) -> None:
-        """Raise FleetManagerError, with the tractor to pause, if one would have to wait on its base."""
+        # nobody may have to wait on legs that are driven or released
         remaining, waiting = self._remaining, list[int]()
-        for number, mission in enumerate(plan.missions):
+        for number, mission in enumerate(run.plan.missions):
             first = 0 if number in self._on_way else 1
             base = mission.legs[first : remaining.count_base_legs(number)]
             if any(gate.tractor not in remaining.excluded for leg in base for gate in leg.gates):
@@ -83,6 +70,16 @@ class RestDriver:
                 "and replan once all paused tractors stand; resume them after you accept the plan.",
                 parameter="without",
             )
+        crowding = find_service_conflict(run, self._context.supply)
+        if crowding is not None:
+            raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
+        return run
+
+    def _refuse(self, sentence: str) -> FleetManagerError:
+        """A refusal, with what may help where tractors drive, as these cannot wait."""
+        names = _name_tractors(sorted(self._on_way - set(self._remaining.excluded)))
+        advice = [f"It may help to pause {names}, and to replan once all stand."] if names else []
+        return FleetManagerError(" ".join([sentence, *advice]))
 
     def _build_plan(self, missions: Sequence[tuple[Leg, ...]]) -> Plan:
         plan, supply = _build_plan_from_here(self._remaining, missions), self._context.supply

@@ -23,8 +23,8 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import build_lane_ground, build_site, build_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg, drop_settled_gates
 from planner.fleet.safety.motion_prediction import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
@@ -88,13 +88,8 @@ class _TakenGround:
         return " and ".join(cause for cause, shape in self.shapes.items() if shapely.intersects(shape, place))
 
 
-@dataclass(frozen=True, eq=False)
-class _DrivenPlan:
-    """A plan that was driven from where all tractors are; `missions` have all legs, with those that are kept."""
-
-    composed: ComposedPlan
-    missions: list[tuple[Leg, ...]]
-    run: SimulationRun
+_DrivenPlan = tuple[ComposedPlan, list[tuple[Leg, ...]], SimulationRun]
+"""A plan that was driven from where all tractors are, with all legs, those that are kept among them."""
 
 
 def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
@@ -123,12 +118,12 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
         context = replace(context, layout=replace(context.layout, field=field))
     context.site_cache[SiteMoves] = moves = build_site_moves(context, build_site(context, taken.area))
     try:
-        driven = _drive_best(remaining, context, ends, helpers)
+        composed, missions, run = _drive_best(remaining, context, ends, helpers)
     except FleetManagerError as refusal:
         sentence = " ".join([str(refusal), *_describe_caught(remaining, taken, half_m, reach_m)])
         raise FleetManagerError(sentence, parameter=refusal.parameter) from None
     numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
-    left_m = math.fsum(moves.lines[number].length_m for number in driven.composed.programme.left)
+    left_m = math.fsum(moves.lines[number].length_m for number in composed.programme.left)
     work_m = math.fsum(line.length_m for line in moves.lines if not line.is_place)
     due = context.layout.field.due_region
     blocked_m = intersect(due, taken.area).area / context.layout.width_m
@@ -139,9 +134,9 @@ def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:
         *_describe_unknown_load(plan, whole.supply),
     ]
     return ReplanProposal(
-        build_whole_plan(remaining, context, driven.missions, driven.run),
+        build_whole_plan(remaining, context, missions, run),
         tuple(ends),
-        float(max(driven.run.finish_s[n] for n in numbers)) / remaining.times,
+        float(max(run.finish_s[n] for n in numbers)) / remaining.times,
         work_m - left_m,
         left_m,
         blocked_m,
@@ -299,7 +294,7 @@ def _drive_best(
         except FleetManagerError as refusal:
             return refusal, math.inf
         seconds = (run.finish_s[n] for n in range(len(missions)) if n not in remaining.excluded)
-        return _DrivenPlan(composed, missions, run), float(max(seconds))
+        return (composed, missions, run), float(max(seconds))
 
     try:
         sketches = sketch_plans(context, STRATEGY, len(helpers))

@@ -10,8 +10,8 @@ from typing import Any
 from planner.errors import HeadlandError, render_refusal
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.remaining_work import RemainingWork, extract_remaining_work
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import encode_leg
 from planner.fleet.replanning.planning_anew import ReplanProposal, continue_remaining_work
 

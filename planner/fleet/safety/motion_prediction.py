@@ -22,6 +22,7 @@ STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
 ROUNDING_M = 0.01  # rounding, of distances that must not become smaller
 PREDICTION_ERROR_M = 0.15  # of poses predicted along legs
+CONTACT_M = 0.05  # a distance that counts as contact
 
 
 class TwinPredictions:
@@ -160,6 +161,31 @@ TractorKey = tuple[str, int]
 """Id of a fleet, and the number of its tractor from 0."""
 
 
+NearPair = tuple[int, int | TractorKey]
+"""A tractor, and another one of its fleet or of a neighbouring fleet."""
+
+
+@dataclass(frozen=True)
+class SafetyDanger:
+    """Two tractors will be too near, or one will leave the fence (`second` is None), in `in_s` seconds.
+
+    `is_urgent` if only the time to stop remains. `distance_m` is the first distance that is too small, and
+    `least_distance_m` the smallest predicted. `second` may be a tractor of another fleet.
+    """
+
+    first: int
+    second: int | TractorKey | None
+    in_s: float
+    distance_m: float
+    is_urgent: bool
+    least_distance_m: float = 0.0
+
+
+def sort_pair(first: int, second: int | TractorKey) -> NearPair:
+    """A pair of one fleet has its lower number first."""
+    return (min(first, second), max(first, second)) if isinstance(second, int) else (first, second)
+
+
 @dataclass(frozen=True, eq=False)
 class PossibleArea:
     """The ground that may be under a machine: within `radii_m` (steps,) of `centre` (2,), in metres of the observing
@@ -211,11 +237,6 @@ class NeighbourTractor:
     is_linked: bool
     is_queueing: bool
     area: PossibleArea | None
-
-    @property
-    def expected_path(self) -> AnyArray:
-        """Its path; a waiting tractor stays where it is."""
-        return np.repeat(self.path[:1], len(self.path), axis=0) if self.is_waiting else self.path
 
 
 class NeighbourFleets:

@@ -16,11 +16,14 @@ from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
 from planner.fleet.safety.motion_prediction import (
+    CONTACT_M,
     PREDICTION_ERROR_M,
     ROUNDING_M,
     STEP_S,
+    NearPair,
     NeighbourTractor,
     PossibleArea,
+    SafetyDanger,
     TractorKey,
     TwinPredictions,
     build_footprint,
@@ -33,8 +36,8 @@ from planner.fleet.safety.motion_prediction import (
     place_outline,
     predict_arc,
     predict_path,
+    sort_pair,
 )
-from planner.fleet.safety.separation import CONTACT_M, NearPair, SafetyDanger, sort_pair
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.sim.compile import build_model_record, list_contact_boxes
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
@@ -368,7 +371,7 @@ class SafetyGuard:
         }
         for neighbour in neighbours:
             predicted_paths[neighbour.key] = _PredictedPath(
-                neighbour.expected_path,
+                _repeat_first_pose(neighbour.path) if neighbour.is_waiting else neighbour.path,
                 neighbour.model,
                 neighbour.boxes,
                 self.neighbour_clearances_m,

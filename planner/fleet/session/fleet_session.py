@@ -17,9 +17,8 @@ from planner.fleet.manager.fleet_state import FLEET_MANAGER
 from planner.fleet.manager.progress_snapshot import capture_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits
 from planner.fleet.model.alarms import CRITICAL
-from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import ONLINE, FleetEvent, TractorOrder
 from planner.fleet.replanning.proposals import ReplanProposals
 from planner.fleet.session import frame_content, inbound_frames
@@ -54,7 +53,7 @@ SETS_IN_MOTION = frozenset({"resume", "command"})
 
 
 class FleetSession:
-    """A live fleet. The times of its recording start at `begin_s` (seconds since 1970); `created` is from the store.
+    """A live fleet. The times of its recording start at `begin_s` (seconds since 1970).
 
     By tractor: `diagnoses` are the last diagnosis jobs, `findings` their results, `diagnosed_doubts` the times of the
     last doubts that were diagnosed automatically, `twin_files` the tractor files that twins use instead of the plan's.
@@ -72,10 +71,9 @@ class FleetSession:
         deadline_s: float | None = None,
         finish_distribution: FinishDistribution | None = None,
         proposals: ReplanProposals | None = None,
-        created: str = "",
     ) -> None:
         self.id, self.name, self.begin_s, self.deadline_unix_s = id, name, begin_s, deadline_s
-        self.finish_distribution, self.created = finish_distribution, created
+        self.finish_distribution = finish_distribution
         self.plan_text: str | None = None
         self.twins = FleetTwins(plan, twin_method, rules.times, begin_s)
         self.manager = FleetManager(plan, rules, self.twins)
@@ -94,7 +92,6 @@ class FleetSession:
         self.findings: dict[int, dict[str, Any]] = {}
         self.twin_files: dict[int, str] = {}
         self.clocks = [TractorClock() for _ in range(plan.tractor_count)]
-        self._clocks_reported: list[float | None] = [None] * plan.tractor_count
         self._link_count = 0
         self._state_times_s: list[float | None] = [None] * plan.tractor_count
         self._changed = set(range(plan.tractor_count))
@@ -209,10 +206,10 @@ class FleetSession:
         """Update the alarm of a tractor's wrong clock."""
         clock = self.clocks[number]
         if not clock.offset_s:
-            self._clocks_reported[number] = None
+            clock.reported_s = None
             self.manager.update_clock_alarm(number, None, is_echoed, now)
-        elif now - clock.since_s >= CLOCK_ALARM_S and self._clocks_reported[number] != clock.since_s:
-            self._clocks_reported[number] = clock.since_s
+        elif now - clock.since_s >= CLOCK_ALARM_S and clock.reported_s != clock.since_s:
+            clock.reported_s = clock.since_s
             self.manager.update_clock_alarm(number, describe_offset(clock.offset_s), is_echoed, now)
 
     def carry_out(self, client: FleetClient, frame: Any, now: float) -> None:
@@ -273,15 +270,14 @@ class FleetSession:
         speed_mps = 0.0 if frame.start == 0 else frame.speed_command_mps
         if frame.shuttle is not None:
             speed_mps = abs(speed_mps) * frame.shuttle
-        self.manager.check_tractor_number(frame.tractor - 1)
-        self.manager.control_leases.check_holder(frame.tractor - 1, client.who)
+        self.manager.check_lease(frame.tractor - 1, client.who)
         self.freshness.check_command_fresh(frame, speed_mps != 0.0, time.time())
         self.manager.operators.send_command(
             client.who, frame.tractor - 1, math.radians(frame.steering_command_deg), speed_mps, now
         )
 
     def _send_lease(self, number: int) -> None:
-        holder = self.manager.control_leases.get_holder(number)
+        holder = self.manager.lease_holders.get(number)
         for client in self.clients:
             if client.role == CONTROL:
                 client.send(

@@ -155,7 +155,7 @@ def build_tick_tractor(manager: FleetManager, number: int, now: float, state_s: 
         "age_s": None if report is None else round(now - state.last_fix_s, 2),
         "mode": state.mode,
         "holds": sorted(state.holds),
-        "holder": manager.control_leases.get_holder(number),
+        "holder": manager.lease_holders.get(number),
         "leg": state.leg,
         "leg_m": round(state.leg_m, 2),
         "base_end": state.base_end,
@@ -219,7 +219,7 @@ def build_alarms(manager: FleetManager) -> dict[str, Any]:
 
 def build_coverage(manager: FleetManager, number: int, first: int) -> dict[str, Any] | None:
     """The coverage frame of a tractor after the first points; None for nothing new."""
-    points = manager.coverage_map.lines[number][first:]
+    points = manager.coverage_lines[number][first:]
     if not points:
         return None
     east, north = manager.plan.saved.origin_m

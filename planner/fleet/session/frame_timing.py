@@ -20,9 +20,9 @@ Orders that arrive late must not set a tractor in motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.session.inbound_frames import AcknowledgeFrame, CommandFrame, ResumeFrame, StartFrame
 
 SLOW_CLOCK_S, FAST_CLOCK_S = 4.0, 2.0
@@ -48,6 +48,7 @@ class TractorClock:
     def __init__(self) -> None:
         self.offset_s = 0.0
         self.since_s = 0.0  # when it was last found wrong, or right again
+        self.reported_s: float | None = None  # of which `since_s` an alarm tells
         self._previous: tuple[float, float] | None = None
         self._begun_s: float | None = None
         self._least_s = self._most_s = 0.0
@@ -63,7 +64,11 @@ class TractorClock:
         bound_s = None if heartbeat_s is None or not 0.0 <= now - heartbeat_s <= LATEST_ECHO_S else now - heartbeat_s
         late_s = lag_s - self.offset_s
         if late_s < -FAST_CLOCK_S or (late_s > SLOW_CLOCK_S and self._is_lag_from_clock(lag_s, late_s, bound_s, now)):
-            self._set_offset(lag_s, now)
+            # within the limits counts as none
+            offset_s = 0.0 if -FAST_CLOCK_S <= lag_s <= SLOW_CLOCK_S else lag_s
+            if abs(offset_s - self.offset_s) > FAST_CLOCK_S:
+                self.since_s = now
+            self.offset_s = offset_s
         elif self.offset_s and late_s < 0.0:
             self.offset_s = lag_s
         late_s = max(lag_s - self.offset_s, 0.0)
@@ -71,13 +76,6 @@ class TractorClock:
         self._previous = lag_s, now
         unsure_s = 0.0 if not self.offset_s else UNKNOWN_S if bound_s is None else max(bound_s - late_s, 0.0)
         return StateTiming(time_s + self.offset_s, late_s, unsure_s)
-
-    def _set_offset(self, lag_s: float, now: float) -> None:
-        """Set the offset; one within the limits counts as none."""
-        offset_s = 0.0 if -FAST_CLOCK_S <= lag_s <= SLOW_CLOCK_S else lag_s
-        if abs(offset_s - self.offset_s) > FAST_CLOCK_S:
-            self.since_s = now
-        self.offset_s = offset_s
 
     def _is_lag_from_clock(self, lag_s: float, late_s: float, bound_s: float | None, now: float) -> bool:
         """Whether the lag comes from the clock and not from the link."""
@@ -109,11 +107,7 @@ def format_utc(clock_s: float | None = None, precision: str = "milliseconds") ->
 
 def describe_offset(offset_s: float) -> str:
     """The error of a clock as text: 1:00:03 ahead."""
-    seconds = round(abs(offset_s))
-    days, remaining_seconds = divmod(seconds, 86_400)
-    text = f"{remaining_seconds // 3600}:{remaining_seconds // 60 % 60:02}:{remaining_seconds % 60:02}"
-    if days:
-        text = f"{days} day{'s' if days > 1 else ''} {text}"
+    text = str(timedelta(seconds=round(abs(offset_s)))).replace(",", "")
     return f"{text} {'behind' if offset_s > 0.0 else 'ahead'}"
 
 

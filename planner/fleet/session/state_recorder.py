@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
-import zipfile
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.session.inbound_frames import StateFrame
 
 COLUMNS = (
@@ -19,7 +18,6 @@ ROW_COLUMNS = ("sequence", *COLUMNS, "leg", "leg_m", "mode")
 TIME_COLUMN, SHUTTLE_COLUMN = ROW_COLUMNS.index("time_s"), ROW_COLUMNS.index("shuttle")
 COMMAND_COLUMNS = ROW_COLUMNS.index("speed_command_mps"), ROW_COLUMNS.index("steering_command_deg")
 FRAME_GAP_S = 0.4  # between two frames, beyond which the commands in between are unknown
-ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 StateRow = list[Any]
 
 
@@ -137,12 +135,3 @@ def format_log_csv(rows: Sequence[StateRow]) -> str:
     for row in select_rising_rows(rows):
         writer.writerow(["" if value is None else value for value in row[1 : 1 + len(COLUMNS)]])
     return text.getvalue()
-
-
-def zip_logs(logs: Sequence[tuple[str, str]]) -> bytes:
-    """Named texts as a zip file; the same texts give the same bytes."""
-    data = io.BytesIO()
-    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in logs:
-            archive.writestr(zipfile.ZipInfo(name, ZIP_TIME), text, zipfile.ZIP_DEFLATED)
-    return data.getvalue()

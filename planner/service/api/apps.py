@@ -155,17 +155,14 @@ def list_control_routers() -> list[APIRouter]:
 
 
 @cache
-def _build_kind_routers() -> tuple[APIRouter, ...]:
-    """The routers of each kind of file and of job; like those of modules they belong to no app and are made once."""
-    return *map(build_files_router, FILE_KIND_BY_PATH), *map(build_jobs_router, JOB_KIND_BY_PATH)
-
-
-def list_back_office_routers() -> list[APIRouter]:
-    """All other routers."""
-    return [
-        *_build_kind_routers(), plans_router, form_router, all_jobs_router, background_router,
-        fleet_routes.recording_router, administration.tokens_router, administration.events_router, docs_router,
-    ]  # fmt: skip
+def list_back_office_routers() -> tuple[APIRouter, ...]:
+    """All other routers; those of each kind of file and of job belong to no app and are made once, as those of modules
+    are."""
+    return (
+        *map(build_files_router, FILE_KIND_BY_PATH), *map(build_jobs_router, JOB_KIND_BY_PATH), plans_router,
+        form_router, all_jobs_router, background_router, fleet_routes.recording_router, administration.tokens_router,
+        administration.events_router, docs_router,
+    )  # fmt: skip
 
 
 def _build_app(
@@ -221,7 +218,7 @@ def _set_up_back_office_state(app: FastAPI) -> None:
 def _build_routes(*, has_control: bool = True, has_office: bool = True) -> tuple[BaseRoute, ...]:
     """Routes below /api/v1, with their models of parameters and answers: made once, as that takes half a second, and
     shared by all apps of a process."""
-    control, office = list_control_routers() if has_control else [], list_back_office_routers() if has_office else []
+    control, office = list_control_routers() if has_control else [], list_back_office_routers() if has_office else ()
     dependencies = [Depends(refuse_unknown_query)]
     combined = APIRouter(prefix=API_PREFIX, dependencies=dependencies)
     for router in (*control, *office):

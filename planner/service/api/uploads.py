@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import PurePosixPath
 from typing import Annotated, Any
@@ -95,7 +96,10 @@ def _add_read_routes(router: APIRouter, kind: str) -> None:
     @router.get("", operation_id=f"list_{kind}s")
     def list_files(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> FileList:
         """All of them by name, or those that are searched for; those of Headland first."""
-        samples = [_describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
+        suffix = SUFFIXES_BY_KIND[kind][0]
+        describe = partial(FileInfo, kind=kind, suffix=suffix, media=MEDIA_BY_SUFFIX[suffix], created=None, sample=True)
+        names = (name for name in list_samples(kind) if is_found(name, search))
+        samples = [describe(name=name, size=len(_read_sample(kind, name))) for name in names]
         return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
     media = {MEDIA_BY_SUFFIX.get(suffix, BYTES).split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
@@ -313,12 +317,6 @@ def list_samples(kind: str) -> tuple[str, ...]:
     if kind == "log":
         return (SAMPLE_LOG,)
     return {"field": list_sample_names, "tractor": list_tractor_names}.get(kind, tuple)()
-
-
-def _describe_sample(kind: str, name: str) -> FileInfo:
-    suffix, content = SUFFIXES_BY_KIND[kind][0], _read_sample(kind, name)
-    values: dict[str, Any] = {"kind": kind, "name": name, "suffix": suffix, "media": MEDIA_BY_SUFFIX[suffix]}
-    return FileInfo(**values, size=len(content), created=None, sample=True)
 
 
 def _read_sample(kind: str, name: str) -> bytes:

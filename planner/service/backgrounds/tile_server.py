@@ -103,7 +103,13 @@ def place_metres(crs: str, easting_m: float, northing_m: float) -> PlacementInfo
     origin = np.array([easting_m, northing_m])
     ticks = np.linspace(-REACH_M, REACH_M, GRID_POINTS)
     around = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
-    mercator = _project_to_mercator(np.vstack([origin, origin + around]), crs)
+    degrees = project(np.vstack([origin, origin + around]), crs, WGS84)
+    if np.abs(degrees[:, 1]).max() > UTM_NORTH_DEG + 1.0:
+        raise ServiceError("The place lies at a pole, where maps have no background.", parameter="crs")
+    longitudes_deg = degrees[0, 0] + np.remainder(degrees[:, 0] - degrees[0, 0] + 180.0, 360.0) - 180.0
+    radius_m = HALF_WIDTH_M / math.pi
+    northing = radius_m * np.arctanh(np.sin(np.radians(degrees[:, 1])))
+    mercator = np.column_stack([radius_m * np.radians(longitudes_deg), northing])
     centre, offsets = mercator[0], mercator[1:] - mercator[0]
     forward, forward_error = _fit_polynomial(around, offsets)
     backward, backward_error = _fit_polynomial(offsets, around)
@@ -123,16 +129,6 @@ def place_degrees(longitude_deg: float, latitude_deg: float) -> PlacementInfo:
     crs = find_utm_crs(longitude_deg, latitude_deg)
     easting, northing = project(np.array([[longitude_deg, latitude_deg]]), WGS84, crs)[0].round()
     return place_metres(crs, float(easting), float(northing))
-
-
-def _project_to_mercator(points: FloatArray, crs: str) -> FloatArray:
-    degrees = project(points, crs, WGS84)
-    if np.abs(degrees[:, 1]).max() > UTM_NORTH_DEG + 1.0:
-        raise ServiceError("The place lies at a pole, where maps have no background.", parameter="crs")
-    longitudes_deg = degrees[0, 0] + np.remainder(degrees[:, 0] - degrees[0, 0] + 180.0, 360.0) - 180.0
-    radius_m = HALF_WIDTH_M / math.pi
-    northing = radius_m * np.arctanh(np.sin(np.radians(degrees[:, 1])))
-    return np.column_stack([radius_m * np.radians(longitudes_deg), northing])
 
 
 def _fit_polynomial(points_m: FloatArray, values_m: FloatArray) -> tuple[list[list[float]], float]:

@@ -21,10 +21,12 @@ from fastapi import Depends, Request, Response
 from pydantic import Field, ValidationError
 from pydantic.json_schema import models_json_schema
 
+from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.session import inbound_frames, outbound_messages
+from planner.fleet.session.clients import CONTROL, FleetClient
 from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
-from planner.fleet.session.state_recorder import format_log_csv, zip_logs
+from planner.fleet.session.state_recorder import format_log_csv
 from planner.request.option_texts import parse_clock
 from planner.request.validation import describe_fault, format_location
 from planner.service.access.permissions import (
@@ -70,7 +72,7 @@ FleetReader = Annotated[Caller, Depends(RequiredRight(READ, fleet_parameter="id"
 JSON_TYPE = "application/json"
 RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
 WRITTEN_BYTES = 2**18  # of a body, written at a time
-RECORDING_ANSWERS = document_file("One log per tractor", ["application/zip"])
+RECORDING_ANSWERS = document_file("One log per tractor", [ZIP_MEDIA_TYPE])
 
 
 class FleetRequest(ApiRequest):
@@ -133,8 +135,8 @@ def store_new_fleet(
     plan, settings = prepare_with_files(text, files), {**given, "begin_s": time.time()}
     if settings.get("deadline_s") is None and plan.scenario.deadline_s is not None:
         settings["deadline_s"] = find_next_time_s(plan.scenario.deadline_s)
-    created = store.save_fleet(id, name, text, settings)
-    return NewFleet(id, name, plan, settings, created, plan_bytes)
+    label = FleetLabel(id, name, store.save_fleet(id, name, text, settings))
+    return NewFleet(label, plan, settings, plan_bytes)
 
 
 def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
@@ -317,25 +319,19 @@ async def delete_fleet(sessions: SessionsAccess, _who: OperateAccess, id: str) -
 @fleet_router.post("/fleets/{id}/start")
 async def start_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Start all tractors."""
-    session = sessions.get_session(id)
-    session.manager.operators.start_fleet_work(who.name, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.StartFrame(kind="start"))
 
 
 @fleet_router.post("/fleets/{id}/pause")
 async def pause_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Pause all tractors until they are resumed."""
-    session = sessions.get_session(id)
-    session.manager.operators.pause_tractors(who.name, None, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.PauseFrame(kind="pause"))
 
 
 @fleet_router.post("/fleets/{id}/resume")
 async def resume_fleet(sessions: SessionsAccess, who: OperateAccess, id: str) -> FleetAnswer:
     """Resume all tractors."""
-    session = sessions.get_session(id)
-    session.manager.operators.resume_tractors(who.name, None, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.ResumeFrame(kind="resume"))
 
 
 @fleet_router.post("/fleets/{id}/stop")
@@ -345,12 +341,12 @@ async def stop_fleet(request: Request, sessions: SessionsAccess, who: OperateAcc
     session.manager.operators.stop_all(who.name, ordered_s)
     session.send_pending_outputs()
     request.app.state.metrics.count_stop("http", time.monotonic() - ordered_s)
-    return _send_and_answer(sessions, id)
+    return _build_answer(sessions, sessions.get_label(id))
 
 
-def _send_and_answer(sessions: FleetSessions, id: str) -> FleetAnswer:
-    """Send what was ordered at once, as it is saved afterwards; the answer is the fleet as it is then."""
-    sessions.get_session(id).send_pending_outputs()
+def _carry_out(sessions: FleetSessions, who: Caller, id: str, frame: inbound_frames.OrderFrame) -> FleetAnswer:
+    """Carry an order out as one of a link; it is sent at once and saved afterwards. The answer is the fleet then."""
+    sessions.get_session(id).carry_out(FleetClient(CONTROL, who.name), frame, time.monotonic())
     return _build_answer(sessions, sessions.get_label(id))
 
 
@@ -366,9 +362,7 @@ async def replan_fleet(sessions: SessionsAccess, who: OperateAccess, id: str, bo
 @fleet_router.post("/fleets/{id}/accept")
 async def accept_proposal(sessions: SessionsAccess, who: OperateAccess, id: str, body: ProposalNumber) -> FleetAnswer:
     """Accept a proposal that is ready."""
-    session = sessions.get_session(id)
-    session.accept_proposal(who.name, body.proposal, time.monotonic())
-    return _send_and_answer(sessions, id)
+    return _carry_out(sessions, who, id, inbound_frames.AcceptFrame(kind="accept", proposal=body.proposal))
 
 
 @fleet_router.get("/asyncapi.json")
@@ -381,14 +375,14 @@ async def get_asyncapi(_who: ReadAccess) -> dict[str, Any]:
 def get_recording(store: StoreAccess, _who: ReadAccess, id: str) -> Response:
     """The recorded states as logs for diagnosis; raises NotFoundError if there are none."""
     store.get_fleet(id)
-    logs = [
-        (f"tractor-{number + 1}.csv", format_log_csv(store.read_recording(id, number)))
+    logs = {
+        f"tractor-{number + 1}.csv": format_log_csv(store.read_recording(id, number)).encode()
         for number in store.list_recorded_tractors(id)
-    ]
+    }
     if not logs:
         raise NotFoundError("No tractor of this fleet has reported yet; start it first.", parameter="id")
     headers = {"content-disposition": f'attachment; filename="fleet-{id}.zip"'}
-    return Response(zip_logs(logs), media_type="application/zip", headers=headers)
+    return Response(zip_files(logs), media_type=ZIP_MEDIA_TYPE, headers=headers)
 
 
 async def save_recording_before_read(sessions: FleetSessions, path: str) -> None:

@@ -74,11 +74,9 @@ class FleetLabel:
 class NewFleet:
     """A fleet that was stored and has no session yet; its plan has so many bytes as text."""
 
-    id: str
-    name: str
+    label: FleetLabel
     plan: FleetPlan
     settings: dict[str, Any]
-    created: str
     plan_bytes: int
 
 
@@ -171,8 +169,8 @@ class FleetSessions:
             # Prepared plans take about as much memory as their texts: together no more than one upload.
             room_bytes = self.store.settings.upload_bytes - sum(self._plan_bytes.values())
             new = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
-            session = self._build_session(new.id, new.name, new.plan, new.settings, new.created)
-            self._plan_bytes[new.id] = new.plan_bytes
+            session, self.labels[new.label.id] = self._build_session(new.label, new.plan, new.settings), new.label
+            self._plan_bytes[new.label.id] = new.plan_bytes
             self.add(session)
         return session
 
@@ -191,22 +189,21 @@ class FleetSessions:
 
     def add(self, session: FleetSession) -> None:
         """Add a fleet session."""
-        self.labels.setdefault(session.id, FleetLabel(session.id, session.name, session.created))
+        self.labels.setdefault(session.id, FleetLabel(session.id, session.name, ""))
         session.on_order, session.on_stop = self._order_given.set, self.on_stop
         self.by_id[session.id] = session
         self.neighbourhood.add(
             session.id, session.name, session.manager, session.send_pending_outputs, time.monotonic()
         )
 
-    def _build_session(
-        self, id: str, name: str, plan: FleetPlan, settings: Mapping[str, Any], created: str
-    ) -> FleetSession:
+    def _build_session(self, label: FleetLabel, plan: FleetPlan, settings: Mapping[str, Any]) -> FleetSession:
         # Fleets of earlier versions have no horizon.
         given_rules = {name: settings[name] for name in ("times", "horizon_s") if name in settings}
         chances = settings.get("chances")
         return FleetSession(
-            id, name, plan, FleetRules(**given_rules), begin_s=settings["begin_s"], twin_method=settings["way"],
-            deadline_s=settings.get("deadline_s"), created=created, proposals=ReplanProposals(self.run_in_process),
+            label.id, label.name, plan, FleetRules(**given_rules), begin_s=settings["begin_s"],
+            twin_method=settings["way"], deadline_s=settings.get("deadline_s"),
+            proposals=ReplanProposals(self.run_in_process),
             finish_distribution=None if chances is None else FinishDistribution(**chances),
         )  # fmt: skip
 
@@ -227,7 +224,7 @@ class FleetSessions:
         for row in await asyncio.to_thread(self.store.list_fleets):
             if row.id in self.by_id:
                 continue
-            self.labels[row.id] = FleetLabel(row.id, row.name, row.created)
+            label = self.labels[row.id] = FleetLabel(row.id, row.name, row.created)
             self.videos.restore(row.id, row.settings)
             try:
                 contents = {
@@ -237,7 +234,7 @@ class FleetSessions:
                 saved = row.progress
                 text = saved.get("plan") or row.plan
                 plan = await self.run_in_process(prepare_with_files, text, contents, saved.get("timing"))
-                session = self._build_session(row.id, row.name, plan, row.settings, row.created)
+                session = self._build_session(label, plan, row.settings)
                 restore_progress(session.manager, saved.get("centre", {}), time.monotonic(), time.time())
                 session.plan_text = saved.get("plan")
                 self._plan_bytes[row.id] = len(text.encode())
@@ -265,7 +262,7 @@ class FleetSessions:
             rows = select_rising_rows(await asyncio.to_thread(self.store.read_recording, session.id, number))
             east, north = session.manager.plan.saved.origin_m
             for row in rows:
-                session.manager.coverage_map.add_place(
+                session.manager.add_coverage(
                     number, row[EASTING_COLUMN] - east, row[NORTHING_COLUMN] - north, bool(row[IMPLEMENT_COLUMN])
                 )
             if rows:

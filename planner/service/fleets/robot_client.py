@@ -8,15 +8,17 @@ import json
 import time
 import urllib.error
 import urllib.request
+from collections import deque
 from http import HTTPStatus
 from typing import Any
 
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
-from planner.fleet.simulated_robot import RobotDriver, UnacknowledgedStates
+from planner.fleet.simulated_robot import RobotDriver
 from planner.service.errors import ServiceError
 
+MOST_STATES = 6000  # ten minutes at 10 Hz
 STATE_PERIOD_S, RETRY_S, OPEN_TIMEOUT_S, DISCONNECT_TIMEOUT_S = 0.1, 0.5, 5.0, 1.0
 SHORTEST_PERIOD_S, LONGEST_SIMULATED_S = 0.03, 0.3
 REPLACED_CODE = 4001  # of links that another of the same robot takes the place of
@@ -36,7 +38,7 @@ class RobotClient:
     def __init__(self, driver: RobotDriver, url: str, fleet: str, tractor: int, token: str | None) -> None:
         self.driver, self.tractor, self.token = driver, tractor, token
         self.address = f"{url.rstrip('/').replace('http', 'ws', 1)}/api/v1/fleets/{fleet}/link"
-        self.waiting = UnacknowledgedStates()
+        self.waiting: deque[tuple[int, str]] = deque(maxlen=MOST_STATES)  # sequences and texts
         self._state_added, self._disconnected = asyncio.Event(), asyncio.Event()
         self._linked = self._leaving = False
 
@@ -60,8 +62,7 @@ class RobotClient:
             self.driver.set_clock(time.time(), time.monotonic())
             state = self.driver.step(time.monotonic())
             if self.driver.is_welcomed:  # before, its place is unknown
-                self.waiting.add(state)
-                self._state_added.set()
+                self.add_state(state)
             pause_s = compute_period_s(self.driver.times)
             due_s = max(due_s + pause_s, time.monotonic() - pause_s)
             await asyncio.sleep(max(0.0, due_s - time.monotonic()))
@@ -71,6 +72,11 @@ class RobotClient:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(DISCONNECT_TIMEOUT_S):
                     await self._disconnected.wait()
+
+    def add_state(self, state: dict[str, Any]) -> None:
+        """Add a state to those that are sent again until they are acknowledged; of too many the oldest are lost."""
+        self.waiting.append((int(state["sequence"]), json.dumps(state, separators=(",", ":"))))
+        self._state_added.set()
 
     async def _stay_linked(self) -> None:
         """Connect again and again. Raises ServiceError if that is useless."""
@@ -117,7 +123,7 @@ class RobotClient:
         with contextlib.suppress(ConnectionClosed):
             while True:
                 self._state_added.clear()
-                for sequence, text in self.waiting.list_after(sent):
+                for sequence, text in [state for state in self.waiting if state[0] > sent]:
                     await link.send(text)
                     sent = sequence
                 if self._leaving:
@@ -128,7 +134,8 @@ class RobotClient:
 
     def _handle_frame(self, frame: dict[str, Any]) -> None:
         if frame["kind"] == "ack":
-            self.waiting.drop_acknowledged(frame["sequence"])
+            while self.waiting and self.waiting[0][0] <= frame["sequence"]:
+                self.waiting.popleft()
         self.driver.handle_frame(frame, time.monotonic())
 
 

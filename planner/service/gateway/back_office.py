@@ -16,21 +16,17 @@ from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable, Collection
 from dataclasses import asdict
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING
 
-from starlette.requests import ClientDisconnect
+import httpx2
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import StreamingResponse
-from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
 from planner.service.gateway.request_gate import name_client
 from planner.service.gateway.responses import build_error_response, wait_for_disconnect, wait_while_connected
 from planner.service.kept_process import KeptProcess
 from planner.service.settings import LIMITS, ServiceSettings
-
-if TYPE_CHECKING:
-    import httpx2
-
 
 SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER = b"x-headland-secret", b"x-headland-who", b"x-headland-client"
 HOP_HEADERS = b"connection keep-alive proxy-connection te trailer transfer-encoding upgrade".split()
@@ -62,12 +58,13 @@ class OfficeForwarder:
         self._abandoned_paths = abandoned_paths
         self.office, self.before_request, self.after_change = office, before_request, after_change
         self._running_requests: Counter[str] = Counter()
-        self._client: httpx2.AsyncClient | None = None
+        limits = httpx2.Limits(max_connections=LIMITS.most_requests, max_keepalive_connections=16)
+        timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=5.0)
+        self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
 
     async def close(self) -> None:
         """Close all connections."""
-        if self._client is not None:
-            await self._client.aclose()
+        await self._client.aclose()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The ASGI entry point."""
@@ -91,18 +88,26 @@ class OfficeForwarder:
             self._running_requests += Counter()
 
     async def _forward_request(self, scope: Scope, receive: Receive, send: Send) -> None:
-        import httpx2
-
         await self.before_request(scope["path"])
         url = self.office.url
         if url is None:
             await build_error_response(503, OFFICE_STARTING, TRY_AGAIN)(scope, receive, send)
             return
-        body = _RequestBody(receive)
+        is_read = asyncio.Event()
+
+        async def read_body() -> AsyncIterator[bytes]:
+            async for part in Request(scope, receive).stream():  # raises ClientDisconnect where it ends early
+                yield part
+            is_read.set()
+
+        async def wait_until_gone() -> None:  # which can be told once the whole body is read
+            await is_read.wait()
+            await wait_for_disconnect(receive)
+
         try:
-            sent = self._get_client().send(self._build_request(url, scope, body), stream=True)
+            sent = self._client.send(self._build_request(url, scope, read_body()), stream=True)
             is_abandoned = scope["path"] in self._abandoned_paths
-            response = await (wait_while_connected(body.wait_for_disconnect(), sent) if is_abandoned else sent)
+            response = await (wait_while_connected(wait_until_gone(), sent) if is_abandoned else sent)
         except httpx2.InvalidURL:
             await build_error_response(400, UNREADABLE_ADDRESS)(scope, receive, send)
             return
@@ -121,18 +126,7 @@ class OfficeForwarder:
         finally:
             await response.aclose()
 
-    def _get_client(self) -> httpx2.AsyncClient:
-        import httpx2
-
-        if self._client is None:
-            limits = httpx2.Limits(max_connections=LIMITS.most_requests, max_keepalive_connections=16)
-            timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=5.0)
-            self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
-        return self._client
-
-    def _build_request(self, url: str, scope: Scope, body: _RequestBody) -> httpx2.Request:
-        import httpx2
-
+    def _build_request(self, url: str, scope: Scope, body: AsyncIterator[bytes]) -> httpx2.Request:
         headers = [(name, value) for name, value in scope["headers"] if name.lower() not in UNFORWARDED_HEADERS]
         caller: Caller | None = scope.get(CALLER_SCOPE_KEY)
         headers += [
@@ -144,7 +138,7 @@ class OfficeForwarder:
         target = target.replace(b"#", b"%23")  # clients send no fragments, so this belongs to the path
         header_names = {name.lower() for name, _ in headers}
         chunked = any(name.lower() == b"transfer-encoding" for name, _ in scope["headers"])
-        content = body.read() if chunked or b"content-length" in header_names else None
+        content = body if chunked or b"content-length" in header_names else None
         target_url = httpx2.URL(url).copy_with(raw_path=target)
         return httpx2.Request(scope["method"], target_url, headers=headers, content=content)
 
@@ -169,30 +163,6 @@ class SharedSecretMiddleware:
         scope[CALLER_SCOPE_KEY] = caller and Caller(**caller | {"scopes": tuple(caller["scopes"])})
         scope["client"] = (headers.get(CLIENT_HEADER, b"").decode("latin-1"), 0)
         await self.app(scope, receive, send)
-
-
-class _RequestBody:
-    """The body of a request, and the end of its connection, which comes behind it."""
-
-    def __init__(self, receive: Receive) -> None:
-        self._receive, self._is_read = receive, asyncio.Event()
-
-    async def read(self) -> AsyncIterator[bytes]:
-        """Its parts; raises ClientDisconnect where it ends early."""
-        while True:
-            message: Message = await self._receive()
-            if message["type"] == "http.disconnect":
-                raise ClientDisconnect
-            if body := message.get("body", b""):
-                yield body
-            if not message.get("more_body", False):
-                self._is_read.set()
-                return
-
-    async def wait_for_disconnect(self) -> None:
-        """Wait until the client has gone, which can be told once the whole body is read."""
-        await self._is_read.wait()
-        await wait_for_disconnect(self._receive)
 
 
 class BackOffice:

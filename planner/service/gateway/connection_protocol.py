@@ -85,7 +85,13 @@ class RequestScheduler:
         late = self._clock() - self._turn_due_s > LIMITS.late_turn_s
         self._budget = float(LIMITS.fewest_per_turn if late else MOST_PER_TURN)
         while self._budget >= 1.0 and self._waiting:
-            admit = self._take_next()
+            address, tickets = next(iter(self._waiting.items()))
+            ticket = tickets.popleft()
+            if tickets:
+                self._waiting.move_to_end(address)
+            else:
+                del self._waiting[address]
+            admit = ticket.admit
             if admit is not None:
                 self._budget -= 1.0
                 admit()
@@ -93,16 +99,6 @@ class RequestScheduler:
             self._schedule_next_turn()
         else:
             self._timer = None
-
-    def _take_next(self) -> Admit | None:
-        """The first request of the next address, which then moves to the end; None for a cancelled one."""
-        address, tickets = next(iter(self._waiting.items()))
-        ticket = tickets.popleft()
-        if tickets:
-            self._waiting.move_to_end(address)
-        else:
-            del self._waiting[address]
-        return ticket.admit
 
 
 def build_limited_protocol_class(connections: ConnectionRegistry, rank: RankToken) -> type[H11Protocol]:

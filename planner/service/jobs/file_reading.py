@@ -166,7 +166,7 @@ class FileReader:
         *,
         is_shared: bool = False,
     ) -> Any:
-        """The result of a reading (confined_reading.list_readings) at the client's turn.
+        """The result of a reading (readings.READINGS) at the client's turn.
 
         Where it `is_shared`, who asks for the same while it is read waits for the same reading, and results are kept.
         Raises HeadlandError as the reading does, BusyError where too many of a client's wait.

@@ -158,7 +158,20 @@ class _EstimateQueue:
             folder = str(self._write_files(files, inputs))
             report = self._ask_process({**order, "folder": folder, "files": files})
             self._budget.spend_tokens(client, float(report.get("computing_s", 0.0)))
-        return _extract_estimate(report, self._memory_bytes)
+        if "fault" in report:
+            LOGGER.error("An estimate ended in a fault: %s", ascii(report["fault"]))
+            raise ServiceError(ESTIMATE_FAULT)
+        if "memory" in report:
+            raise ServiceError("Estimating this needed too much memory; run the plan instead.")
+        if "late" in report:
+            raise ServiceError(f"Estimating this takes longer than {LONGEST_ESTIMATE_S:.0f} s; run the plan instead.")
+        if not report:
+            raise BusyError(
+                "The process that estimates has ended; ask again, and see the log of the service if it stays."
+            )
+        outcome = ReadOutcome(json.dumps(dict(report)).encode())
+        value: dict[str, Any] = extract_reading_value(outcome, LONGEST_ESTIMATE_S, self._memory_bytes)
+        return value
 
     def _write_files(self, files: str, inputs: Mapping[str, str]) -> Path:
         """The folder of the files of a request, below that which the process may read."""
@@ -200,19 +213,3 @@ class _EstimateQueue:
         process, self._process = self._process, None
         if process is not None:
             process.end()
-
-
-def _extract_estimate(report: Mapping[str, Any], memory_bytes: int) -> dict[str, Any]:
-    """The estimate of an answer; raises HeadlandError for a refusal, ServiceError for another end."""
-    if "fault" in report:
-        LOGGER.error("An estimate ended in a fault: %s", ascii(report["fault"]))
-        raise ServiceError(ESTIMATE_FAULT)
-    if "memory" in report:
-        raise ServiceError("Estimating this needed too much memory; run the plan instead.")
-    if "late" in report:
-        raise ServiceError(f"Estimating this takes longer than {LONGEST_ESTIMATE_S:.0f} s; run the plan instead.")
-    if not report:
-        raise BusyError("The process that estimates has ended; ask again, and see the log of the service if it stays.")
-    outcome = ReadOutcome(json.dumps(dict(report)).encode())
-    value: dict[str, Any] = extract_reading_value(outcome, LONGEST_ESTIMATE_S, memory_bytes)
-    return value

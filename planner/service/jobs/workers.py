@@ -43,6 +43,7 @@ and nothing is counted against the job."""
 CLAIM_PERIOD_S, REPORTS_PER_LEASE, LONGEST_REPORT_PERIOD_S = 0.2, 5, 0.5
 CACHE_FOLDER = "field-times"
 DISK_RETRY_S, LONGEST_DISK_RETRY_S = 1.0, 30.0
+MOST_ATTEMPTS = 5  # to write what became of a job to a database that cannot be reached
 DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
 """Errors for which nothing can be written to the database now."""
 JOB_FAULT = "This is a fault of Headland ({words}); please report it."
@@ -93,14 +94,23 @@ def run_and_store_job(store: JobStore, worker: str, job: JobRow) -> None:
         # Bytes first, as they need the most room; reports go on meanwhile.
         _retry_while_disk_full(store, claim, lambda: store.keep_results(job.number, files))
 
-    def store_outcome() -> bool:
-        if claim.latest_progress is not None:
-            store.report_job(job.number, worker, claim.latest_progress)
-        if sentence is not None:
-            return store.fail_job(job.number, worker, sentence)
-        return store.finish_job(job.number, worker, files)
-
-    _retry_while_database_busy(store_outcome)
+    attempt = 0
+    while True:
+        try:
+            if claim.latest_progress is not None:
+                store.report_job(job.number, worker, claim.latest_progress)
+            if sentence is not None:
+                store.fail_job(job.number, worker, sentence)
+            else:
+                store.finish_job(job.number, worker, files)
+            return
+        except StorageError:  # no other worker could do anything meanwhile, so that there is no end of attempts
+            time.sleep(DISK_RETRY_S)
+        except DBAPIError:
+            attempt += 1
+            if attempt == MOST_ATTEMPTS:  # the job is left to another worker
+                raise
+            time.sleep(0.5 * 2 ** (attempt - 1))
 
 
 def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tuple[Sequence[ResultFile], str | None]:
@@ -193,25 +203,6 @@ def _claim_next_job(store: JobStore, worker: str) -> JobRow | None:
         return None
 
 
-def _retry_while_database_busy(store_outcome: Callable[[], bool], most_attempts: int = 5) -> None:
-    """Store a result; retry while the database cannot be reached, and at last leave the job to another worker.
-
-    One whose disk is full is asked until there is room: no other worker could do anything meanwhile.
-    """
-    attempt = 0
-    while True:
-        try:
-            store_outcome()
-            return
-        except StorageError:
-            time.sleep(DISK_RETRY_S)
-        except DBAPIError:
-            attempt += 1
-            if attempt == most_attempts:
-                raise
-            time.sleep(0.5 * 2 ** (attempt - 1))
-
-
 @contextlib.contextmanager
 def _enter_job_folder(store: JobStore, job: JobRow) -> Iterator[None]:
     """Work in a folder of its own with the files of a job, which keep the names of their uploads."""
@@ -249,15 +240,17 @@ class WorkerSupervisor:
                 with contextlib.suppress(*DATABASE_WRITE_ERRORS):
                     self.store.release_jobs(slot.name, counts_try=False)
 
-    def list_worker_pids(self) -> list[int]:
-        """Process ids of the workers."""
-        return [one.process.pid for one in self._slots if one.process is not None and one.process.pid is not None]
-
     def _watch_workers(self) -> None:
         while not self._stopping.is_set():
             for slot in self._slots:
                 try:
-                    self._replace_ended(slot)
+                    if slot.end_status is not None:
+                        is_lost = slot.end_status == LOST_STATUS
+                        self.store.release_jobs(slot.name, counts_try=not is_lost)
+                        slot.forget(is_fault=not is_lost)
+                    if slot.is_due:
+                        slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
+                        slot.start(self.settings, slot.name, type(self.store))
                 except DATABASE_WRITE_ERRORS:
                     continue
                 except OSError:
@@ -278,16 +271,6 @@ class WorkerSupervisor:
                 self.store.tend_queue()
         except DATABASE_WRITE_ERRORS:
             self._was_unwritable = True
-
-    def _replace_ended(self, slot: KeptProcess) -> None:
-        """Start a worker in an empty slot; the job of one that ended goes back into the queue."""
-        if slot.end_status is not None:
-            is_lost = slot.end_status == LOST_STATUS
-            self.store.release_jobs(slot.name, counts_try=not is_lost)
-            slot.forget(is_fault=not is_lost)
-        if slot.is_due:
-            slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
-            slot.start(self.settings, slot.name, type(self.store))
 
 
 def run_remote_workers(settings: ServiceSettings, report_start: Callable[[], None]) -> None:

@@ -36,19 +36,6 @@ MOST_ORDER_BYTES = 16 * 1024  # bytes of an order without what is to be read
 KILL_GRACE_S = 0.5
 
 
-def list_readings() -> dict[str, Callable[..., Any]]:
-    """All readings by name."""
-    from planner.service.sandbox.readings import FORMS, REQUEST_CHECKS, SUMMARIES, UPLOAD_CHECKS
-
-    tables: dict[str, dict[str, Callable[..., Any]]] = {
-        "check": REQUEST_CHECKS,
-        "upload": UPLOAD_CHECKS,
-        "summary": SUMMARIES,
-        "form": FORMS,
-    }
-    return {f"{use} {kind}": read for use, table in tables.items() for kind, read in table.items()}
-
-
 def _load_libraries() -> None:
     """Load the libraries for reading, by summarising a sample field, and let what follows leave them alone."""
     import pandas  # noqa: F401
@@ -78,7 +65,9 @@ def _read_confined(channel: int, request: dict[str, Any], libraries: list[Path],
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         open_descriptor = channel if is_forked else None
         confine_process(Path(request["folder"]), libraries, request["memory"], request["seconds"], open_descriptor)
-        return list_readings()[request["read"]](*request["arguments"], **request["options"])
+        from planner.service.sandbox.readings import READINGS
+
+        return READINGS[request["read"]](*request["arguments"], **request["options"])
 
     try:
         write_all(channel, encode_answer(read))

@@ -92,20 +92,16 @@ def serve(descriptor: int, folder: str, memory_bytes: int, computing_s: float) -
     lower_priority()
     grounds, libraries = _warm_up(), list_library_folders()
     confine_process(Path(folder), libraries, memory_bytes, computing_s, descriptor)
+    pending_orders = select.poll()  # which confinement leaves
+    pending_orders.register(descriptor, select.POLLIN)
     write_all(descriptor, READY)
     with open(descriptor, "rb") as orders:  # a socket, of which confinement leaves reading and writing
         for line in orders:
             order = json.loads(line)
             write_all(descriptor, _answer_order(grounds, order) + b"\n")
-            while order["at_once"] and not _has_order(descriptor) and grounds.prepare():
+            # the service waits for each answer, so that no order is in a buffer
+            while order["at_once"] and not pending_orders.poll(0) and grounds.prepare():
                 pass
-
-
-def _has_order(descriptor: int) -> bool:
-    """Whether something can be read; the service waits for each answer, so that nothing is in a buffer."""
-    poll = select.poll()  # which confinement leaves
-    poll.register(descriptor, select.POLLIN)
-    return bool(poll.poll(0))
 
 
 def _warm_up() -> KeptGrounds:

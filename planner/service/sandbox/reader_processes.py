@@ -53,7 +53,7 @@ _LOGGED_MISSING: set[str] = set()
 
 @dataclass(frozen=True)
 class ReadOrder:
-    """An order to read: the name of a reading (confined_reading.list_readings), its folder and its limits."""
+    """An order to read: the name of a reading (readings.READINGS), its folder and its limits."""
 
     read: str
     folder: str

@@ -183,19 +183,6 @@ def summarize_elevation(file_path: str) -> dict[str, Any]:
     return {"of": "points", "points": len(points.heights_m), "crs": points.crs, "remarks": list(points.remarks)}
 
 
-SUMMARIES: dict[str, Callable[..., dict[str, Any]]] = {
-    "field": summarize_field,
-    "tractor": summarize_tractor,
-    "farm": summarize_farm,
-    "log": summarize_log,
-    "table": summarize_table,
-    "elevation": summarize_elevation,
-}
-"""Summaries by kind of file."""
-UPLOAD_CHECKS = {**SUMMARIES, "field": count_uploaded_fields}
-"""Checks of an upload by kind; whether a field holds degrees or metres may be given later."""
-
-
 def read_day_form(text: str, changes: Sequence[Mapping[str, Any]], farm_path: str | None = None) -> dict[str, Any]:
     """Text, values, faults and choices of a day; `farm_path` is the file of the farm that it names, if there is one.
 
@@ -237,7 +224,6 @@ def read_farm_form(text: str, changes: Sequence[Mapping[str, Any]], farm_path: s
 
 
 FORMS = {"day": read_day_form, "farm": read_farm_form}
-"""Forms by kind of file."""
 
 
 def _read_form(text: str, changes: Sequence[Mapping[str, Any]], model: type[BaseModel]) -> dict[str, Any]:
@@ -421,9 +407,17 @@ def check_diagnosis_request(values: Mapping[str, Any]) -> None:
         draw_hidden_effect(1, tractor, values.get("hide"))
 
 
-REQUEST_CHECKS: dict[str, Callable[[Mapping[str, Any]], None]] = {
-    "plan": check_plan_request,
-    "day": check_day_request,
-    "diagnosis": check_diagnosis_request,
+SUMMARIES = {
+    "field": summarize_field, "tractor": summarize_tractor, "farm": summarize_farm, "log": summarize_log,
+    "table": summarize_table, "elevation": summarize_elevation,
+}  # fmt: skip
+READINGS: dict[str, Callable[..., Any]] = {
+    "check plan": check_plan_request,
+    "check day": check_day_request,
+    "check diagnosis": check_diagnosis_request,
+    **{f"upload {kind}": summarize for kind, summarize in SUMMARIES.items()},
+    "upload field": count_uploaded_fields,  # whether it holds degrees or metres may be given later
+    **{f"summary {kind}": summarize for kind, summarize in SUMMARIES.items()},
+    **{f"form {kind}": read for kind, read in FORMS.items()},
 }
-"""Checks by kind of request."""
+"""All readings: checks of requests and uploads, summaries and forms, by kind of file or request."""

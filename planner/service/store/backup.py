@@ -24,6 +24,7 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
+from fields.units import HOUR_S
 from planner.service.errors import ConflictError, NotFoundError, ServiceError, StorageError
 from planner.service.settings import DATABASE_FILE, LIMITS, MEGABYTE_BYTES, find_version
 from planner.service.store.database import (
@@ -43,7 +44,7 @@ MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
 BYTES_NAME = re.compile(rf"{BYTES_FOLDER}/([0-9a-f]{{2}})/(\1[0-9a-f]{{62}})")
 SHA256_TEXT = re.compile(r"[0-9a-f]{64}")
 COPY_BATCH_ROWS = 500
-SWEEP_MIN_AGE_S = 3600.0
+SWEEP_MIN_AGE_S = HOUR_S
 """Newer bytes may belong to a row that is being written."""
 SET_SEQUENCE = "SELECT setval(pg_get_serial_sequence('{table}', '{column}'), (SELECT max({column}) FROM {table}))"
 COMPRESSION_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
