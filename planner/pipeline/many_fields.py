@@ -294,9 +294,10 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
         if (request.obstacles or request.ignored) and request.field not in fields:
             with suppress(FieldError):  # refused when it is planned
                 fields[request.field] = read_requested_field(replace(request, obstacles=(), ignored=()), None)
-    added = {text: _find_fitting(add_obstacles, fields, text) for request in requests for text in request.obstacles}
+    given = dict.fromkeys(text for request in requests for text in request.obstacles)
+    added = {text: _find_fitting(add_obstacles, fields, text) for text in given}
     ignored = {}
-    for text in (text for request in requests for text in request.ignored):
+    for text in dict.fromkeys(text for request in requests for text in request.ignored):
         if text.strip().isdecimal():
             raise RequestError(
                 f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
