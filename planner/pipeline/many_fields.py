@@ -1,4 +1,5 @@
-"""Plans for many fields: the questions, their answers from any executor, and the answer file that lets a run resume.
+"""Plans for many fields, and for ways to work them: questions, their answers from any executor, and the answer file
+that lets a run resume.
 
 Each answer is one line of JSON, written as soon as it is known; a question without an answer does not stop the others.
 """
