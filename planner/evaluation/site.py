@@ -59,7 +59,8 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
 
     ground, proof_ground = build_grounds(shapely.Polygon())
     crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
-    is_kept, implement, standing, folded = keeps_ground(operation, rule), context.implement, None, None
+    is_kept, implement = keeps_ground(operation, rule), context.implement
+    standing = folded = None
     if crop_stands and HEADLAND_FIRST in context.request.headland_orders:  # known as deep as the headland
         outline = shapely.Polygon(field.whole_boundary.exterior)
         standing = build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)

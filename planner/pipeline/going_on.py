@@ -218,8 +218,8 @@ def equip_order(
     supply = order.supply
     if supply is None and not is_from_farm:
         supply, match = continued.supply, match_plan_time(continued.done[0])
-        file = "" if match is None else match["file"]
-        if file and supply is None and has_unknown_tank(*_read_plan(file)):
+        file = None if match is None else match["file"]
+        if supply is None and file is not None and has_unknown_tank(*_read_plan(file)):
             raise RequestError(
                 f"The implement of the plan {quote_path(file)} has a tank, and the plan does not say how large; add "
                 f"{mark_parameter('farm')} and {mark_parameter('implement')} by which it was made.",

@@ -1,4 +1,5 @@
-"""Plans for many fields: the questions, their answers from any executor, and the answer file that lets a run resume.
+"""Plans for many fields, and for ways to work them: questions, their answers from any executor, and the answer file
+that lets a run resume.
 
 Each answer is one line of JSON, written as soon as it is known; a question without an answer does not stop the others.
 """
@@ -294,9 +295,10 @@ def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
         if (request.obstacles or request.ignored) and request.field not in fields:
             with suppress(FieldError):  # refused when it is planned
                 fields[request.field] = read_requested_field(replace(request, obstacles=(), ignored=()), None)
-    added = {text: _find_fitting(add_obstacles, fields, text) for request in requests for text in request.obstacles}
+    given = dict.fromkeys(text for request in requests for text in request.obstacles)
+    added = {text: _find_fitting(add_obstacles, fields, text) for text in given}
     ignored = {}
-    for text in (text for request in requests for text in request.ignored):
+    for text in dict.fromkeys(text for request in requests for text in request.ignored):
         if text.strip().isdecimal():
             raise RequestError(
                 f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "

@@ -80,14 +80,16 @@ def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
     start_s = request.start_s
     if start_s is None:
         return ()
-    late = request.deadline_s is not None and request.deadline_s < start_s
-    times = [("The deadline", request.deadline_s or 0)] if late else []
+    times = []
+    if request.deadline_s is not None and request.deadline_s < start_s:
+        times.append(("The deadline", format_clock(request.deadline_s)))
     for hours, minutes in re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or ""):
         rain_s = 3600 * int(hours) + 60 * int(minutes)
-        times += [("Rain", rain_s)] if rain_s <= start_s else []
+        if rain_s <= start_s:
+            times.append(("Rain", format_clock(rain_s)))
     return tuple(
         f"{subject} at {clock_text} means {clock_text} the next day, as the start is at {format_clock(start_s)}."
-        for subject, clock_text in ((subject, format_clock(at_s)) for subject, at_s in times)
+        for subject, clock_text in times
     )
 
 
@@ -152,8 +154,10 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     """
     field = context.layout.field
     results = [
-        replace(one, largest_missed=locate_piece(field, piece.m2, piece.x_m, piece.y_m)) if piece else one
-        for one, piece in ((one, one.largest_missed) for one in mark_worked_shares(results, context))
+        replace(one, largest_missed=locate_piece(field, piece.m2, piece.x_m, piece.y_m))
+        if (piece := one.largest_missed)
+        else one
+        for one in mark_worked_shares(results, context)
     ]
     check_margin(context, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)

@@ -271,11 +271,11 @@ class Comparison(Generic[Label]):
         by_label: dict[Label, list[ComparisonRow[Label]]] = {}
         for each in self.rows if rows is None else rows:
             by_label.setdefault(each.label, []).append(each)
-        has_widths, times = (
-            len({way.width_m for way in self.labels if isinstance(way, ComparedWay)}) > 1,
-            self.operations_per_year,
-        )
-        return [ComparisonTotals(label, tuple(some), has_widths, times) for label, some in by_label.items()]
+        has_widths = len({way.width_m for way in self.labels if isinstance(way, ComparedWay)}) > 1
+        return [
+            ComparisonTotals(label, tuple(some), has_widths, self.operations_per_year)
+            for label, some in by_label.items()
+        ]
 
     @cached_property
     def totals(self) -> list[ComparisonTotals[Label]]:

@@ -296,7 +296,7 @@ def build_headland_table(comparison: WayComparison) -> RenderableType:
         parts.append(tabulate_ways(comparison, comparison.totals, comparison.best))
         if len(comparison.fields) > 1:
             parts += [Text(""), tabulate_fields(comparison)]
-        parts += [format_sentence(describe_figures(comparison), style="dim"), Text("")]
+        parts += [format_sentence(describe_figures(), style="dim"), Text("")]
     cut_off = list_cut_off(comparison)
     parts += [format_title(translate("Cut off")), *map(format_sentence, cut_off), Text("")] if cut_off else []
     missing = list_missing(comparison)
@@ -304,7 +304,7 @@ def build_headland_table(comparison: WayComparison) -> RenderableType:
     return Group(*parts)
 
 
-def describe_figures(comparison: WayComparison) -> str:
+def describe_figures() -> str:
     """What the columns are."""
     figures = translate(
         "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: "
@@ -429,7 +429,7 @@ def render_headland_page(comparison: WayComparison) -> str:
             "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
             "head": head,
             "rows": rows,
-            "help": f"{describe_figures(comparison)} Times are h:mm:ss.",
+            "help": f"{describe_figures()} Times are h:mm:ss.",
             "field_head": [column.heading for column in fields.columns],
             "field_rows": [{"best": False, "cells": cells} for cells in fields.rows],
             "cut_off": list_cut_off(comparison),

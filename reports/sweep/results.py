@@ -354,21 +354,25 @@ def list_remarks(result: SweepResult) -> list[str]:
     """What to check of the one to take, what matters, what cannot be pulled, and what has no plan."""
     best = result.best
     doubt = question_pull(best.plan.pull) if best is not None and result.has_recommendation else ""
+    remarks = [doubt, describe_influences(result)]
     weak = [one.plan for one in result.plans if one.plan.feasible and "pull" in one.plan.lacks]
-    count, weak_words, refused_words = sum(not one.plan.feasible for one in result.plans), "", ""
     if weak and result.has_recommendation:  # they need more power than their tractor has
-        weak_words = translate_count(
-            "{count} combination cannot be taken: {reason}",
-            "{count} combinations cannot be taken, the first: {reason}",
-            len(weak),
-            reason=question_pull(weak[0].pull),
+        remarks.append(
+            translate_count(
+                "{count} combination cannot be taken: {reason}",
+                "{count} combinations cannot be taken, the first: {reason}",
+                len(weak),
+                reason=question_pull(weak[0].pull),
+            )
         )
-    if count:
-        refused_words = translate_count(
-            "{count} combination has no plan: {reason}",
-            "{count} combinations have no plan, the first: {reason}",
-            count,
-            reason=translate_sentence(result.refusal or ""),
+    refused_count = sum(not one.plan.feasible for one in result.plans)
+    if refused_count:
+        remarks.append(
+            translate_count(
+                "{count} combination has no plan: {reason}",
+                "{count} combinations have no plan, the first: {reason}",
+                refused_count,
+                reason=translate_sentence(result.refusal or ""),
+            )
         )
-    remarks = (doubt, describe_influences(result), weak_words, refused_words)
     return [text for text in remarks if text]

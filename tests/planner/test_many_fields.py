@@ -3,15 +3,18 @@
 import json
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from fields.geometry.chosen_places import add_obstacles
+from fields.geometry.field import Field
 from planner.errors import HeadlandError
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_example_farm
+from planner.pipeline import many_fields
 from planner.pipeline.executors import SerialExecutor, connect_cluster
 from planner.pipeline.many_fields import (
     FieldQuestion,
@@ -95,6 +98,22 @@ def test_obstacles_and_names_count_where_they_lie(farm: Path) -> None:
         share(ignored=("Mast",))
     with pytest.raises(HeadlandError, match="with several fields give the name"):
         share(ignored=("1",))
+
+
+def test_an_obstacle_is_looked_for_once_in_every_field(farm: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many widths: a comparison may ask for hundreds of fields in several."""
+    tried: list[Sequence[str]] = []
+
+    def add(field: Field, texts: Sequence[str]) -> Field:
+        tried.append(texts)
+        return add_obstacles(field, texts)
+
+    monkeypatch.setattr(many_fields, "add_obstacles", add)
+    names = (f"{farm}#north", f"{farm}#south")
+    share_obstacles(
+        [PlanRequest(name, local=True, width_m=width, obstacles=("430,20",)) for name in names for width in (3.0, 6.0)]
+    )
+    assert len(tried) == len(names)
 
 
 def test_fields_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
