@@ -216,12 +216,12 @@ EARLIEST_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
 """The earliest time of a ZIP archive, used so that archives are reproducible."""
 
 
-def zip_files(files: FileContents) -> bytes:
-    """A ZIP archive in the order of the files; the same bytes for the same files."""
+def zip_files(files: FileContents, mode: int = 0o644) -> bytes:
+    """A ZIP archive in the order of the files, unpacked with that mode; the same bytes for the same files."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name, EARLIEST_ZIP_TIME)
-            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, 0o644 << 16
+            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, mode << 16
             archive.writestr(entry, content)
     return buffer.getvalue()

@@ -132,8 +132,9 @@ def diagnose_demo(
         machine = resolve_tractor(tractor)
     with attach_parameter("hide"):
         hidden = draw_hidden_effect(seed, machine, hidden_effect)
+    demo_logs = simulate_demo_logs(hidden, machine, ground, seed)
     with attach_parameter("holdout"):
-        logs, unseen_logs, words = split_held_out_runs(simulate_demo_logs(hidden, machine, ground, seed), holdout)
+        logs, unseen_logs, words = split_held_out_runs(demo_logs, holdout)
     return _explain_logs(logs, machine, ground, progress, unseen_logs, words), hidden
 
 

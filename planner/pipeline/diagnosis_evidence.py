@@ -43,8 +43,8 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
     dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
     rigs = [build_rig_and_corrections(machine, ground, dataset.origin) for machine in (tractor, extended)]
     lasts_s = [float(segment.time[-1]) for segment in dataset.segments]
-    longest = sorted(range(len(lasts_s)), key=lambda number: -lasts_s[number])
-    piece_s = next((length for length in PIECES_S if lasts_s[longest[0]] >= length), PIECES_S[-1])
+    longest = sorted(range(len(lasts_s)), key=lambda number: -lasts_s[number])[:MOST_PATHS]
+    piece_s = next((length for length in PIECES_S if max(lasts_s) >= length), PIECES_S[-1])
     parts, driven_s = [], 0.0
     for segment in dataset.segments:
         parts.append(_measure_segment(segment, rigs, piece_s, driven_s))
@@ -61,7 +61,7 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
         tuple(
             _pair_paths(segment, dataset.names[segment.run], rigs)
             for number, segment in enumerate(dataset.segments)
-            if number in longest[:MOST_PATHS]
+            if number in longest
         ),
     )
 

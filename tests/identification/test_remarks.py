@@ -107,3 +107,15 @@ def test_nothing_long_enough_says_which_file_and_why() -> None:
     message = refusal(lambda: build_dataset([broken, short]))
     assert "in broken the longest lasts 2.0 s, 60 of 200 rows are unusable: heading_deg missing" in message
     assert "(first in line 22)" in message and "in short the longest lasts 3.0 s" in message
+
+
+def test_few_rows_left_out_do_not_end_a_segment_but_a_gear_does() -> None:
+    frame = table()
+    frame.loc[[60, 61, 120], "heading_deg"] = np.nan
+    (one,) = build_dataset([build_log(frame, "run")]).segments
+    assert one.rows == 197 and one.time[-1] == pytest.approx(199 / 20.0)
+    for gear in (0, -1):
+        shifted = frame.assign(shuttle=1)
+        shifted.loc[110, "shuttle"] = gear
+        (first,) = build_dataset([build_log(shifted, "run", check=False)]).segments
+        assert first.rows == 108  # what is left after it is shorter than a segment must be

@@ -61,7 +61,7 @@ class PathDeviation:
     def compute_sizes(self, per_m: float = 1.0) -> ErrorSizes:
         """Sizes, the lateral ones in a unit of which a metre has `per_m`."""
         lateral, heading = per_m * np.abs(self.lateral_m), np.degrees(np.abs(self.heading_rad))
-        return ErrorSizes(*(float(size) for one in (lateral, heading) for size in (one.max(), one.mean())))
+        return ErrorSizes(float(lateral.max()), float(lateral.mean()), float(heading.max()), float(heading.mean()))
 
 
 def compute_deviation(place: Floats, angle: Floats, path: Floats, lookahead_m: float) -> PathDeviation:

@@ -71,6 +71,7 @@ ROLES_TEXT = (
 FleetReader = Annotated[Caller, Depends(RequiredRight(READ, fleet_parameter="id").admit_caller)]
 JSON_TYPE = "application/json"
 RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
+RECORDING_MODE = 0o600  # where tractors were is for who asked for it alone, also where it is unpacked
 WRITTEN_BYTES = 2**18  # of a body, written at a time
 RECORDING_ANSWERS = document_file("One log per tractor", [ZIP_MEDIA_TYPE])
 
@@ -382,7 +383,7 @@ def get_recording(store: StoreAccess, _who: ReadAccess, id: str) -> Response:
     if not logs:
         raise NotFoundError("No tractor of this fleet has reported yet; start it first.", parameter="id")
     headers = {"content-disposition": f'attachment; filename="fleet-{id}.zip"'}
-    return Response(zip_files(logs), media_type=ZIP_MEDIA_TYPE, headers=headers)
+    return Response(zip_files(logs, RECORDING_MODE), media_type=ZIP_MEDIA_TYPE, headers=headers)
 
 
 async def save_recording_before_read(sessions: FleetSessions, path: str) -> None:

@@ -192,16 +192,14 @@ class InputCollector:
         if kind == "farm":
             self._add_named_files(sha256, file_path.partition("/")[0], parameter, _list_farm_tractors)
 
-    def add_field(self, name: str, parameter: str) -> dict[str, Any]:
-        """The options of a plan that name a field and say how it is read, as given with the upload.
-
-        `field` is a sample or the path of an uploaded file, with the part after "#".
-        """
+    def add_field(self, name: str, parameter: str) -> tuple[str, dict[str, Any]]:
+        """The path of a sample or an uploaded field, with the part after "#", and how it is read, as given with the
+        upload."""
         stem, mark, key = name.partition("#")
         if stem in list_sample_names():
-            return {"field": name}
+            return name, {}
         path = self.add_file("field", stem, parameter) + mark + key
-        return {"field": path} | self._store.get_file("field", _strip_suffix("field", stem)).options
+        return path, dict(self._store.get_file("field", _strip_suffix("field", stem)).options)
 
     def add_tractor(self, name: str, parameter: str) -> str:
         """The name of a built-in tractor, or the path of an uploaded one."""
@@ -260,8 +258,8 @@ def _collect_plan_files(
     store: Store, collector: InputCollector, options: Mapping[str, Any], values: dict[str, Any]
 ) -> dict[str, Any]:
     """The given values of a plan request with the paths of its files; `options` has defaults as well."""
-    field = collector.add_field(options["field"], "field")
-    values = field | values | {"field": field["field"]}
+    values["field"], upload_options = collector.add_field(options["field"], "field")
+    values = upload_options | values
     for parameter, kind in (("gnss_table", "table"), ("elevation", "elevation"), ("farm", "farm")):
         if options[parameter] is not None:
             values[parameter] = collector.add_file(kind, options[parameter], parameter)

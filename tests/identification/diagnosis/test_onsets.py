@@ -65,13 +65,31 @@ def test_wheels_that_run_away_are_stuck() -> None:
     assert faults[0].from_s - START_S == pytest.approx(22.0, abs=2.0) and faults[0].between_s is None
 
 
-def test_a_wheel_sensor_that_freezes_is_found() -> None:
-    logs = build_logs({"waves": freeze(clean_frames()["waves"], ("steering_deg",), 21.0, 35.0)})
+@pytest.mark.parametrize(
+    ("column", "name", "from_s", "to_s", "expected"),
+    [
+        ("heading_deg", "steps", 15.0, 20.0, "heading_frozen"), ("heading_deg", "waves", 10.0, None, "heading_frozen"),
+        ("speed_mps", "steps", 10.0, None, "speed_frozen"),
+        ("steering_deg", "waves", 21.0, 35.0, "wheel_sensor_frozen"),
+    ],
+)  # fmt: skip
+def test_what_the_reader_of_one_log_does_not_see_freeze_is_found_beside_other_runs(
+    column: str, name: str, from_s: float, to_s: float | None, expected: str
+) -> None:
+    logs = build_logs({name: freeze(clean_frames()[name], (column,), from_s, to_s)})
     faults = list_faults(logs)
-    assert not any(log.faults for log in logs)  # the reader of a log does not see it
-    assert [(fault.id, fault.run) for fault in faults] == [("wheel_sensor_frozen", "waves")]
-    assert faults[0].from_s - START_S == pytest.approx(21.0, abs=1.0)
-    assert faults[0].to_s is not None and faults[0].to_s - START_S == pytest.approx(35.0, abs=2.0)
+    assert not any(log.faults for log in logs)
+    assert [(fault.id, fault.run) for fault in faults] == [(expected, name)]
+    assert faults[0].from_s - START_S == pytest.approx(from_s, abs=1.0)
+    end_s = None if faults[0].to_s is None else faults[0].to_s - START_S
+    assert end_s == (None if to_s is None else pytest.approx(to_s, abs=2.0))
+
+
+def test_positions_that_freeze_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    frozen = freeze(clean_frames()["steps"], ("easting_m", "northing_m"), 21.0, 35.0)
+    faults = [fault for fault in list_faults(build_unread_logs({"steps": frozen}, monkeypatch))
+              if fault.id != "position_jump"]  # fmt: skip
+    assert [(fault.id, fault.run) for fault in faults] == [("position_frozen", "steps")]
 
 
 def test_a_lost_fix_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

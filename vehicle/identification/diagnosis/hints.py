@@ -191,7 +191,7 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
     arrays = {f"hint_{name}": values for name, values in quantities.items()}
     tried = {}
     for change in CHANGES:
-        for key in (key for key in (f"hint_{key}" for key in change.keys) if key in arrays):
+        for key in [f"hint_{name}" for name in change.keys if name in quantities]:
             own = (Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf, key),)
             tried[Hypothesis(f"hint_{change.field}", key, own, PENALTIES["place"], change.least)] = change
     before = dict(problem.bases.arrays)

@@ -32,6 +32,7 @@ from vehicle.identification.logs.standing_columns import (
     STEERING_LOOSE,
     STEERING_STUCK,
     STEERING_WORDS,
+    STILL_READINGS,
     WHEEL_SENSOR_FROZEN,
 )
 from vehicle.identification.logs.thresholds import (
@@ -58,6 +59,7 @@ MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
 
 WORDS = {
     **STEERING_WORDS,
+    **{reading.fault_id: reading.words for reading in STILL_READINGS.values()},
     POSITION_LOST: LOST_WORDS,
     WHEEL_SENSOR_FROZEN: "steering_deg does not follow the commands while the path does",
 }
@@ -117,7 +119,7 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     lock_deg = find_lock(logs)
     built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
     numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
-    spans = _find_frozen_wheels(logs)
+    spans = [span for name in STILL_READINGS for span in _find_frozen_spans(logs, name)]
     scales = fit_path_scales(runs) if runs else []
     for measure, least_sigma in MEASURES.items() if runs else ():
         channels = [measure(run, scales) for run in runs]
@@ -257,10 +259,10 @@ MEASURES = {
 """What may change, and its least standard deviation; what it is depends on the span."""
 
 
-def _find_frozen_wheels(logs: Sequence[Log]) -> list[OnsetSpan]:
-    """Find wheel angles that are held for far longer than any in other runs. Holds of a value have a tail exp(-t / m),
-    m from the longest of the other runs; as many as there are is the price of choosing the longest."""
-    holds = [_list_holds(log) for log in logs]
+def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
+    """Find values that are held for far longer than any in other runs. Holds of a value have a tail exp(-t / m), m from
+    the longest of the other runs; as many as there are is the price of choosing the longest."""
+    holds = [_list_holds(log, column) for log in logs]
     spans = []
     for run, (firsts, lasts, seconds) in enumerate(holds):
         others = np.concatenate([np.empty(0), *(hold[2] for other, hold in enumerate(holds) if other != run)])
@@ -270,19 +272,28 @@ def _find_frozen_wheels(logs: Sequence[Log]) -> list[OnsetSpan]:
         price = math.log(len(pool) + 1.0)
         nats = seconds / max(HOLD_TAIL * float(pool.max()) / price, STAND_S) - price
         spans += [
-            OnsetSpan(WHEEL_SENSOR_FROZEN, run, first, first, last, last, value)
+            OnsetSpan(STILL_READINGS[column].fault_id, run, first, first, last, last, value)
             for first, last, value in zip(firsts.tolist(), lasts.tolist(), nats.tolist(), strict=True)
             if value > ADD_NATS
         ]
     return spans
 
 
-def _list_holds(log: Log) -> tuple[Array, Array, Array]:
-    """First and last time of every wheel angle that is held, and for how long the tractor drove in it (s)."""
-    used = np.flatnonzero(log.used)
-    if log.steering_deg is None or len(used) < FEWEST_READINGS:
+def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
+    """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
+    columns = {
+        "position": (log.easting_m, log.northing_m),
+        "heading": (log.heading_deg,),
+        "speed": (log.speed_mps,),
+        "wheel": (log.steering_deg,),
+    }
+    axes = [values for values in columns[column] if values is not None]
+    measured = log.place_rows.get(column, log.fresh if column == "position" else None)
+    rows = np.flatnonzero(log.used if measured is None else log.used & measured)
+    if not axes or len(rows) < FEWEST_READINGS:
         return np.empty(0), np.empty(0), np.empty(0)
     # Seconds driven up to each row, as most of positions, speed and commanded speed say.
+    used = np.flatnonzero(log.used)
     used_s = log.time_s[used]
     around = np.stack([np.interp(used_s + shift_s, used_s, axis[used]) for axis in (log.easting_m, log.northing_m)
                       for shift_s in (-1.0, 1.0)])  # fmt: skip
@@ -291,7 +302,9 @@ def _list_holds(log: Log) -> tuple[Array, Array, Array]:
     moving = np.sort(np.stack(paces), axis=0)[-2 if len(paces) > 1 else -1] > PATH_MPS
     step = np.diff(used_s, prepend=used_s[0])
     step = np.where(step <= (GAP_SAMPLES + 0.5) * np.median(step), step, 0.0)
-    driven = np.cumsum(step * moving)
-    changes = np.flatnonzero(np.append(True, np.diff(log.steering_deg[used]) != 0.0))
-    ends = np.append(changes[1:], len(used) - 1)
-    return used_s[changes], used_s[ends], driven[ends] - driven[changes]
+    driven = np.zeros(len(log.time_s))
+    driven[used] = np.cumsum(step * moving)
+    changes = np.flatnonzero(np.append(True, (np.diff(np.stack(axes)[:, rows], axis=1) != 0.0).any(axis=0)))
+    ends = np.append(changes[1:], len(rows) - 1)
+    time = log.time_s[rows]
+    return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])

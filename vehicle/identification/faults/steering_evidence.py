@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,7 +86,7 @@ class RunEvidence:
     def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
         """The wheel angles (k, deg) that the path needs and its curvatures, by heading and course as far as known."""
         return [
-            ((bends - scale[1]) / scale[0], bends)
+            ((bends - scale.at_zero) / scale.per_degree, bends)
             for scale, bends in zip(scales, self.bends, strict=True)
             if scale is not None and np.isfinite(bends).any()
         ]
@@ -98,8 +98,11 @@ class RunEvidence:
         return replace(self, **{**values, **arrays})
 
 
-BendScale = tuple[float, float]
-"""Curvature (1/m) per degree of the wheels, and the curvature of wheels at 0; of heading or of course."""
+class BendScale(NamedTuple):
+    """Curvature (1/m) per degree of the wheels, and the curvature of wheels at 0; of heading or of course."""
+
+    per_degree: float
+    at_zero: float
 
 
 def find_lock(logs: Sequence[Log]) -> float:
@@ -214,7 +217,7 @@ def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
                 apart = np.abs((y - at_zero) / per_degree - x)
                 kept = apart <= max(CLEAR_SIGMAS * measure_spread(apart), 1.0)
                 is_clear = np.corrcoef(x[kept], y[kept])[0, 1] > CLEAR_CORRELATION
-                scale = (float(per_degree), float(at_zero)) if is_clear else None
+                scale = BendScale(float(per_degree), float(at_zero)) if is_clear else None
         scales.append(scale)
     return scales
 
