@@ -198,9 +198,8 @@ def compare_bearings(
         try:
             chosen = tuple(dict.fromkeys(map(float, bearings.split(","))))
         except ValueError:
-            text = bearings
             raise RequestError(
-                f"--bearings {shorten_value(text)} is not a list of degrees; write for instance 0,45,90,135."
+                f"--bearings {shorten_value(bearings)} is not a list of degrees; write for instance 0,45,90,135."
             ) from None
     given = read_given_options(context, options)
     completed = given.build_order(given.build_request(field=field))

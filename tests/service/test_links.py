@@ -217,7 +217,7 @@ def test_the_recording_is_a_log_that_diagnosis_reads(service: Service, tmp_path:
     answer = service.client.get("/api/v1/fleets/f1/recording", headers=reads)
     assert answer.status_code == 200
     archive = zipfile.ZipFile(io.BytesIO(answer.content))
-    assert [entry.external_attr >> 16 for entry in archive.infolist()] == [0o600]  # where it is unpacked, for its owner
+    assert {entry.external_attr >> 16 for entry in archive.infolist()} == {0o600}  # where it is unpacked, for its owner
     path = tmp_path / "log.csv"
     path.write_bytes(archive.read("tractor-3.csv"))
     log = read_log(path)
