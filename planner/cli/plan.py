@@ -233,10 +233,9 @@ def plan(
     result = simulate_plans(
         given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
-    learned = result.ranking.scenario.get("learned", ())
-    remarks = [*result.context.layout.field.remarks]
-    remarks += [mark_text(f"From the farm's own logs: {words}.") for words in learned]
-    print_remarks([*remarks, *describe_hidden_strategies()])
+    values = result.ranking.scenario.get("learned", ())
+    learned = [mark_text(f"From the farm's own logs: {words}.") for words in values]
+    print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
         if form.is_for_programs:

@@ -82,6 +82,8 @@ MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direc
 
 CreateContext = Callable[..., PlanningContext]
 ROUNDING_M = 1e-6
+DETOUR_FACTOR = 1.5  # of the straight line from the farthest corner of the field to the place
+AMPLE_SHARE = 0.8  # of a battery: if one is enough for all work with so much to spare, no stop is planned
 
 
 def prepare_context(
@@ -329,10 +331,6 @@ def lay_directed_passes(field: Field, width_m: float, pass_count: int, radius_m:
         for one in headland_passes
     )
     return tuple(replace(one, sides=turned) for one, turned in zip(headland_passes, sides, strict=True))
-
-
-DETOUR_FACTOR = 1.5  # of the straight line from the farthest corner of the field to the place
-AMPLE_SHARE = 0.8  # of a battery: if one is enough for all work with so much to spare, no stop is planned
 
 
 def build_battery_supply(

@@ -173,8 +173,8 @@ def _compute_allowed(
     blocked = []
     for one in field.solid_obstacles:
         west, south, east, north = one.bounds
-        half_m = 0.5 * float(min(east - west, north - south))
-        blocked.append(one.buffer(max(obstacle_m, LEAST_SEEN_M - half_m)))
+        inside_m = 0.5 * float(min(east - west, north - south))
+        blocked.append(one.buffer(max(obstacle_m, LEAST_SEEN_M - inside_m)))
     return subtract(outside, unite([*blocked, fences.buffer(fence_m)]))
 
 

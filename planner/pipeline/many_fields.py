@@ -53,6 +53,8 @@ KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
 LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins
 Record = dict[str, Any]
 MAX_FIELDS = 100_000
+USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
+MAX_BEARINGS = 36
 
 
 @dataclass(frozen=True, eq=False)
@@ -328,10 +330,6 @@ def _find_fitting(
     if refusals and len(refusals) == len(fields):
         raise next(iter(refusals.values()))
     return frozenset(fields.keys() - refusals.keys())
-
-
-USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
-MAX_BEARINGS = 36
 
 
 def list_headland_requests(

@@ -40,6 +40,7 @@ DEFAULT_DRIVES = 4
 MAX_SPEED_FACTOR = 3.0  # times the planned speed: no leg is simulated faster
 TIMEOUT_FACTOR = 3.0
 MIN_LEG_S = 0.1
+STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
 ACCELERATION_MPS2 = 0.7
 MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 Array = npt.NDArray[np.float64]
@@ -370,9 +371,6 @@ def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]
     return sentence, *([causes] if main_shares else [])
 
 
-STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
-
-
 def choose_best(plans: Sequence[PlanResult], objective: str = CHEAPEST, samples: int = 1) -> PlanResult:
     """The plan to take: of the plans equal to the best one, the one with the fewest tractors.
 
@@ -399,13 +397,13 @@ def choose_best(plans: Sequence[PlanResult], objective: str = CHEAPEST, samples:
     else:
         equal = select_surest(plans, samples)
     preferred = min(equal, key=_build_preference_key)
-    as_long = [
-        plan
-        for plan in equal
-        if plan.tractors == preferred.tractors
-        and abs(plan.ranked_s - preferred.ranked_s)
-        <= MODEL_ERROR_SHARE * abs(min(plan.ranked_s, preferred.ranked_s))  # as long within the error of the model
-    ]
+
+    def takes_as_long(plan: PlanResult) -> bool:
+        """Whether a plan takes as long as the preferred one within the error of the model."""
+        shorter_s = min(plan.ranked_s, preferred.ranked_s)
+        return abs(plan.ranked_s - preferred.ranked_s) <= MODEL_ERROR_SHARE * abs(shorter_s)
+
+    as_long = [plan for plan in equal if plan.tractors == preferred.tractors and takes_as_long(plan)]
     return min(as_long, key=lambda plan: (build_quality_key(plan), _build_preference_key(plan)))
 
 

@@ -81,6 +81,21 @@ def wander_on(error_m: float, is_lost: bool, keep: float) -> float:
 
 
 @compile_function
+def raises_doubt(before, report, biases_m, step, sums, kept, counts, found) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a report after the one before it raises a doubt, after which the sums begin anew."""
+    if counts[0] == 0:
+        counts[0] = 1
+        return False
+    measure_motion_step(before, report, ANTENNA_M, step)
+    add_motion_step(step, biases_m, True, sums, kept, counts, found)
+    if found.max() < 0:
+        return False
+    sums[:], counts[0], counts[1] = 0.0, 1, 0
+    kept[0] = sums
+    return True
+
+
+@compile_function
 def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
     """The doubts of one tractor in so many steps, and the first step of one (-1 for none)."""
     np.random.seed(seed)
@@ -147,16 +162,9 @@ def drive(seed: int, steps: int, lies_from: int) -> tuple[int, int]:
         report[5], report[6], report[7] = progress[0], progress[1], progress[2]
         if away_s > 0.0 and number % 2 == 0:
             continue  # of the states that waited for the link only every second is kept
-        if counts[0] == 0:
-            counts[0] = 1
-        else:
-            measure_motion_step(before, report, ANTENNA_M, step)
-            add_motion_step(step, biases_m, True, sums, kept, counts, found)
-            if found.max() >= 0:
-                doubts += 1
-                first = number if first < 0 else first
-                sums[:], counts[0], counts[1] = 0.0, 1, 0
-                kept[0] = sums
+        if raises_doubt(before, report, biases_m, step, sums, kept, counts, found):
+            doubts += 1
+            first = number if first < 0 else first
         before[:] = report
     return doubts, first
 
