@@ -342,28 +342,35 @@ class DealtLines:
         """Tours by estimated moves, of lines that each tractor may work (tractors, n)."""
         return sketch_programme(self._pose_tours(allowed))
 
+    @cached_property
+    def free(self) -> Sketch:
+        """The sketch by the deal alone."""
+        return self.sketch_tours(self.deal.allowed)
+
+    @cached_property
+    def tidied(self) -> tuple[Sketch, Flags]:
+        """A sketch by the deal of a strategy in a way that people would rather see, with the lines for each."""
+        if self.is_first and len(self.deal.allowed) > 1 and self.context.going_on is None:
+            return sketch_tidily(self.sketch_tours, self.moves, self.deal, self.free)
+        return self.free, self.deal.allowed
+
     def sketch(self) -> SketchedPlan:
-        """The plan as sketched; by the deal of a strategy in a way that people would rather see (sketch_tidily)."""
-        own = self.deal.allowed
-        if self.is_first and len(own) > 1 and self.context.going_on is None:
-            sketched, own = sketch_tidily(self.sketch_tours, self.moves, self.deal)
-        else:
-            sketched = self.sketch_tours(own)
+        """The plan as sketched by the deal alone; `tidied` where it is composed."""
         served_s = np.zeros(len(self.moves.lines)) if self.served_s is None else self.served_s
         return SketchedPlan(
             self.order,
-            sketched.tractor_s,
-            lambda: self._compose(self._pose_tours(own), sketched.tours),
-            (lambda: self._sketch_others(is_tidy=own is not self.deal.allowed)) if self.is_first else None,
-            tours=sketched.tours,
-            served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours],
+            self.free.tractor_s,
+            lambda: self._compose(self._pose_tours(self.tidied[1]), self.tidied[0].tours),
+            self._sketch_others if self.is_first else None,
+            tours=self.free.tours,
+            served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in self.free.tours],
         )
 
-    def _sketch_others(self, *, is_tidy: bool) -> list[SketchedPlan]:
-        """Sketches by other deals, that of the strategy alone first where the first sketch `is_tidy`."""
+    def _sketch_others(self) -> list[SketchedPlan]:
+        """Sketches by other deals, that of the strategy alone first where it was tidied."""
         goes_on, found = self.context.going_on is not None, list[SketchedPlan]()
         others = list_other_deals(self.sketch_tours, self.moves, self.deal, self.order, goes_on=goes_on)
-        for deal in [self.deal, *others] if is_tidy else others:
+        for deal in others if self.tidied[1] is self.deal.allowed else [self.deal, *others]:
             with suppress(StrategyError):
                 found.append(replace(self, deal=deal, is_first=False).sketch())
         return found
