@@ -56,6 +56,20 @@ from reports.plan.map_labels import (
 )
 
 PATH_TOLERANCE_M = 0.1
+# Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
+MOST_FIRST_KNOTS = 30_000  # of the plan shown first
+MOST_OTHER_KNOTS = 60_000  # of all other plans together
+_MARGIN_SHARE = 0.04  # of the larger side of the map
+MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
+
+MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
+_COORDINATE_DECIMALS = 2
+CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
+SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
+"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
+PATH_TOLERANCE_SHARE = 0.002  # of the larger side
+SmallMap = dict[str, Any]
+"""Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,13 +130,6 @@ def _find_worst_sample(drive: PlanDrive, number: int, first: int, last: int) -> 
     if square[worst_index] <= PATH_TOLERANCE_M**2:
         return None
     return -float(square[worst_index]), number, first, first + 1 + worst_index, last
-
-
-# Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
-MOST_FIRST_KNOTS = 30_000  # of the plan shown first
-MOST_OTHER_KNOTS = 60_000  # of all other plans together
-_MARGIN_SHARE = 0.04  # of the larger side of the map
-MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
 
 
 def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
@@ -304,11 +311,6 @@ def build_time_bars(drive: PlanDrive, states: Sequence[str] = tuple(STATUS_BY_ST
     ]
 
 
-MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
-_COORDINATE_DECIMALS = 2
-CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
-
-
 def format_maps_json(
     ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[tuple[str, int], PlanDrive] | None = None
 ) -> str:
@@ -381,13 +383,6 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str,
 
 def _round_coordinates(values: npt.NDArray[Any]) -> Any:
     return np.round(values, _COORDINATE_DECIMALS).tolist()
-
-
-SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
-"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
-PATH_TOLERANCE_SHARE = 0.002  # of the larger side
-SmallMap = dict[str, Any]
-"""Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
 
 
 def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> SmallMap:

@@ -57,6 +57,9 @@ from reports.plan.shortfall_wording import group_refusals
 
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
 _BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends
+_PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")
+"""Where headings may be broken on narrow paper."""
+PlanKey = tuple[str, int]  # strategy and number of tractors
 
 
 def _place_counts(plans: list[PlanResult]) -> dict[int, float]:
@@ -150,11 +153,6 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         )  # fmt: skip
     counts = [{"x": x, "text": str(count)} for count, x in places.items()]
     return {"width": RISK_FRAME.width, "height": RISK_FRAME.height, "bands": bands, "counts": counts}
-
-
-_PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")
-"""Where headings may be broken on narrow paper."""
-PlanKey = tuple[str, int]  # strategy and number of tractors
 
 
 def render_plan_page(
