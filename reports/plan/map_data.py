@@ -154,15 +154,6 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
     ]
     driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
-    lanes = []
-    for number, path in enumerate(thinned[0]):
-        lines = {"work": "", "turn": "", "back": ""}
-        for status, begin, end in list_status_runs(path.status):
-            lines[{WORKING: "work", REVERSING: "back"}.get(status, "turn")] += frame.format_path(
-                path.xy[begin : end + 1]
-            )
-        start = frame.convert_points(path.xy[:1])[0]
-        lanes.append({"number": number + 1, "colour": number % len(palette.TRACTOR_COLOURS), "start": start, **lines})
     return {
         "width": round((box.width + 2 * margin) * 100),
         "height": round((height + 0.06 * size) * 100),
@@ -181,7 +172,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "headland_pass_labels": _place_labels(place_headland_pass_labels(first, size), frame),
         "cell_labels": _place_labels(place_cell_labels(first), frame),
         "cut_off_labels": _place_labels(place_cut_off_labels(first), frame),
-        "lanes": lanes,
+        "lanes": [_draw_lane(number, path, frame) for number, path in enumerate(thinned[0])],
         "entrance": None if first.entrance is None else frame.convert_points(np.array([first.entrance]))[0],
         "bar": {"x": round(margin * 100), "y": round((height + 0.02 * size) * 100), "length": round(bar * 100)},
         "bar_text": f"{bar:g} m",
@@ -193,6 +184,15 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "missed": any(drive.unworked for drive in drives.values()),
         "relief": None if first.relief is None else _draw_relief(first.relief, frame),
     }
+
+
+def _draw_lane(number: int, path: TimedPath, frame: Viewport) -> dict[str, Any]:
+    """What the tractor of a number, from 0, drives: its lines at work, in turns and backwards, and where it starts."""
+    lines = {"work": "", "turn": "", "back": ""}
+    for status, begin, end in list_status_runs(path.status):
+        lines[{WORKING: "work", REVERSING: "back"}.get(status, "turn")] += frame.format_path(path.xy[begin : end + 1])
+    start = frame.convert_points(path.xy[:1])[0]
+    return {"number": number + 1, "colour": number % len(palette.TRACTOR_COLOURS), "start": start, **lines}
 
 
 def _draw_relief(relief: Relief, viewport: Viewport) -> dict[str, Any]:
