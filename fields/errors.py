@@ -26,6 +26,11 @@ MAX_SENTENCE_CHARS = 4000  # the longest sentences of Headland list MAX_FAULTS f
 _CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
 _QUOTED = re.compile(r"""(?<!\w)(['"])((?:\\.|(?!\1)[^\\])*)\1(?!\w)""")
 _UNBROKEN = re.compile(rf"\S{{{MAX_VALUE_CHARS + 1},}}")
+_MIN_SIMILARITY, _MIN_TYPO_SIMILARITY = 0.4, 0.7
+"""Share of common letters of similar names, and of a name with a typo: "best" and "surest" (0.6) are two words."""
+_MIN_PREFIX_LETTERS = 3
+_MARK_OPEN, _MARK_CLOSE = "\ue000", "\ue001"  # private-use characters of Unicode, which no text contains
+_MARKED = re.compile(f"{_MARK_OPEN}([^{_MARK_OPEN}{_MARK_CLOSE}]*){_MARK_CLOSE}")
 
 
 def escape_controls(text: str) -> str:
@@ -59,13 +64,6 @@ def make_one_line(sentence: str) -> str:
     line = _QUOTED.sub(lambda match: match[1] + shorten_middle(match[2]) + match[1], escape_controls(sentence))
     line = _UNBROKEN.sub(lambda match: shorten_middle(match[0]), line)
     return shorten_middle(line, MAX_SENTENCE_CHARS, MAX_SENTENCE_CHARS // 2)
-
-
-_MIN_SIMILARITY, _MIN_TYPO_SIMILARITY = 0.4, 0.7
-"""Share of common letters of similar names, and of a name with a typo: "best" and "surest" (0.6) are two words."""
-_MIN_PREFIX_LETTERS = 3
-_MARK_OPEN, _MARK_CLOSE = "\ue000", "\ue001"  # private-use characters of Unicode, which no text contains
-_MARKED = re.compile(f"{_MARK_OPEN}([^{_MARK_OPEN}{_MARK_CLOSE}]*){_MARK_CLOSE}")
 
 
 def mark_parameter(parameter: str) -> str:

@@ -16,6 +16,7 @@ from zlib import crc32
 LOCAL_METRES, WGS84 = "local_metres", "wgs84"
 UNKNOWN_CRS = "unknown"
 """The coordinate system of a file that should name one and does not."""
+SHAPE_NAME = "shape"  # in messages; a shape has none of its own
 
 
 @dataclass(frozen=True)
@@ -107,9 +108,6 @@ class FieldFormat(FileFormat[FieldDocument]):
 
     parse: Callable[[bytes, str], FieldDocument] | None = None
     has_lone_files: bool = True
-
-
-SHAPE_NAME = "shape"  # in messages; a shape has none of its own
 
 
 @runtime_checkable

@@ -22,6 +22,14 @@ from fields.errors import HeadlandError, shorten_value
 
 MAX_COLUMNS = 200
 MAX_HEADER_CHARS = 20_000  # of the first line
+MAX_BYTES = 256 * 2**20  # far more than any field, tractor or table of fixes
+MAX_SHOWN_CHARS = 80
+DELIMITERS = ",;\t|"
+SAMPLE_CHARS, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form of a table is recognised
+_SEPARATOR_LINE = re.compile(r"\Asep=[^\r\n](?=\r?\n)", re.IGNORECASE)
+_NUMBER_WITH_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+)?,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
+_NUMBER_WITH_POINT = re.compile(r"\s*[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
+_QUOTED_NUMBER_WITH_COMMA = re.compile(f'"{_NUMBER_WITH_COMMA.pattern}"', re.IGNORECASE)
 
 
 def check_header(text: str, label: str, error_type: type[HeadlandError]) -> None:
@@ -47,10 +55,6 @@ def check_header(text: str, label: str, error_type: type[HeadlandError]) -> None
             f"The first line of {label} has more than {MAX_HEADER_CHARS} characters; it should name at most "
             f"{MAX_COLUMNS} columns."
         )
-
-
-MAX_BYTES = 256 * 2**20  # far more than any field, tractor or table of fixes
-MAX_SHOWN_CHARS = 80
 
 
 def read_text(path: str | Path, kind: str, error_type: type[HeadlandError]) -> str:
@@ -133,14 +137,6 @@ def explain_parse_error(error: BaseException) -> str:
     if "integer string conversion" in str(error):
         return "it contains an integer with thousands of digits"
     return str(error)
-
-
-DELIMITERS = ",;\t|"
-SAMPLE_CHARS, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form of a table is recognised
-_SEPARATOR_LINE = re.compile(r"\Asep=[^\r\n](?=\r?\n)", re.IGNORECASE)
-_NUMBER_WITH_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+)?,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
-_NUMBER_WITH_POINT = re.compile(r"\s*[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
-_QUOTED_NUMBER_WITH_COMMA = re.compile(f'"{_NUMBER_WITH_COMMA.pattern}"', re.IGNORECASE)
 
 
 def decode_table(content: bytes) -> str:

@@ -35,6 +35,17 @@ SINGLE_FILE_FORMATS = {
     if field_format.parse is not None and extension != ".json"
 }
 """By extension; a .json file in a folder is usually something else."""
+FOREIGN_EXTENSIONS = {
+    ".gml": "GML",
+    ".parquet": "Parquet",
+    ".dxf": "DXF",
+    ".dwg": "DWG",
+    ".csv": "CSV",
+    ".gdb": "a geodatabase",
+    ".tif": "a picture",
+    ".pdf": "a PDF",
+}
+"""Extensions of files that may contain fields, in formats that are not supported."""
 
 
 def read_single_file(path: str, label: str) -> FieldDocument | None:
@@ -56,19 +67,6 @@ def read_single_file(path: str, label: str) -> FieldDocument | None:
     if members.path.is_dir():
         return field_format.read(str(members.path / names[0]), label)
     return None if field_format.parse is None else field_format.parse(members[names[0]], label)
-
-
-FOREIGN_EXTENSIONS = {
-    ".gml": "GML",
-    ".parquet": "Parquet",
-    ".dxf": "DXF",
-    ".dwg": "DWG",
-    ".csv": "CSV",
-    ".gdb": "a geodatabase",
-    ".tif": "a picture",
-    ".pdf": "a PDF",
-}
-"""Extensions of files that may contain fields, in formats that are not supported."""
 
 
 @dataclass(frozen=True)

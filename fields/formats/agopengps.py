@@ -43,6 +43,12 @@ PLACEHOLDER_NAMES = ("FieldNew", "XML Derived", "KML Derived")
 NamedLine = tuple[str, list[tuple[float, float]]]
 """Name and points in metres of a guidance line."""
 _SPACES = re.compile(r"\s+")
+RING_SPACING_M, CURVE_SPACING_M = 5.0, 2.0
+START_DECIMALS = 8
+FIRST_LINE = "Headland"
+"""First line of Field.txt, where the program writes the time of day but reads nothing."""
+
+MetrePoints = list[tuple[float, float]]
 
 
 def _read_fields(path: str, label: str) -> FieldDocument:
@@ -225,14 +231,6 @@ def read_boundary_degrees(members: ArchiveMembers, field_file: str, plane: Local
 
 
 FIELD_FORMAT = FieldFormat("AgOpenGPS", (), _read_fields, lambda names: FIELD_FILE in names)
-
-
-RING_SPACING_M, CURVE_SPACING_M = 5.0, 2.0
-START_DECIMALS = 8
-FIRST_LINE = "Headland"
-"""First line of Field.txt, where the program writes the time of day but reads nothing."""
-
-MetrePoints = list[tuple[float, float]]
 
 
 def _write_agopengps(guidance: PlanGuidance) -> FileContents:

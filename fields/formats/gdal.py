@@ -48,6 +48,18 @@ SAFE_OPTIONS: dict[str, str | None] = {
 }
 """Options of GDAL while untrusted files are read."""
 _GDAL_LOCK = threading.RLock()  # drivers and options are global to the process
+MAX_FEATURES = 100_000
+NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
+"""Columns with the name of a feature; the first one that is not empty counts."""
+WGS84 = "EPSG:4326"
+LATIN1 = "ISO-8859-1"
+ENCODINGS = (None, LATIN1)
+"""Of texts, in this order: what the file says; else any bytes."""
+UNSTATED_ENCODINGS = ("UTF-8", *ENCODINGS)
+"""Of a Shapefile without a code page: many are in UTF-8 and do not say so."""
+CODE_PAGE_EXTENSION = ".cpg"
+IN_MEMORY_PREFIX = "pyogrio_"
+"""Beginning of the names of layers in files given as bytes."""
 
 
 @contextmanager
@@ -95,20 +107,6 @@ def _get_gdal_option(name: str) -> str | None:
     if isinstance(value, bool):
         return "ON" if value else "OFF"
     return None if value is None else str(value)
-
-
-MAX_FEATURES = 100_000
-NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
-"""Columns with the name of a feature; the first one that is not empty counts."""
-WGS84 = "EPSG:4326"
-LATIN1 = "ISO-8859-1"
-ENCODINGS = (None, LATIN1)
-"""Of texts, in this order: what the file says; else any bytes."""
-UNSTATED_ENCODINGS = ("UTF-8", *ENCODINGS)
-"""Of a Shapefile without a code page: many are in UTF-8 and do not say so."""
-CODE_PAGE_EXTENSION = ".cpg"
-IN_MEMORY_PREFIX = "pyogrio_"
-"""Beginning of the names of layers in files given as bytes."""
 
 
 @dataclass

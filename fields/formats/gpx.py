@@ -23,6 +23,7 @@ MAX_CLOSING_SHARE = 0.05
 """A track is closed when its ends are nearer than this share of its length."""
 MIN_CLOSING_SHARE = 0.75
 """Share of its length after which a track may be back at its start."""
+GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
 def _read_gpx(path: str, label: str) -> FieldDocument:
@@ -65,9 +66,6 @@ def close_boundary_polygon(feature: Feature) -> Feature:
 
 
 FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)
-
-
-GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
 def _write_gpx(guidance: PlanGuidance) -> FileContents:

@@ -22,6 +22,27 @@ DegreePoints = npt.NDArray[np.float64]
 SWATH, HEADLAND_PASS = "track", "round"
 DEGREE_DECIMALS = 9
 """Of written degrees: a tenth of a millimetre."""
+MAX_SEGMENTS = 8
+"""Curves with more segments are dropped: no driver selects that many lines on the way."""
+SEGMENT_LETTERS = "abcdefgh"
+
+FileContents = Mapping[str, bytes]
+"""Contents by path inside the folder that is written, with ``/`` between folders."""
+
+MAX_DESIGNATOR_BYTES = 32
+"""The longest designator of ISO 11783-10."""
+MAX_FOLDER_LETTERS = 60
+_ASCII_LETTERS = str.maketrans({
+    "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "œ": "oe", "Œ": "OE", "ł": "l", "Ł": "L", "đ": "d", "Đ": "D",
+    "þ": "th", "Þ": "Th",
+    "\N{LATIN SMALL LETTER DOTLESS I}": "i",
+})  # fmt: skip
+_FORBIDDEN_IN_FOLDERS = re.compile(r"[<>:\"/\\|?*]+")
+_WINDOWS_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
+"""Names that Windows reserves for devices."""
+ZIP_MEDIA_TYPE = "application/zip"
+EARLIEST_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
+"""The earliest time of a ZIP archive, used so that archives are reproducible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +126,6 @@ class PlanGuidance:
         return tuple(replace(self, tractors=(each,)) for each in self.tractors)
 
 
-MAX_SEGMENTS = 8
-"""Curves with more segments are dropped: no driver selects that many lines on the way."""
-SEGMENT_LETTERS = "abcdefgh"
-
-
 def cut_curves_into_segments(guidance: PlanGuidance) -> PlanGuidance:
     """The guidance in straight lines, for terminals without curves: curves of few segments are cut, others dropped.
 
@@ -147,10 +163,6 @@ def _cut_curve_into_segments(line: GuidedLine) -> tuple[GuidedLine, ...]:
     )
 
 
-FileContents = Mapping[str, bytes]
-"""Contents by path inside the folder that is written, with ``/`` between folders."""
-
-
 @dataclass(frozen=True)
 class GuidanceFormat:
     """A format of guidance files.
@@ -180,19 +192,6 @@ class GuidanceFormat:
     unsupported_parts: tuple[str, ...] = ()
 
 
-MAX_DESIGNATOR_BYTES = 32
-"""The longest designator of ISO 11783-10."""
-MAX_FOLDER_LETTERS = 60
-_ASCII_LETTERS = str.maketrans({
-    "ß": "ss", "ø": "o", "Ø": "O", "æ": "ae", "Æ": "AE", "œ": "oe", "Œ": "OE", "ł": "l", "Ł": "L", "đ": "d", "Đ": "D",
-    "þ": "th", "Þ": "Th",
-    "\N{LATIN SMALL LETTER DOTLESS I}": "i",
-})  # fmt: skip
-_FORBIDDEN_IN_FOLDERS = re.compile(r"[<>:\"/\\|?*]+")
-_WINDOWS_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
-"""Names that Windows reserves for devices."""
-
-
 def simplify_to_ascii(name: str) -> str:
     """A name in printable ASCII, letters with accents simplified and other characters dropped; possibly ""."""
     letters = unicodedata.normalize("NFKD", name.translate(_ASCII_LETTERS)).encode("ascii", "ignore").decode("ascii")
@@ -209,11 +208,6 @@ def build_folder_name(name: str, fallback: str) -> str:
     folder = _FORBIDDEN_IN_FOLDERS.sub(" ", simplify_to_ascii(name))
     folder = " ".join(folder.split())[:MAX_FOLDER_LETTERS].strip(" .")
     return f"{fallback} {folder}".strip() if not folder or _WINDOWS_DEVICES.match(folder) else folder
-
-
-ZIP_MEDIA_TYPE = "application/zip"
-EARLIEST_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
-"""The earliest time of a ZIP archive, used so that archives are reproducible."""
 
 
 def zip_files(files: FileContents, mode: int = 0o644) -> bytes:

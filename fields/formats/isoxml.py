@@ -52,6 +52,14 @@ OBSTACLE_LINE_TYPE, DEFAULT_LINE_WIDTH_MM = "9", 1000
 PATTERN_TYPES = {"1": "AB", "2": "A+", "3": "curve", "4": "pivot", "5": "spiral"}
 MAX_AREA_RATIO = 1.2
 """If the stated area and the area of the ring differ by more than this factor, there is a remark."""
+TASKDATA_PATH = "TASKDATA/TASKDATA.XML"
+SOFTWARE_NAME = "Headland"
+OBSTACLE_TYPE = "6"
+OTHER_POINT_TYPE, A_TYPE, B_TYPE, BETWEEN_TYPE = "2", "6", "7", "9"
+GPN_AB, GPN_CURVE = "1", "3"
+GPN_BOTH_SIDES, GPN_BOTH_ENDS, GPN_DESKTOP = "1", "1", "16"
+"""Extension of a pattern to both sides and ends; origin of its points (not measured)."""
+FALLBACK_NAME = "Field"
 
 
 def _read_isoxml(path: str, label: str) -> FieldDocument:
@@ -314,16 +322,6 @@ def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feat
 
 
 FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, lambda names: TASKDATA_FILE in names)
-
-
-TASKDATA_PATH = "TASKDATA/TASKDATA.XML"
-SOFTWARE_NAME = "Headland"
-OBSTACLE_TYPE = "6"
-OTHER_POINT_TYPE, A_TYPE, B_TYPE, BETWEEN_TYPE = "2", "6", "7", "9"
-GPN_AB, GPN_CURVE = "1", "3"
-GPN_BOTH_SIDES, GPN_BOTH_ENDS, GPN_DESKTOP = "1", "1", "16"
-"""Extension of a pattern to both sides and ends; origin of its points (not measured)."""
-FALLBACK_NAME = "Field"
 
 
 def _write_version_4(guidance: PlanGuidance) -> FileContents:

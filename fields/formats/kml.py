@@ -28,6 +28,9 @@ from fields.text_files import read_bytes
 
 MAIN_DOCUMENT = "doc.kml"
 ROOT_TAGS = ("kml", "Document", "Folder", "Placemark")
+KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
+BOUNDARY_STYLE, HEADLAND_STYLE = "boundary", "headland"
+LINE_STYLES = {BOUNDARY_STYLE: ("ff404040", "3"), HEADLAND_STYLE: ("ff909090", "2")}
 
 
 def _read_kml(path: str, label: str) -> FieldDocument:
@@ -62,11 +65,6 @@ def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
 
 
 FIELD_FORMAT = FieldFormat("KML", (".kml", ".kmz"), _read_kml, lambda names: MAIN_DOCUMENT in names, parse_kml)
-
-
-KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
-BOUNDARY_STYLE, HEADLAND_STYLE = "boundary", "headland"
-LINE_STYLES = {BOUNDARY_STYLE: ("ff404040", "3"), HEADLAND_STYLE: ("ff909090", "2")}
 
 
 def _write_kml(guidance: PlanGuidance) -> FileContents:

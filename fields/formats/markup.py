@@ -16,6 +16,8 @@ from fields.errors import FieldError
 
 MAX_XML_DEPTH = 100
 """Nested elements; other parsers are recursive and could run out of stack."""
+_FORBIDDEN_CHARACTERS = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML 1.0 does not allow."""
 
 
 class _DeclarationError(Exception):
@@ -103,10 +105,6 @@ def _find_xml_error(parser: expat.XMLParserType, content: bytes, label: str) -> 
 
 def _refuse_declaration(*_arguments: object) -> NoReturn:
     raise _DeclarationError
-
-
-_FORBIDDEN_CHARACTERS = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML 1.0 does not allow."""
 
 
 def serialise_xml(root: Element) -> bytes:

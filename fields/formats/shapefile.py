@@ -35,6 +35,12 @@ FORMAT_NAME = "a Shapefile"
 PART_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
 SHAPEFILE_MAGIC = (9994).to_bytes(4, "big")
 """First bytes of geometry and index (ESRI Shapefile Technical Description, 1998)."""
+FIXED_DATE = "1980-01-01"
+"""Date in dBASE tables, fixed so that the same plan gives the same bytes."""
+MAX_TEXT_BYTES = 254
+"""The longest text of a dBASE table."""
+
+Columns = Mapping[str, Sequence[Any]]
 
 
 def _read_shapefiles(path: str, label: str) -> FieldDocument:
@@ -129,14 +135,6 @@ FIELD_FORMAT = FieldFormat(
     lambda names: any(n.endswith(".shp") for n in names),
     has_lone_files=False,
 )
-
-
-FIXED_DATE = "1980-01-01"
-"""Date in dBASE tables, fixed so that the same plan gives the same bytes."""
-MAX_TEXT_BYTES = 254
-"""The longest text of a dBASE table."""
-
-Columns = Mapping[str, Sequence[Any]]
 
 
 def _write_shapefiles(guidance: PlanGuidance) -> FileContents:

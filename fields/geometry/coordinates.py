@@ -31,6 +31,8 @@ MAX_COMPARED_FIELDS = 2_000
 SHAPE_MEMBERS = (
     "polygons", "zones", "obstacles", "unassigned", "boundary_edges", "guidance_lines", "headland_edges",
 )  # fmt: skip
+MIN_FIELD_AREA_M2, MAX_FIELD_AREA_M2 = 100.0, 1.0e8
+MAX_COORDINATE = 1.0e8  # more than twice the circumference of the earth in metres
 
 
 @dataclass(frozen=True)
@@ -189,10 +191,6 @@ def _round_centroid_m(outer: FloatArray) -> tuple[float, float]:
     """The centroid of a ring in whole metres."""
     centre = shapely.Polygon(outer).centroid
     return float(round(centre.x)), float(round(centre.y))
-
-
-MIN_FIELD_AREA_M2, MAX_FIELD_AREA_M2 = 100.0, 1.0e8
-MAX_COORDINATE = 1.0e8  # more than twice the circumference of the earth in metres
 
 
 def parse_ring(raw: Any, label: str) -> FloatArray:

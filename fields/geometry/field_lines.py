@@ -23,6 +23,10 @@ OVERHANG = "overhang_m"  # property of a boundary or of an open edge in a field 
 MAX_OVERHANG_M = 100.0
 FENCE_WIDTH_M = 0.01
 ARC_SEGMENTS = 4  # chords of a quarter circle round corners of the outline: 2 % short
+SAMPLE_SPACING_M = 5.0
+"""Distance between the points at which the width is measured."""
+MIN_HEADLAND_WIDTH_M = 0.5
+"""A line nearer to the boundary is the outer edge of the headland, thus the boundary itself."""
 
 
 def read_fences(
@@ -187,12 +191,6 @@ def find_line_bearing_deg(lines: Sequence[GuidanceLine], name: str, label: str) 
             parameter="guidance_line",
         )
     return bearings[0]
-
-
-SAMPLE_SPACING_M = 5.0
-"""Distance between the points at which the width is measured."""
-MIN_HEADLAND_WIDTH_M = 0.5
-"""A line nearer to the boundary is the outer edge of the headland, thus the boundary itself."""
 
 
 @dataclass(frozen=True)

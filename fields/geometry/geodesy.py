@@ -25,6 +25,24 @@ from fields.errors import FieldError, mark_parameter, shorten_value
 if TYPE_CHECKING:
     from pyproj import CRS, Geod, Transformer
 
+FloatArray = npt.NDArray[np.float64]
+
+_FILE_PATH = re.compile(r"""(?:^|(?<=[\s"'=@,;|]))(?:[/\\~]|\.\.?[/\\]|[A-Za-z]:[/\\]|[A-Za-z][\w+.-]*://)[^\s"',;]+""")
+_OGC_NAME = re.compile(r"https?://www\.opengis\.net/(?:def/crs|gml/srs)/[\w./#:-]+|urn:[\w.:/-]+")
+"""Coordinate systems by OGC addresses, which PROJ resolves without network."""
+UTM_SOUTH_DEG, UTM_NORTH_DEG = -80.0, 84.0
+"""Latitudes between which UTM is defined (NGA.STND.0037, section 7)."""
+FARMED_LATITUDES_DEG = (-56.0, 72.0)
+"""No farmland lies south of Tierra del Fuego or north of the North Cape."""
+MAX_BOX_DEG2 = 6.0 * UTM_NORTH_DEG
+"""A zone of UTM from the equator to its end; larger boxes are regions with seas between their countries."""
+_AREAS = """
+    SELECT name, description, west_lon, south_lat, east_lon, north_lat FROM extent
+    WHERE auth_name = 'EPSG' AND name NOT LIKE 'World%' AND name NOT LIKE 'Arctic%' AND name NOT LIKE 'Antarctica%'
+      AND (east_lon - west_lon + 360 * (east_lon < west_lon)) * (north_lat - south_lat) <= ?
+"""
+"""Areas of the register, whose names begin with a country or continent and " - "."""
+
 
 def compute_rings_area_m2(rings: Sequence[Sequence[Sequence[float]]], *, swap_axes: bool = False) -> float:
     """Area on the ellipsoid of a polygon in degrees: the first ring less the others; `swap_axes`: latitude first."""
@@ -94,15 +112,6 @@ def _compute_metres_per_longitude_deg(latitude_deg: float) -> float:
     """Metres of a degree of longitude at a latitude."""
     latitude_rad = math.radians(latitude_deg)
     return 111412.84 * math.cos(latitude_rad) - 93.5 * math.cos(3 * latitude_rad) + 0.118 * math.cos(5 * latitude_rad)
-
-
-FloatArray = npt.NDArray[np.float64]
-
-_FILE_PATH = re.compile(r"""(?:^|(?<=[\s"'=@,;|]))(?:[/\\~]|\.\.?[/\\]|[A-Za-z]:[/\\]|[A-Za-z][\w+.-]*://)[^\s"',;]+""")
-_OGC_NAME = re.compile(r"https?://www\.opengis\.net/(?:def/crs|gml/srs)/[\w./#:-]+|urn:[\w.:/-]+")
-"""Coordinate systems by OGC addresses, which PROJ resolves without network."""
-UTM_SOUTH_DEG, UTM_NORTH_DEG = -80.0, 84.0
-"""Latitudes between which UTM is defined (NGA.STND.0037, section 7)."""
 
 
 def find_utm_crs(longitude_deg: float, latitude_deg: float) -> str:
@@ -200,18 +209,6 @@ def _check_crs_without_files(crs: str) -> None:
             f"The coordinate system {shorten_value(crs, 60)} names the file {shorten_value(place[0], 40)}; give an "
             "EPSG code such as 'EPSG:28992' instead."
         )
-
-
-FARMED_LATITUDES_DEG = (-56.0, 72.0)
-"""No farmland lies south of Tierra del Fuego or north of the North Cape."""
-MAX_BOX_DEG2 = 6.0 * UTM_NORTH_DEG
-"""A zone of UTM from the equator to its end; larger boxes are regions with seas between their countries."""
-_AREAS = """
-    SELECT name, description, west_lon, south_lat, east_lon, north_lat FROM extent
-    WHERE auth_name = 'EPSG' AND name NOT LIKE 'World%' AND name NOT LIKE 'Arctic%' AND name NOT LIKE 'Antarctica%'
-      AND (east_lon - west_lon + 360 * (east_lon < west_lon)) * (north_lat - south_lat) <= ?
-"""
-"""Areas of the register, whose names begin with a country or continent and " - "."""
 
 
 def can_be_farmland(longitude_deg: float, latitude_deg: float) -> bool:

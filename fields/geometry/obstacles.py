@@ -23,6 +23,7 @@ DEFAULT_WIDTH_M = {"ditch": 1.5, "drain": 0.5, "fence": 0.2, "wall": 0.5, "hedge
 """Sizes of obstacles if their file gives none; assumed, rather too large than too small."""
 MAX_OBSTACLE_M = 1000.0
 MIN_REMAINING_SHARE = 0.5  # of the ground; the extra margin is dropped if less would remain
+MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away
 
 
 @dataclass(frozen=True)
@@ -153,9 +154,6 @@ def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, 
     """Whether a buffered obstacle, without its margin, is less than `max_small_m` across, and clear of the edge."""
     across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
     return bool(round(across_m, 6) < max_small_m and shapely.contains_properly(outline, part))
-
-
-MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away
 
 
 def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:

@@ -26,6 +26,13 @@ FAN_DEG = 2.5
 """Step of the directions tried between those of edges, counted from the longest edge."""
 MAX_FANS = 4
 """Equally long edges that have a fan each; an outline with more of them looks the same from each."""
+GAUSS_POINTS = (
+    (-math.sqrt(0.6), 5 / 18),
+    (0.0, 8 / 18),
+    (math.sqrt(0.6), 5 / 18),
+)  # exact for polynomials up to degree five
+MARK_WEIGHT_M = 10.0
+SYMMETRY_TOLERANCE = 1e-6  # in radii of gyration: smaller moments are rounding of a symmetric outline
 
 
 def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
@@ -113,15 +120,6 @@ def _compute_angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
     """Angle between two undirected lines, 0 to pi / 2."""
     gap: FloatArray = np.abs(np.asarray(a) - np.asarray(b)) % math.pi
     return np.asarray(np.minimum(gap, math.pi - gap))
-
-
-GAUSS_POINTS = (
-    (-math.sqrt(0.6), 5 / 18),
-    (0.0, 8 / 18),
-    (math.sqrt(0.6), 5 / 18),
-)  # exact for polynomials up to degree five
-MARK_WEIGHT_M = 10.0
-SYMMETRY_TOLERANCE = 1e-6  # in radii of gyration: smaller moments are rounding of a symmetric outline
 
 
 def find_handedness(rings: Sequence[FloatArray], marks: Sequence[tuple[float, float]] = ()) -> int:

@@ -28,6 +28,17 @@ from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, ROUNDING
 from fields.layout.bearings import SIMPLIFY_M
 from fields.layout.parallel_lines import TURN_COST_M, collect_edges, compute_axes
 
+FloatArray = npt.NDArray[np.float64]
+
+REFLEX_RAD = math.radians(20.0)  # beyond a straight angle; a smaller angle hardly interrupts swaths
+CELL_COST_M = 40.0  # for every cell: the way to it and into its pattern
+NECK_RATIO = 4.0  # a neck is so many times longer along the outline, either way, than across
+MAX_NECK_EDGES = 4  # nearest edges beyond a corner that are tried
+MIN_GAIN_SHARE = 0.003  # of the cost: a smaller gain is within the error of the estimate
+MAX_CELLS = 8
+MAX_CORNERS = 16  # of one part, the longest edges first
+MIN_CELL_AREA = 6.0  # squared widths: no cell is smaller
+
 
 @dataclass(frozen=True, eq=False)
 class Cell:
@@ -59,18 +70,6 @@ def convert_to_compass_deg(bearing_rad: float) -> float:
     """An undirected mathematical angle (radians) as a bearing clockwise from north, degrees in [0, 180)."""
     bearing = (90.0 - math.degrees(bearing_rad)) % 180.0
     return 0.0 if 180.0 - bearing < ROUNDING else bearing
-
-
-FloatArray = npt.NDArray[np.float64]
-
-REFLEX_RAD = math.radians(20.0)  # beyond a straight angle; a smaller angle hardly interrupts swaths
-CELL_COST_M = 40.0  # for every cell: the way to it and into its pattern
-NECK_RATIO = 4.0  # a neck is so many times longer along the outline, either way, than across
-MAX_NECK_EDGES = 4  # nearest edges beyond a corner that are tried
-MIN_GAIN_SHARE = 0.003  # of the cost: a smaller gain is within the error of the estimate
-MAX_CELLS = 8
-MAX_CORNERS = 16  # of one part, the longest edges first
-MIN_CELL_AREA = 6.0  # squared widths: no cell is smaller
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,6 +26,13 @@ FloatArray = npt.NDArray[np.float64]
 MIN_STRIP_LENGTH = 2.0  # widths
 MIDDLE_STEP = 1.0  # widths between the points of the middle line
 SMOOTHING_TOLERANCE = 0.1  # of the width: largest deviation from the middle
+CORNER_RAD = math.radians(45.0)
+SIMPLIFY_M = 0.03
+CORNER_LENGTH_M = 4.0
+MIN_RING_THICKNESS = 0.15  # of the width: a thinner closed pass would work the same line twice
+MIN_RING_LENGTH = 3.0  # widths, of a closed pass
+MIN_OPEN_AREA = 0.5  # squared widths: smallest unworked strip that gets a pass down its middle
+MAX_HEADLAND_PASSES = 200
 
 
 def find_centre_line(strip: shapely.Polygon, width_m: float) -> FloatArray | None:
@@ -57,15 +64,6 @@ def _find_strip_axes(strip: shapely.Polygon) -> tuple[FloatArray, FloatArray, fl
     if first < second:
         box, first, second = np.roll(box[:-1], -1, axis=0), second, first
     return box[0], (box[1] - box[0]) / first, first, second
-
-
-CORNER_RAD = math.radians(45.0)
-SIMPLIFY_M = 0.03
-CORNER_LENGTH_M = 4.0
-MIN_RING_THICKNESS = 0.15  # of the width: a thinner closed pass would work the same line twice
-MIN_RING_LENGTH = 3.0  # widths, of a closed pass
-MIN_OPEN_AREA = 0.5  # squared widths: smallest unworked strip that gets a pass down its middle
-MAX_HEADLAND_PASSES = 200
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ UNCOVERED_COST_FACTOR = 2.0
 """Charge per metre of uncovered swath, which is worked with the headland and its turns."""
 OUTER_LINE_SHIFTS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 3 / 4)
 """How far (in widths) an outer line may stand off a bulging or notched side."""
+MIN_SWATH_AREA = 0.25  # squared widths: smaller remainders are not worth a turn
+SPECK_WIDTH = 0.02  # of the width: parts of a swath with a narrower connection are separate
 
 
 @dataclass(frozen=True)
@@ -205,10 +207,6 @@ def _estimate_cost_m(q: FloatArray, line: IntArray, length: FloatArray, rules: P
     spacing = float(q[1] - q[0]) if len(q) > 1 else rules.width_m
     uncovered = max(rules.field_area_m2 - float(length.sum()) * spacing, 0.0)
     return float(length.sum() + TURN_COST_M * len(length) + UNCOVERED_COST_FACTOR * uncovered / rules.width_m)
-
-
-MIN_SWATH_AREA = 0.25  # squared widths: smaller remainders are not worth a turn
-SPECK_WIDTH = 0.02  # of the width: parts of a swath with a narrower connection are separate
 
 
 def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRules) -> SwathPattern | None:

@@ -19,6 +19,14 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 MIN_NODES, MAX_NODES = 4, 250_000
 """Nodes along each side that a smooth surface through them needs, and nodes of one grid at most."""
+STENCILS = (
+    (((0, -1), 1.0), ((0, 0), -2.0), ((0, 1), 1.0)),
+    (((-1, 0), 1.0), ((0, 0), -2.0), ((1, 0), 1.0)),
+    (((0, 0), 2.0**0.5), ((0, 1), -(2.0**0.5)), ((1, 0), -(2.0**0.5)), ((1, 1), 2.0**0.5)),
+)
+"""Second differences whose squares sum up to the bending of a thin plate: along x, along y, and mixed (weight 2)."""
+TIE_WEIGHT = 1e-10
+"""Pull towards the nearest measured height; it only decides where no stencil does."""
 
 
 class ElevationError(HeadlandError):
@@ -115,16 +123,6 @@ def lay_nodes(region: shapely.Geometry, spacing_m: float, margin_m: float) -> No
     return NodeFrame(
         first_column * spacing_m, first_row * spacing_m, spacing_m, max(rows, MIN_NODES), max(columns, MIN_NODES)
     )
-
-
-STENCILS = (
-    (((0, -1), 1.0), ((0, 0), -2.0), ((0, 1), 1.0)),
-    (((-1, 0), 1.0), ((0, 0), -2.0), ((1, 0), 1.0)),
-    (((0, 0), 2.0**0.5), ((0, 1), -(2.0**0.5)), ((1, 0), -(2.0**0.5)), ((1, 1), 2.0**0.5)),
-)
-"""Second differences whose squares sum up to the bending of a thin plate: along x, along y, and mixed (weight 2)."""
-TIE_WEIGHT = 1e-10
-"""Pull towards the nearest measured height; it only decides where no stencil does."""
 
 
 def fill_gaps(heights: FloatArray, near: BoolArray) -> FloatArray:

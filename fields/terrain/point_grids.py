@@ -45,6 +45,11 @@ CURVATURE_RIDGE, MIN_SPREAD = 0.01, 0.02
 moments of points (in L) for a slope: on a single pass nothing says the slope across."""
 MIN_SPIKE_M, SPIKE_NEIGHBOURS = 2.0, 9
 CHUNK_NODES = 10_000
+TRACK_CELL_M = 5.0
+"""Tracks are compared in square cells of this size: half a pass wide, and slopes change little within."""
+MIN_SHARED_CELLS = 5
+ANCHOR_WEIGHT = 1e-6
+"""Pull of all offsets to 0; it only sets the mean of tracks that are levelled to each other."""
 
 
 def build_point_grid(
@@ -203,13 +208,6 @@ def _measure_scatter(frame: NodeFrame, heights: FloatArray, points: FloatArray, 
     is_on = (rows >= 0.0) & (rows <= frame.rows - 1) & (columns >= 0.0) & (columns <= frame.columns - 1)
     spline = RectBivariateSpline(np.arange(frame.rows), np.arange(frame.columns), heights)
     return 1.4826 * float(np.median(np.abs(spline.ev(rows[is_on], columns[is_on]) - heights_m[is_on])))
-
-
-TRACK_CELL_M = 5.0
-"""Tracks are compared in square cells of this size: half a pass wide, and slopes change little within."""
-MIN_SHARED_CELLS = 5
-ANCHOR_WEIGHT = 1e-6
-"""Pull of all offsets to 0; it only sets the mean of tracks that are levelled to each other."""
 
 
 def level_tracks(tracks: Sequence[FloatArray]) -> FloatArray:

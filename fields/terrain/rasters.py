@@ -44,6 +44,7 @@ MAX_HEIGHT_M = 1e30
 ASCII_KEYS = (
     "ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy", "nodata_value",
 )  # fmt: skip
+HEIGHT_DECIMALS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,9 +323,6 @@ def _read_projection(path: str) -> str | None:
         return None
     chosen = exact if exact in beside else min(beside)
     return read_text(chosen, "a .prj file", ElevationError).strip() or None
-
-
-HEIGHT_DECIMALS = 3
 
 
 def list_raster_files(path: Path) -> tuple[Path, ...]:

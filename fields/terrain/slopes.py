@@ -18,6 +18,10 @@ LIGHT_AZIMUTH_DEG, LIGHT_HEIGHT_DEG = 315.0, 45.0
 """Light from the north-west, as maps have it: from below, hills would look like hollows."""
 CONTOUR_INTERVALS_M = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 MAX_CONTOURS = 12
+FALL_LINE_RAD, ERODIBLE_SLOPE = math.radians(10.0), 0.05
+"""Swaths this near to the fall line, on slopes above this one, count as leading water downhill.
+
+A convention of Headland without a source: published rules go by soil and field, as K S R L of the USLE does."""
 
 
 @dataclass(frozen=True)
@@ -132,12 +136,6 @@ def trace_contours(grid: ElevationGrid, interval_m: float) -> list[tuple[float, 
     last = math.floor(float(grid.heights_m.max()) / interval_m)
     heights_m = [number * interval_m for number in range(first, last + 1)]
     return [(height_m, points) for height_m in heights_m for points in trace_height(grid, height_m)]
-
-
-FALL_LINE_RAD, ERODIBLE_SLOPE = math.radians(10.0), 0.05
-"""Swaths this near to the fall line, on slopes above this one, count as leading water downhill.
-
-A convention of Headland without a source: published rules go by soil and field, as K S R L of the USLE does."""
 
 
 def cut_into_steps(points: FloatArray, step_m: float = 2.0) -> tuple[FloatArray, FloatArray]:

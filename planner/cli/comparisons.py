@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
@@ -34,7 +34,11 @@ from planner.cli.common.terminal import AnswerForm, create_progress_callback, pr
 from planner.errors import RequestError, shorten_value, suggest_name
 from planner.request.parameter_names import WISHES
 from planner.request.plan_request import COSTS, FIELD, MAX_HEADLAND_PASSES
+from reports.common.language import mark_text
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
+
+if TYPE_CHECKING:
+    from reports.plan.comparison import WayComparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = (
@@ -122,16 +126,11 @@ def compare_headlands(
     for name in dict.fromkeys(request.field for request in requests):
         input_files |= list_input_files({"field": name, "farm": farm.farm})
     check_output_paths((html, ".html"), input_files=input_files)
-    warm_up()
-    with (
-        executor_choice.open_executor(len(questions)) as executor,
-        create_progress_callback("Comparing headlands") as progress,
-    ):
-        comparison = compare_ways(questions, executor, progress, render_refusal)
-    comparison = replace(comparison, operations_per_year=operations_per_year)
-    reasons = {row.refusal for row in comparison.rows}
-    if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:  # whatever the way
-        raise RequestError(str(reasons.pop()))
+    comparison = replace(
+        _compare(compare_ways, questions, executor_choice, mark_text("Comparing headlands")),
+        operations_per_year=operations_per_year,
+    )
+    _check_any_way(comparison)
     rankings = [row.ranking for row in comparison.rows if row.ranking is not None]
     print_remarks(dict.fromkeys(remark for one in rankings for remark in one.field_remarks))
     with write_before_printing([(html, render_headland_page(comparison))] if html else []):
@@ -139,6 +138,22 @@ def compare_headlands(
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.rows):
         raise typer.Exit(NO_RESULT_STATUS)
+
+
+def _compare(
+    compare: Callable[..., WayComparison], questions: Sequence[object], executor_choice: ExecutorChoice, title: str
+) -> WayComparison:
+    """What is compared of some questions, while a bar with a title says how many are answered."""
+    warm_up()
+    with executor_choice.open_executor(len(questions)) as executor, create_progress_callback(title) as progress:
+        return compare(questions, executor, progress, render_refusal)
+
+
+def _check_any_way(comparison: WayComparison) -> None:
+    """Raise RequestError if the only field is refused for one reason, whatever the way."""
+    reasons = {row.refusal for row in comparison.rows}
+    if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:
+        raise RequestError(str(reasons.pop()))
 
 
 def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str, ...]:
@@ -204,13 +219,7 @@ def compare_bearings(
     given = read_given_options(context, options)
     completed = given.build_order(given.build_request(field=field))
     orders = [replace(completed, request=one) for one in list_bearing_requests(completed.request, chosen)]
-    executor_choice = ExecutorChoice(processes, cluster)
-    warm_up()
-    with (
-        executor_choice.open_executor(len(orders)) as executor,
-        create_progress_callback("Comparing bearings") as progress,
-    ):
-        comparison = compare(orders, executor, progress, render_refusal)
+    comparison = _compare(compare, orders, ExecutorChoice(processes, cluster), mark_text("Comparing bearings"))
     AnswerForm(json).print_answer(comparison, json=format_bearing_json, screen=build_bearing_table)
     if all(row.best is None for row in comparison.rows):
         raise typer.Exit(NO_RESULT_STATUS)

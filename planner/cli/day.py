@@ -16,12 +16,20 @@ from planner.cli.common.options import (
     create_group,
     inject_request_options,
 )
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import (
+    OutputContent,
+    check_cache_folder,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 
 if TYPE_CHECKING:
     from planner.day.input_file import DayFile
+    from reports.day.results import DayResult
 
 
 PLAN = "plan"
@@ -92,15 +100,12 @@ def plan_day_file(
     from planner.day.planning import plan_day, prepare_day
     from planner.pipeline.result_cache import ResultCache, find_cache_folder
     from planner.request.option_checks import check_day_options
-    from reports.day.page import draw_gantt, draw_road_map, render_day_page
     from reports.day.tables import build_day_screen, build_day_table, format_day_csv, format_day_json
-    from reports.plan.map_figure import render_png
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes)
     samples, seed = options["samples"], options["seed"]
     check_day_options(samples, certainty)
-    if cache is not None and cache.exists() and not cache.is_dir():
-        raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
+    check_cache_folder(cache)
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)
@@ -116,13 +121,7 @@ def plan_day_file(
             prepared, cache=store, executor=executor, progress=bar.count, report_work=bar.show_work, samples=samples,
             seed=seed, field_minutes=field_minutes,
         )  # fmt: skip
-    results = render_requested((html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result))))
-    road_map = draw_road_map(result) if map_png else None
-    if map_png and road_map is not None:
-        results.append((map_png, render_png(road_map)))
-    elif map_png:
-        typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
-    with write_before_printing(results):
+    with write_before_printing(_render_day(result, html, png, map_png)):
         form.print_answer(
             result, json=format_day_json, csv=format_day_csv, screen=build_day_screen, table=build_day_table
         )
@@ -130,6 +129,22 @@ def plan_day_file(
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
     if not result.jobs or result.shortfalls:
         raise typer.Exit(NO_RESULT_STATUS)
+
+
+def _render_day(
+    result: DayResult, html: Path | None, png: Path | None, map_png: Path | None
+) -> list[tuple[Path, OutputContent]]:
+    """The page and the pictures; says so if there is no map."""
+    from reports.day.page import draw_gantt, draw_road_map, render_day_page
+    from reports.plan.map_figure import render_png
+
+    results = render_requested((html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result))))
+    road_map = draw_road_map(result) if map_png else None
+    if map_png and road_map is not None:
+        results.append((map_png, render_png(road_map)))
+    elif map_png:
+        typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
+    return results
 
 
 @day.command()

@@ -126,16 +126,7 @@ def diagnose(
     soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
     with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
         _print_diagnosis(diagnosis, hidden, json, explain)
-    if next_drive and diagnosis.next_drive_plan is None:
-        typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
-    if save and not diagnosis.is_savable:
-        from reports.diagnosis.sentences import describe_unsaved
-
-        print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
-        raise typer.Exit(NO_RESULT_STATUS)
-    if unsaved_soil is not None:
-        print_sentence(str(unsaved_soil), err=True)
-        raise typer.Exit(NO_RESULT_STATUS)
+    _explain_unwritten_files(diagnosis, save, next_drive, unsaved_soil)
 
 
 def _render_report(
@@ -150,6 +141,22 @@ def _render_report(
         (save if diagnosis.is_savable else None, lambda: format_tractor_toml(diagnosis.tractor)),
         (None if next_plan is None else next_drive, lambda: next_plan or ""),
     )
+
+
+def _explain_unwritten_files(
+    diagnosis: Diagnosis, save: Path | None, next_drive: Path | None, unsaved_soil: RequestError | None
+) -> None:
+    """Say why files are not written, and end the command without a result if the tractor or the soil is among them."""
+    from reports.diagnosis.sentences import describe_unsaved
+
+    if next_drive and diagnosis.next_drive_plan is None:
+        typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
+    if save and not diagnosis.is_savable:
+        print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
+        raise typer.Exit(NO_RESULT_STATUS)
+    if unsaved_soil is not None:
+        print_sentence(str(unsaved_soil), err=True)
+        raise typer.Exit(NO_RESULT_STATUS)
 
 
 def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str | None, demo: bool) -> HeightFile | None:

@@ -130,7 +130,7 @@ def new(
     from reports.common.language import mark_text
     from reports.trials.report import build_trials_table
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
-    from vehicle.datasheet.sheet import QUANTITIES, REQUIRED_KEYS, build_datasheet, list_missing
+    from vehicle.datasheet.sheet import build_datasheet
     from vehicle.model.tractor_writer import format_tractor_toml
 
     check_output_paths((file, ".toml"), force=force)
@@ -140,6 +140,24 @@ def new(
         "max_steering_deg": max_steering, "steering_rate_deg_per_s": steering_rate, "front_share": front_share,
         "antenna_forward_m": antenna_forward, "radius_of": radius_of,
     }  # fmt: skip
+    name = _complete_datasheet(name, values)
+    sheet = build_datasheet(values)
+    print_remarks(describe_unusual_values(sheet))
+    machine = build_tractor(name, sheet)
+    banner = (
+        "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were "
+        "assumed.\n"
+    )
+    with write_before_printing([(file, banner + format_tractor_toml(machine))]):
+        print_renderable(build_trials_table, (_build_overview(machine, file),))
+    if sheet.power_kw is None:
+        print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
+
+
+def _complete_datasheet(name: str | None, values: dict[str, float | str | None]) -> str:
+    """The name of a tractor; a person is asked for it and for what `values` lack. Raises RequestError for none."""
+    from vehicle.datasheet.sheet import QUANTITIES, REQUIRED_KEYS, list_missing
+
     missing = list_missing(values)
     if (missing or name is None) and can_prompt():
         missing = []
@@ -155,17 +173,7 @@ def new(
         raise RequestError(f"A tractor cannot be made without {' and '.join(missing)}; see its datasheet.")
     if not name.strip():
         raise RequestError(f'{mark_parameter("name")} is empty; give the tractor a name, for instance "Fendt 724".')
-    sheet = build_datasheet(values)
-    print_remarks(describe_unusual_values(sheet))
-    machine = build_tractor(name.strip(), sheet)
-    banner = (
-        "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were "
-        "assumed.\n"
-    )
-    with write_before_printing([(file, banner + format_tractor_toml(machine))]):
-        print_renderable(build_trials_table, (_build_overview(machine, file),))
-    if sheet.power_kw is None:
-        print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
+    return name.strip()
 
 
 @tractor.command()

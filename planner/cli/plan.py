@@ -115,6 +115,21 @@ def plan_batch(
     return all(record.ranking is not None and record.ranking.is_recommended for record in records)
 
 
+def _check_batch_options(
+    png: Path | None, save: Path | None, done: Sequence[str] | None, checkpoint: Path | None
+) -> None:
+    """Raise RequestError for what only a plan of one field at one width can have."""
+    for option, path in (("--png", png), ("--save", save)):
+        if path is not None:
+            raise RequestError(
+                f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
+            )
+    if done and checkpoint is not None:
+        raise RequestError(f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out either.")
+    if done:
+        raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
+
+
 def _collect_records(
     questions: Sequence[FieldQuestion],
     keys: Sequence[str],
@@ -216,15 +231,7 @@ def plan(
     choice = given.choice
     request, *others = requests = build_requests(given, fields)
     if others or request.field != (fields or [request.field])[0] or checkpoint is not None:
-        for option, path in (("--png", png), ("--save", save)):
-            if path is not None:
-                raise RequestError(
-                    f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
-                )
-        if done and checkpoint is not None:
-            raise RequestError(f"--checkpoint {checkpoint} is for many fields, and --done for one; leave out either.")
-        if done:
-            raise RequestError(f"--done {done[0]} is work of one field and one width; give only one of each.")
+        _check_batch_options(png, save, done, checkpoint)
         is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
         raise typer.Exit(0 if is_complete else NO_RESULT_STATUS)
     input_files = list_input_files({**options, "field": request.field})

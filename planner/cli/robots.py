@@ -10,7 +10,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import IO, Annotated, Any, Optional
 
@@ -185,11 +185,32 @@ def robot(
     """
     limit_linear_algebra_threads()
     import asyncio
-    from urllib.parse import urlsplit
 
     from planner.fleet.simulated_robot import RobotDriver
     from planner.pipeline.outputs.saved_plans import load_saved_plan, read_machines, read_request
     from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
+
+    _check_address(url)
+    saved = load_saved_plan(plan)
+    if not 1 <= tractor <= saved.plan.tractors:
+        raise RequestError(f"--tractor is {tractor}; use 1 to {saved.plan.tractors}, the tractors of the plan.")
+    if not 0.0 <= noise_m <= 10.0:
+        raise RequestError(f"--noise-m is {noise_m}; use 0 to 10 metres.")
+    machine, implement = read_machines(saved, read_request(saved))
+    driver = RobotDriver(
+        saved.plan.missions[tractor - 1], machine, implement, saved.origin_m, name=f"robot {tractor}",
+        hidden=_parse_hidden_effects(hide or ()), noise_m=noise_m, seed=seed * 1000 + tractor, times=times,
+    )  # fmt: skip
+    fleet_id = find_newest_fleet(url, token) if fleet is None else fleet
+    try:
+        asyncio.run(RobotClient(driver, url, fleet_id, tractor, token).run(seconds))
+    except KeyboardInterrupt:
+        stop_repeating()
+
+
+def _check_address(url: str) -> None:
+    """Raise RequestError for what is not the address of a service."""
+    from urllib.parse import urlsplit
 
     try:
         parts = urlsplit(url)
@@ -198,14 +219,12 @@ def robot(
         is_address = False
     if not is_address or " " in url or not url.isprintable():
         raise RequestError(f"--url {url!r} is not the address of a service; give one such as http://127.0.0.1:8765.")
-    saved = load_saved_plan(plan)
-    if not 1 <= tractor <= saved.plan.tractors:
-        raise RequestError(f"--tractor is {tractor}; use 1 to {saved.plan.tractors}, the tractors of the plan.")
-    if not 0.0 <= noise_m <= 10.0:
-        raise RequestError(f"--noise-m is {noise_m}; use 0 to 10 metres.")
-    machine, implement = read_machines(saved, read_request(saved))
+
+
+def _parse_hidden_effects(texts: Sequence[str]) -> dict[str, float]:
+    """Values by effect of texts such as steering_offset=1.5; raises RequestError."""
     hidden = {}
-    for text in hide or ():
+    for text in texts:
         name, _, value = text.partition("=")
         try:
             hidden[name.strip()] = float(value)
@@ -213,12 +232,4 @@ def robot(
             raise RequestError(
                 f"--hide {text!r} has no value; write effect=value, such as steering_offset=1.5."
             ) from None
-    driver = RobotDriver(
-        saved.plan.missions[tractor - 1], machine, implement, saved.origin_m, name=f"robot {tractor}", hidden=hidden,
-        noise_m=noise_m, seed=seed * 1000 + tractor, times=times,
-    )  # fmt: skip
-    fleet_id = find_newest_fleet(url, token) if fleet is None else fleet
-    try:
-        asyncio.run(RobotClient(driver, url, fleet_id, tractor, token).run(seconds))
-    except KeyboardInterrupt:
-        stop_repeating()
+    return hidden

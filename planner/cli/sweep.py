@@ -30,7 +30,13 @@ from planner.cli.common.options import (
     read_given_options,
     render_refusal,
 )
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import (
+    check_cache_folder,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
@@ -113,8 +119,7 @@ def sweep(
     )
 
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
-    if cache is not None and cache.exists() and not cache.is_dir():
-        raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
+    check_cache_folder(cache)
     question = _read_question(
         context, fields or (), field_files or (), {**options, HEADLAND_ORDER.name: headland_order}
     )

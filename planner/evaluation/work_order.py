@@ -31,6 +31,13 @@ from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Implement, Tractor
 
 MOST_OFF_M, MOST_OTHER_SHARE = 0.1, 1e-3  # of half of the tracks, and of the ground inside the headland: rounding
+_PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
+FieldChoice = Field | FieldSource | None
+"""What replaces the field of a request."""
+# Planned turns are this much wider than full lock, so that guidance has something to correct with.
+RADIUS_FACTOR = 1.08
+
+DoneSource = str | DoneWork
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,16 +67,6 @@ class PlannedLayout:
         swaths = shapely.MultiLineString([swath.points_m for swath in layout.swaths])
         off_m = shapely.distance(swaths, shapely.points(self.middles + shift))
         return bool(len(off_m)) and float(np.median(off_m)) < MOST_OFF_M
-
-
-_PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
-FieldChoice = Field | FieldSource | None
-"""What replaces the field of a request."""
-# Planned turns are this much wider than full lock, so that guidance has something to correct with.
-RADIUS_FACTOR = 1.08
-
-
-DoneSource = str | DoneWork
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,11 @@ for, and units lie as far apart as is usual; neither is the standard's.
 | name | implement | depth, cm | unit | A, B, C | F fine, medium, coarse | range, % |
 |---|---|---|---|---|---|---|
 """
+OPTIONS_INTRODUCTION = """# Options of a plan
+
+`headland plan` takes these options; jobs of `/api/v1/plans` take the same names with underscores; Python takes the
+parameters of `PlanRequest`, in SI units. A farm file may set those marked with *.
+"""
 
 
 def build_implements_page() -> str:
@@ -65,13 +70,6 @@ def _build_implement_row(rule: DraftRule) -> str:
         f"{rule.range_pct:g}",
     )
     return f"| {' | '.join(cells)} |\n"
-
-
-OPTIONS_INTRODUCTION = """# Options of a plan
-
-`headland plan` takes these options; jobs of `/api/v1/plans` take the same names with underscores; Python takes the
-parameters of `PlanRequest`, in SI units. A farm file may set those marked with *.
-"""
 
 
 def build_options_page() -> str:

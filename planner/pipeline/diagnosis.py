@@ -51,9 +51,10 @@ PLAN_WIDTH_M = 3.0
 MIN_TRACTOR_LENGTH_M = 1.0
 TIMEOUT_FACTOR = 3.0  # times as long as the plan takes with the file: slower drives are not finished at all
 
-
 Logs = Sequence[Log | str | Path] | Log | str | Path
 """One or more logs."""
+
+SEGMENT_S = 5.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -228,9 +229,6 @@ def _measure_lateral_cm(context: PlanningContext, run: SimulationRun) -> float:
     offsets = points[:, None, :] - starts[None]
     cross = np.abs(offsets[:, :, 0] * directions[None, :, 1] - offsets[:, :, 1] * directions[None, :, 0]).min(axis=1)
     return 100.0 * float(np.sqrt(np.mean(cross**2)))
-
-
-SEGMENT_S = 5.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)

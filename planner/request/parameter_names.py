@@ -36,14 +36,6 @@ LABELS = {
     "gnss": "Simulate GNSS errors", "gnss_table": "GNSS errors by a table",
 }  # fmt: skip
 STRATEGY_LABELS = {name: f"{name}: {description}" for name, description in STRATEGY_DESCRIPTIONS.items()}
-
-
-def quote_label(parameter: str) -> str:
-    """The label of the option of a parameter in quotes, for sentences; its name where it has no label."""
-    name = strip_unit(parameter)
-    return f"\u201c{LABELS[name]}\u201d" if name in LABELS else name
-
-
 WISHES = ("leave_out", "work_first", "give")
 """Parameters that name single tracks and headland passes."""
 UNLAID = frozenset(
@@ -51,3 +43,9 @@ UNLAID = frozenset(
      "budget", *WISHES)
 )  # fmt: skip
 """Parameters that the choice of a layout does not ask for: with any values of them tracks have the same numbers."""
+
+
+def quote_label(parameter: str) -> str:
+    """The label of the option of a parameter in quotes, for sentences; its name where it has no label."""
+    name = strip_unit(parameter)
+    return f"\u201c{LABELS[name]}\u201d" if name in LABELS else name

@@ -25,6 +25,9 @@ from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 MAX_SLIP_SHARE = MAX_SLIP_PCT / PCT
 Array = npt.NDArray[np.float64]
 
+VARIANCE_SAMPLES = 2000
+DEFAULT_SAMPLES = 10_000
+
 
 @dataclass(frozen=True, eq=False)
 class SampledOutcomes:
@@ -228,10 +231,6 @@ def _compute_done_share(begin_s: Array, end_s: Array, limit_s: Array) -> Array |
     if bool((end_s <= limit_s).all()):
         return 1.0
     return np.clip((limit_s - begin_s) / np.maximum(end_s - begin_s, 1e-9), 0.0, 1.0)
-
-
-VARIANCE_SAMPLES = 2000
-DEFAULT_SAMPLES = 10_000
 
 
 def compute_wilson_interval(hits: int, trials: int) -> tuple[float, float]:

@@ -24,6 +24,10 @@ from vehicle.records import REC_ANGLE, REC_LEG, REC_POSE, REC_SPEED
 from vehicle.sim.compile import list_contact_boxes
 
 MIN_PART_M = 0.5  # on either side of a cut
+OUTLINE_ROW_STEP = 5  # rows of the 10 Hz record between outlines: under a metre of driving
+SEGMENT_M = 6.0
+SEGMENT_RAD = math.radians(25.0)
+BODY_MARGIN_M = 0.05  # around either machine
 
 
 @dataclass(frozen=True, order=True)
@@ -116,12 +120,6 @@ def _split_leg(leg: Leg, cuts_m: list[float]) -> list[Leg]:
         part = replace(leg, points=points)
         parts.append(part if number == 0 else replace(part, gates=(), may_wait=False, stand_s=0.0, fold_s=0.0))
     return parts
-
-
-OUTLINE_ROW_STEP = 5  # rows of the 10 Hz record between outlines: under a metre of driving
-SEGMENT_M = 6.0
-SEGMENT_RAD = math.radians(25.0)
-BODY_MARGIN_M = 0.05  # around either machine
 
 
 @dataclass(frozen=True, eq=False)

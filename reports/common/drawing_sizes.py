@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
 """Between times on an axis, from the smallest on."""
+PAGE_INCHES, COLUMN_INCHES = 10.0, 7.5  # width of a picture on its own, and of one in a notebook or beside text
+LINE_INCHES = 0.24  # of a legend or a title
+HATCH_SHARE = 0.011  # of the larger side of a map, between two lines over unworked ground
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,3 @@ BAR_FRAME = ChartFrame(width=360.0, height=200.0, left=40.0, right_room=8.0, top
 TIME_FRAME = ChartFrame(width=720.0, height=340.0, left=86.0, right_room=16.0, top=18.0, bottom_room=56.0)
 RISK_FRAME = ChartFrame(width=720.0, height=420.0, left=86.0, right_room=16.0, top=18.0, bottom_room=56.0)
 SWEEP_FRAME = ChartFrame(width=560.0, height=400.0, left=64.0, right_room=16.0, top=28.0, bottom_room=48.0)
-
-PAGE_INCHES, COLUMN_INCHES = 10.0, 7.5  # width of a picture on its own, and of one in a notebook or beside text
-LINE_INCHES = 0.24  # of a legend or a title
-HATCH_SHARE = 0.011  # of the larger side of a map, between two lines over unworked ground

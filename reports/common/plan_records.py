@@ -17,6 +17,10 @@ from reports.common.rendering import ShownResult
 
 ShortfallKind = Literal["pull", "worked", "rain", "budget", "late"]
 
+OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
+
+Points = npt.NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class Shortfall:
@@ -82,9 +86,6 @@ class UnworkedPiece:
     lat: float | None = None
 
 
-OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
-
-
 @dataclass(frozen=True)
 class PlanFault:
     """Why and where a plan cannot be driven: a kind above, and the place in metres of the field.
@@ -130,9 +131,6 @@ class Remark:
 
     stake: Stake
     text: str
-
-
-Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -31,6 +31,14 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 EXPORT_DECIMALS = 6
+MOST_SUMMARY_CHARS = 280
+MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
+PICTURE_COLOURS = 64
+PICTURE_DPIS = (120, 90, 60, 30)  # the sharpest that is small enough is taken
+FIGURE_INCHES = (COLUMN_INCHES, 5.0)
+NOT_DRAWN = "There is nothing to draw"
+
+Draw = Callable[["Axes"], None]
 
 
 class ReportError(HeadlandError):
@@ -109,16 +117,6 @@ def render_template(name: str, content: Mapping[str, Any]) -> str:
         "tractor_colours": list(zip(palette.TRACTOR_COLOURS, palette.DARK_TRACTOR_COLOURS, strict=True)),
     }
     return environment.get_template(name).render({**colours, **content}).rstrip() + "\n"
-
-
-MOST_SUMMARY_CHARS = 280
-MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
-PICTURE_COLOURS = 64
-PICTURE_DPIS = (120, 90, 60, 30)  # the sharpest that is small enough is taken
-FIGURE_INCHES = (COLUMN_INCHES, 5.0)
-NOT_DRAWN = "There is nothing to draw"
-
-Draw = Callable[["Axes"], None]
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,14 @@ NO_VALUE = "-"
 HEADLAND_ORDERS = {"first": mark_text("headland first"), "last": mark_text("headland last")}
 _LEAST_ACRES = 0.1  # less is in square feet
 _LEAST_HA_M2 = 1000.0  # less is in square metres
+LEAST_SHARE = 0.005  # less is 0 in whole per cent
+SURE_SHARE = 1.0 - LEAST_SHARE  # a probability that is written as 100 % is not said again
+LEAST_COST = 0.005  # less reads as nothing
+SOFT_HYPHEN = "\N{SOFT HYPHEN}"
+LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
+NO_BREAK = "\N{NO-BREAK SPACE}"
+_FIGURE = re.compile(r"\d+(?:\.\d+)?")
+_IDS = re.compile(rf"\b(?:{'|'.join(EFFECTS_BY_ID)})\b")
 
 
 @dataclass(frozen=True)
@@ -81,13 +89,6 @@ def is_us() -> bool:
     return get_units() == US
 
 
-LEAST_SHARE = 0.005  # less is 0 in whole per cent
-SURE_SHARE = 1.0 - LEAST_SHARE  # a probability that is written as 100 % is not said again
-LEAST_COST = 0.005  # less reads as nothing
-SOFT_HYPHEN = "\N{SOFT HYPHEN}"
-LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
-NO_BREAK = "\N{NO-BREAK SPACE}"
-_FIGURE = re.compile(r"\d+(?:\.\d+)?")
 Named = TypeVar("Named")
 
 
@@ -264,9 +265,6 @@ def group_alike(texts: Iterable[tuple[Named, str]]) -> list[list[tuple[Named, st
 def capitalize_first(text: str) -> str:
     """Text with a capital at its beginning."""
     return text[:1].upper() + text[1:]
-
-
-_IDS = re.compile(rf"\b(?:{'|'.join(EFFECTS_BY_ID)})\b")
 
 
 def get_effect_label(name: str) -> str:

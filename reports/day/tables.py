@@ -37,6 +37,19 @@ DAY_CSV_KEYS = (
     "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
 )  # fmt: skip
 MOST_ROWS = 8  # of the first screen
+_JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {
+    "field": (TableColumn("Field", is_text=True), lambda job: job.field),
+    "area": (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
+    "machine": (TableColumn("Machine", is_text=True), lambda job: job.machine),
+    "tractors": (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
+    "begin": (TableColumn("Begins"), lambda job: format_time_of_day(job.stated_start_s)),
+    "end": (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
+    "late end": (TableColumn("95 % by", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
+    "time": (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
+    "share": (TableColumn("In time %", "In\ntime %", drop_order=1), lambda job: format_percent(job.finish_probability)),
+    "cost": (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
+    "lost": (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
+}
 
 
 def format_day_json(result: DayResult) -> str:
@@ -170,21 +183,6 @@ def build_machine_table(result: DayResult) -> FittedTable:
             start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
             rows.append(("", translate("back"), start, end, back_km, NO_VALUE))
     return FittedTable(columns, tuple(rows))
-
-
-_JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {
-    "field": (TableColumn("Field", is_text=True), lambda job: job.field),
-    "area": (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
-    "machine": (TableColumn("Machine", is_text=True), lambda job: job.machine),
-    "tractors": (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
-    "begin": (TableColumn("Begins"), lambda job: format_time_of_day(job.stated_start_s)),
-    "end": (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
-    "late end": (TableColumn("95 % by", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
-    "time": (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
-    "share": (TableColumn("In time %", "In\ntime %", drop_order=1), lambda job: format_percent(job.finish_probability)),
-    "cost": (TableColumn("Cost", drop_order=3), lambda job: format_price(job.cost)),
-    "lost": (TableColumn("Lost", drop_order=4), lambda job: format_price(job.lost_cost)),
-}
 
 
 def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:

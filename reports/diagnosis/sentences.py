@@ -36,6 +36,23 @@ from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import DiscrepancyModel
 
+MOST_RUNS = 8
+SHOWN_HORIZON_S = 5.0
+_TIMING_WORDS = (
+    ("delay_s", "{:.2g} s late"),
+    ("hold_s", "new every {:.2g} s"),
+    ("filter_s", "low-passed by {:.2g} s"),
+    ("clock_offset_s", "stamped {:+.2g} s by another clock"),
+)
+LIKELY_MEANS = (
+    "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
+)
+STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
+SMALLEST_VISIBLE = (
+    "Smallest visible: the smallest change of the value in the tractor file that these logs would have shown; for a "
+    "limit, the highest value. Refuted effects are refuted from that size on."
+)
+
 
 @dataclass(frozen=True)
 class ErrorKind:
@@ -58,14 +75,6 @@ ERROR_KINDS = (
     ErrorKind("cross_cm", "Across", "cm", "across", "cm across", 1),
     ALONG,
     ErrorKind("heading_deg", "Heading", "deg", "in heading", "degrees", 2),
-)
-MOST_RUNS = 8
-SHOWN_HORIZON_S = 5.0
-_TIMING_WORDS = (
-    ("delay_s", "{:.2g} s late"),
-    ("hold_s", "new every {:.2g} s"),
-    ("filter_s", "low-passed by {:.2g} s"),
-    ("clock_offset_s", "stamped {:+.2g} s by another clock"),
 )
 
 
@@ -208,16 +217,6 @@ def describe_unsaved_finds(diagnosis: Diagnosis) -> str:
     if is_found or is_requested or diagnosis.depends_on or diagnosis.undiagnosed_reason:
         return describe_unsaved(diagnosis)
     return ""
-
-
-LIKELY_MEANS = (
-    "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
-)
-STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
-SMALLEST_VISIBLE = (
-    "Smallest visible: the smallest change of the value in the tractor file that these logs would have shown; for a "
-    "limit, the highest value. Refuted effects are refuted from that size on."
-)
 
 
 def explain_likely_verdict() -> str:

@@ -37,6 +37,41 @@ if TYPE_CHECKING:
 
 MOST_EFFECTS = 6
 MORE_HINT = "Add --explain (every effect, every run, how to read it), --html report.html (pictures)."
+_EFFECT_KEYS = (
+    "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block", "equivalent_to", "exchange",
+    "law",
+)  # fmt: skip
+_ERROR_COLUMNS = (
+    TableColumn("Pieces"),
+    *(
+        TableColumn(f"{name} {who}", f"{name}\n{who}", drop_order=drop)
+        for drop, who in enumerate(("before", "after", "noise"))
+        for name in [kind.heading for kind in words.ERROR_KINDS]
+    ),
+)
+_EFFECT_FIGURES: tuple[tuple[TableColumn, Callable[[Finding], str]], ...] = (
+    (TableColumn("Effect", is_text=True), lambda one: get_effect_label(one.id)),
+    (TableColumn("Id in files", is_text=True, drop_order=4, is_unbroken=True), lambda one: one.id),
+    (TableColumn("Status", is_text=True, is_unbroken=True), lambda one: one.status),
+    (TableColumn("Value (95 %)", is_text=True), words.format_effect_estimate),
+    (TableColumn("Gain %", drop_order=2), words.format_gain_pct),
+    (TableColumn("Smallest visible", drop_order=3), words.format_smallest_visible),
+)
+_HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
+_CHANGE_COLUMNS = (TableColumn("Before, cm", "Before"), TableColumn("After, cm", "After"))
+_HELD_OUT_RUN_COLUMNS = (TableColumn("Run held out", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS)
+_RUN_COLUMNS = (
+    TableColumn("Run", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS,
+    TableColumn("Remark", is_text=True, drop_order=1),
+)  # fmt: skip
+_TIMING_COLUMNS = (
+    TableColumn("Column", is_text=True),
+    TableColumn("Late, s", "Late"),
+    TableColumn("Held, s", "Held"),
+    TableColumn("Low pass, s", "Low pass"),
+    TableColumn("Clock, s", "Clock"),
+    TableColumn("Stale rows", drop_order=1),
+)
 
 
 def format_diagnosis_json(diagnosis: Diagnosis, hidden: HiddenEffect | None = None) -> str:
@@ -87,45 +122,6 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
     }
     plain: dict[str, Any] = make_json_safe(content)
     return plain
-
-
-_EFFECT_KEYS = (
-    "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit", "block", "equivalent_to", "exchange",
-    "law",
-)  # fmt: skip
-
-
-_ERROR_COLUMNS = (
-    TableColumn("Pieces"),
-    *(
-        TableColumn(f"{name} {who}", f"{name}\n{who}", drop_order=drop)
-        for drop, who in enumerate(("before", "after", "noise"))
-        for name in [kind.heading for kind in words.ERROR_KINDS]
-    ),
-)
-_EFFECT_FIGURES: tuple[tuple[TableColumn, Callable[[Finding], str]], ...] = (
-    (TableColumn("Effect", is_text=True), lambda one: get_effect_label(one.id)),
-    (TableColumn("Id in files", is_text=True, drop_order=4, is_unbroken=True), lambda one: one.id),
-    (TableColumn("Status", is_text=True, is_unbroken=True), lambda one: one.status),
-    (TableColumn("Value (95 %)", is_text=True), words.format_effect_estimate),
-    (TableColumn("Gain %", drop_order=2), words.format_gain_pct),
-    (TableColumn("Smallest visible", drop_order=3), words.format_smallest_visible),
-)
-_HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
-_CHANGE_COLUMNS = (TableColumn("Before, cm", "Before"), TableColumn("After, cm", "After"))
-_HELD_OUT_RUN_COLUMNS = (TableColumn("Run held out", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS)
-_RUN_COLUMNS = (
-    TableColumn("Run", is_text=True, break_marks=" +-_/"), *_CHANGE_COLUMNS,
-    TableColumn("Remark", is_text=True, drop_order=1),
-)  # fmt: skip
-_TIMING_COLUMNS = (
-    TableColumn("Column", is_text=True),
-    TableColumn("Late, s", "Late"),
-    TableColumn("Held, s", "Held"),
-    TableColumn("Low pass, s", "Low pass"),
-    TableColumn("Clock, s", "Clock"),
-    TableColumn("Stale rows", drop_order=1),
-)
 
 
 def build_diagnosis_table(diagnosis: Diagnosis) -> Group:

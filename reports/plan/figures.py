@@ -45,6 +45,54 @@ from reports.plan.plan_wording import (
 from reports.plan.shortfall_wording import describe_shortfall, question_pull
 from vehicle.missions.run import SimulationRun
 
+PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
+SLOPE_KEYS = ("amount", "tractor", "lon", "lat", "x_m", "y_m")
+_WHOLE, _TENTHS, _HUNDREDTHS = (partial(format_number, decimals=count) for count in (0, 1, 2))
+FIRST_CSV_KEYS = (
+    "field", "strategy", "tractors", "turn", "width_m", "stated_end_s", "stated_late_end_s", "stated_cost",
+    "worked_pct", "finish_probability", "meets_deadline", "fuel_l", "energy_kwh", "waiting_s", "rank", "feasible",
+    "reason",
+)  # fmt: skip
+"""What a plan is of, the figures of the printed table, and why there are none."""
+HEADLAND_CSV_KEYS = (
+    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "energy_kwh", "worked_pct",
+    "missed_m2", "over_finished_m2", "wheel_traffic_m2",
+)  # fmt: skip
+SCREEN_DROPS = {
+    "tractors": 0, "strategy": 0, "stated_end_s": 0, "stated_late_end_s": 3, "waiting_s": 4, "stated_cost": 1,
+    "fuel_l": 3, "energy_kwh": 3, "worked_pct": 2, "finish_probability": 1, "meets_deadline": 1,
+}  # fmt: skip
+"""Of the first screen and notebooks, which show seven at most, each with the order in which it is dropped, the highest
+first."""
+TABLE_DROPS = {
+    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
+    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
+    "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
+    "finish_probability": 3, "meets_deadline": 3,
+}  # fmt: skip
+"""Of the table of all plans (`--explain`)."""
+COUNT_DROPS = {
+    "tractors": 0, "strategy": 0, "finish_probability": 0, "p50_done_s": 0, "p95_done_s": 0, "stated_cost": 2,
+    "paid_cost": 6,
+}  # fmt: skip
+"""Of the table of the best plan of every number of tractors."""
+UNLOADING_HEADINGS = {"refills": mark_text("Unloads"), "refilling_s": mark_text("Unloading")}
+"""Of stops where implements collect."""
+PAGE_KEYS = (
+    "rank", "tractors", "strategy", "stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct",
+    "finish_probability", "meets_deadline",
+)  # fmt: skip
+PAGE_EXTRA_KEYS = (
+    "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
+    "left_out_m2", "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct",
+    "on_pareto_front", "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg",
+    "steepest_along", "steepest_across", "rollover", "refills", "refilling_s", "folding_s", "charges", "charging_s",
+)  # fmt: skip
+"""Of the page, shown on request."""
+CSV_KEYS = (
+    "field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor", "area_ha", "corners",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -96,11 +144,6 @@ class Figure:
     def build_column(self, drop_order: int = 0) -> TableColumn:
         """Its column on a terminal."""
         return TableColumn(self.heading, self.short_heading, self.is_text, drop_order, is_unbroken=self.is_text)
-
-
-PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
-SLOPE_KEYS = ("amount", "tractor", "lon", "lat", "x_m", "y_m")
-_WHOLE, _TENTHS, _HUNDREDTHS = (partial(format_number, decimals=count) for count in (0, 1, 2))
 
 
 def _format_slope(place: SlopePlace | None) -> str:
@@ -210,47 +253,6 @@ FIGURES = {figure.key: figure for figure in _CATALOGUE}
 MEASURES = {figure.key: figure.measure for figure in _CATALOGUE if figure.measure is not None}
 PLAN_KEYS = tuple(figure.key for figure in _CATALOGUE if figure.is_exported)
 """Of a plan in JSON and CSV, in this order."""
-FIRST_CSV_KEYS = (
-    "field", "strategy", "tractors", "turn", "width_m", "stated_end_s", "stated_late_end_s", "stated_cost",
-    "worked_pct", "finish_probability", "meets_deadline", "fuel_l", "energy_kwh", "waiting_s", "rank", "feasible",
-    "reason",
-)  # fmt: skip
-"""What a plan is of, the figures of the printed table, and why there are none."""
-HEADLAND_CSV_KEYS = (
-    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "energy_kwh", "worked_pct",
-    "missed_m2", "over_finished_m2", "wheel_traffic_m2",
-)  # fmt: skip
-SCREEN_DROPS = {
-    "tractors": 0, "strategy": 0, "stated_end_s": 0, "stated_late_end_s": 3, "waiting_s": 4, "stated_cost": 1,
-    "fuel_l": 3, "energy_kwh": 3, "worked_pct": 2, "finish_probability": 1, "meets_deadline": 1,
-}  # fmt: skip
-"""Of the first screen and notebooks, which show seven at most, each with the order in which it is dropped, the highest
-first."""
-TABLE_DROPS = {
-    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
-    "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
-    "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
-    "finish_probability": 3, "meets_deadline": 3,
-}  # fmt: skip
-"""Of the table of all plans (`--explain`)."""
-COUNT_DROPS = {
-    "tractors": 0, "strategy": 0, "finish_probability": 0, "p50_done_s": 0, "p95_done_s": 0, "stated_cost": 2,
-    "paid_cost": 6,
-}  # fmt: skip
-"""Of the table of the best plan of every number of tractors."""
-UNLOADING_HEADINGS = {"refills": mark_text("Unloads"), "refilling_s": mark_text("Unloading")}
-"""Of stops where implements collect."""
-PAGE_KEYS = (
-    "rank", "tractors", "strategy", "stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct",
-    "finish_probability", "meets_deadline",
-)  # fmt: skip
-PAGE_EXTRA_KEYS = (
-    "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
-    "left_out_m2", "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct",
-    "on_pareto_front", "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg",
-    "steepest_along", "steepest_across", "rollover", "refills", "refilling_s", "folding_s", "charges", "charging_s",
-)  # fmt: skip
-"""Of the page, shown on request."""
 
 
 def choose_figures(
@@ -311,11 +313,6 @@ def build_figure_table(
     columns = [figure.build_column(drops[figure.key]) for figure in figures]
     cells = list(zip(columns, writers, strict=True))
     return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint)
-
-
-CSV_KEYS = (
-    "field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor", "area_ha", "corners",
-)  # fmt: skip
 
 
 def format_ranking_json(ranking: PlanRanking) -> str:

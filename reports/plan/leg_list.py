@@ -18,6 +18,11 @@ _LEAST_REVERSING_M = 0.5
 _LONG_REVERSING_M = 10.0  # a switch-back or corner backs up by less, and says so by its name
 _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
+Steps = Sequence[Sequence[DriverLeg]]
+_STANDS = ("wait", "fold", "unfold", "refill", "charge", "change")
+LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
+LEG_DECIMALS = 2
+
 
 def describe_leg(leg: DriverLeg) -> str:
     """A leg in a few words: ``track 14, northwards``, ``way to track 16, reversing 12 m, over finished track 3``."""
@@ -86,13 +91,6 @@ def _describe_purpose(leg: DriverLeg) -> str:
         return f"way to {goal}"
     over = "" if leg.over_swaths is None else f" over {leg.over_swaths} track{'s' if leg.over_swaths > 1 else ''}"
     return f"{_TURN_NAMES.get(leg.shape, 'turn')}{over} to {goal}"
-
-
-Steps = Sequence[Sequence[DriverLeg]]
-_STANDS = ("wait", "fold", "unfold", "refill", "charge", "change")
-
-LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
-LEG_DECIMALS = 2
 
 
 def build_leg_tables(

@@ -40,6 +40,10 @@ PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_fi
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
 PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tractors", "Strategy", "ha")
 """Columns in the order of the page, on which those to the right may be hidden; the layout is in CSV and JSON."""
+_PLAN_DROPS = {
+    "strategy": 0, "tractors": 0, "stated_end_s": 0, "worked_pct": 2, "stated_cost": 1, "finish_probability": 5,
+}  # fmt: skip
+"""Figures of the best plans, each with the order in which it is dropped."""
 
 
 def format_many_csv_head() -> str:
@@ -80,12 +84,6 @@ def format_many_fields_json(records: Sequence[FieldRow]) -> str:
 def sum_over_fields(records: Sequence[FieldRow]) -> list[ComparisonTotals[float]]:
     """One total for every width with a plan, in the order of the request."""
     return [total for total in Comparison(tuple(records)).sum_over_fields() if total.driven]
-
-
-_PLAN_DROPS = {
-    "strategy": 0, "tractors": 0, "stated_end_s": 0, "worked_pct": 2, "stated_cost": 1, "finish_probability": 5,
-}  # fmt: skip
-"""Figures of the best plans, each with the order in which it is dropped."""
 
 
 def tabulate_records(records: Sequence[FieldRow]) -> FittedTable:

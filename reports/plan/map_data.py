@@ -56,6 +56,20 @@ from reports.plan.map_labels import (
 )
 
 PATH_TOLERANCE_M = 0.1
+# Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
+MOST_FIRST_KNOTS = 30_000  # of the plan shown first
+MOST_OTHER_KNOTS = 60_000  # of all other plans together
+_MARGIN_SHARE = 0.04  # of the larger side of the map
+MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
+
+MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
+_COORDINATE_DECIMALS = 2
+CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
+SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
+"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
+PATH_TOLERANCE_SHARE = 0.002  # of the larger side
+SmallMap = dict[str, Any]
+"""Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,13 +132,6 @@ def _find_worst_sample(drive: PlanDrive, number: int, first: int, last: int) -> 
     return -float(square[worst_index]), number, first, first + 1 + worst_index, last
 
 
-# Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
-MOST_FIRST_KNOTS = 30_000  # of the plan shown first
-MOST_OTHER_KNOTS = 60_000  # of all other plans together
-_MARGIN_SHARE = 0.04  # of the larger side of the map
-MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
-
-
 def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
     """Field, labels and scale bar, and for each drive, by its name, the data of the script; the first drive is drawn.
 
@@ -147,15 +154,6 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
     ]
     driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
-    lanes = []
-    for number, path in enumerate(thinned[0]):
-        lines = {"work": "", "turn": "", "back": ""}
-        for status, begin, end in list_status_runs(path.status):
-            lines[{WORKING: "work", REVERSING: "back"}.get(status, "turn")] += frame.format_path(
-                path.xy[begin : end + 1]
-            )
-        start = frame.convert_points(path.xy[:1])[0]
-        lanes.append({"number": number + 1, "colour": number % len(palette.TRACTOR_COLOURS), "start": start, **lines})
     return {
         "width": round((box.width + 2 * margin) * 100),
         "height": round((height + 0.06 * size) * 100),
@@ -174,7 +172,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "headland_pass_labels": _place_labels(place_headland_pass_labels(first, size), frame),
         "cell_labels": _place_labels(place_cell_labels(first), frame),
         "cut_off_labels": _place_labels(place_cut_off_labels(first), frame),
-        "lanes": lanes,
+        "lanes": [_draw_lane(number, path, frame) for number, path in enumerate(thinned[0])],
         "entrance": None if first.entrance is None else frame.convert_points(np.array([first.entrance]))[0],
         "bar": {"x": round(margin * 100), "y": round((height + 0.02 * size) * 100), "length": round(bar * 100)},
         "bar_text": f"{bar:g} m",
@@ -186,6 +184,15 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "missed": any(drive.unworked for drive in drives.values()),
         "relief": None if first.relief is None else _draw_relief(first.relief, frame),
     }
+
+
+def _draw_lane(number: int, path: TimedPath, frame: Viewport) -> dict[str, Any]:
+    """What the tractor of a number, from 0, drives: its lines at work, in turns and backwards, and where it starts."""
+    lines = {"work": "", "turn": "", "back": ""}
+    for status, begin, end in list_status_runs(path.status):
+        lines[{WORKING: "work", REVERSING: "back"}.get(status, "turn")] += frame.format_path(path.xy[begin : end + 1])
+    start = frame.convert_points(path.xy[:1])[0]
+    return {"number": number + 1, "colour": number % len(palette.TRACTOR_COLOURS), "start": start, **lines}
 
 
 def _draw_relief(relief: Relief, viewport: Viewport) -> dict[str, Any]:
@@ -304,11 +311,6 @@ def build_time_bars(drive: PlanDrive, states: Sequence[str] = tuple(STATUS_BY_ST
     ]
 
 
-MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
-_COORDINATE_DECIMALS = 2
-CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
-
-
 def format_maps_json(
     ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[tuple[str, int], PlanDrive] | None = None
 ) -> str:
@@ -381,13 +383,6 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str,
 
 def _round_coordinates(values: npt.NDArray[Any]) -> Any:
     return np.round(values, _COORDINATE_DECIMALS).tolist()
-
-
-SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
-"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
-PATH_TOLERANCE_SHARE = 0.002  # of the larger side
-SmallMap = dict[str, Any]
-"""Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
 
 
 def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> SmallMap:

@@ -52,6 +52,21 @@ if TYPE_CHECKING:
 
 
 _BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
+_SAME_PLACE_M = 1.0  # tractors that begin nearer than this have their numbers beside each other
+_POINTER = [(0.0, 0.0), (-0.6, 1.0), (0.6, 1.0), (0.0, 0.0)]  # a triangle that points at its place
+_FAULT_LOOK: dict[str, Any] = {
+    "marker": "o", "markersize": 16, "markerfacecolor": "none", "markeredgecolor": palette.UNWORKED_COLOUR,
+    "markeredgewidth": 2.5, "linestyle": "none", "zorder": 9,
+}  # fmt: skip
+_LETTERS_PER_INCH = 11.0  # of a title of 11 points; height of its lines
+_EDGE_INCHES = 0.2  # margin around everything
+_TALLEST_INCHES, _NARROWEST_INCHES = 9.0, 4.5  # of a map, inches
+_SIDE_SHARE, _FOOT_SHARE = 0.03, 0.1  # of the larger side of the field: margin beside it, and below it with the scale
+_MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row
+_LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
+_ROW_INCHES, _LETTER_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0, 0.602 * _LIST_POINTS / 72.0
+_MOST_LIST_ROWS = 70  # below the map
+_WIDEST_WITH_LISTS_INCHES = 11.0
 
 
 def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
@@ -153,23 +168,6 @@ def draw_scale_and_north(axes: Axes, box: MapExtent) -> None:
     arrow = {"arrowstyle": "-|>", "color": palette.INK_COLOUR, "linewidth": 1.2}
     top = (box.east, y + 0.05 * size)
     axes.annotate("N", top, (box.east, y), ha="center", va="center", fontsize=10, arrowprops=arrow)
-
-
-_SAME_PLACE_M = 1.0  # tractors that begin nearer than this have their numbers beside each other
-_POINTER = [(0.0, 0.0), (-0.6, 1.0), (0.6, 1.0), (0.0, 0.0)]  # a triangle that points at its place
-_FAULT_LOOK: dict[str, Any] = {
-    "marker": "o", "markersize": 16, "markerfacecolor": "none", "markeredgecolor": palette.UNWORKED_COLOUR,
-    "markeredgewidth": 2.5, "linestyle": "none", "zorder": 9,
-}  # fmt: skip
-_LETTERS_PER_INCH = 11.0  # of a title of 11 points; height of its lines
-_EDGE_INCHES = 0.2  # margin around everything
-_TALLEST_INCHES, _NARROWEST_INCHES = 9.0, 4.5  # of a map, inches
-_SIDE_SHARE, _FOOT_SHARE = 0.03, 0.1  # of the larger side of the field: margin beside it, and below it with the scale
-_MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row
-_LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
-_ROW_INCHES, _LETTER_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0, 0.602 * _LIST_POINTS / 72.0
-_MOST_LIST_ROWS = 70  # below the map
-_WIDEST_WITH_LISTS_INCHES = 11.0
 
 
 def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:

@@ -31,7 +31,7 @@ from reports.common.wording import (
 from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
 from reports.plan.drive_geometry import SERVICE_STATE, MapExtent, check_drive, list_states
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
-from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
+from reports.plan.leg_list import LEG_HEADINGS, Steps, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
@@ -57,6 +57,9 @@ from reports.plan.shortfall_wording import group_refusals
 
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
 _BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends
+_PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")
+"""Where headings may be broken on narrow paper."""
+PlanKey = tuple[str, int]  # strategy and number of tractors
 
 
 def _place_counts(plans: list[PlanResult]) -> dict[int, float]:
@@ -152,11 +155,6 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     return {"width": RISK_FRAME.width, "height": RISK_FRAME.height, "bands": bands, "counts": counts}
 
 
-_PARTED_WORDS = ("Colli|sions", "Rever|sals", "Trac|tors", "Clear|ance", "Un|worked")
-"""Where headings may be broken on narrow paper."""
-PlanKey = tuple[str, int]  # strategy and number of tractors
-
-
 def render_plan_page(
     ranking: PlanRanking,
     drive: PlanDrive | None,
@@ -207,7 +205,6 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
     names = [labels.get(key, drive.title) if key else drive.title for key, drive in shown.items()]
     states = list_states(shown.values())
     rare_colours = {state: colour for state, colour in palette.RARE_STATE_COLOURS.items() if state in states}
-    order_remark = describe_order_optimality(plans)
     first = next(iter(shown.values()), None)
     places = {key: number for number, key in enumerate(shown)}
     return {
@@ -223,15 +220,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "states": states,
         "service": _choose_service_words(ranking),
         "state_colours": {**palette.STATE_COLOURS, **rare_colours},
-        "cards": [
-            {
-                "number": tractor,
-                "colour": (tractor - 1) % len(TRACTOR_COLOURS),
-                "heading": format_leg_heading(tractor, steps),
-                "rows": [build_leg_cells(place, step, ranking.start) for place, step in enumerate(steps, start=1)],
-            }
-            for tractor, steps in enumerate(() if first is None else first.steps, start=1)
-        ],
+        "cards": [] if first is None else _build_leg_cards(first.steps, ranking.start),
         "headings": LEG_HEADINGS,
         "begin_s": get_start_time_of_day_s(ranking.start),
         "front": build_time_chart(ranking),
@@ -241,13 +230,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
             _build_page_row(plan, columns, plan is ranking.best, places.get((plan.strategy, plan.tractors)))
             for plan in choose_first_plans(ranking, math.inf)
         ],
-        "remarks": [
-            *([UNWORKED_HELP] if any(plan.missed_m2 is not None for plan in plans) else []),
-            *([order_remark] if order_remark else []),
-            *list_plan_remarks(plans),
-            *(() if ranking.samples else ranking.money_sentences),
-            *ranking.check_sentences,
-        ],
+        "remarks": _list_remarks(ranking, plans),
         "refusals": [
             {"heading": heading, "count": len(some), "groups": group_refusals(some)}
             for heading, some in (
@@ -257,6 +240,31 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }
+
+
+def _build_leg_cards(steps_by_tractor: Steps, start: str | None) -> list[dict[str, Any]]:
+    """The list of legs of each tractor."""
+    return [
+        {
+            "number": tractor,
+            "colour": (tractor - 1) % len(TRACTOR_COLOURS),
+            "heading": format_leg_heading(tractor, steps),
+            "rows": [build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)],
+        }
+        for tractor, steps in enumerate(steps_by_tractor, start=1)
+    ]
+
+
+def _list_remarks(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
+    """What is said below the table of the plans that can be driven."""
+    order_remark = describe_order_optimality(plans)
+    return [
+        *([UNWORKED_HELP] if any(plan.missed_m2 is not None for plan in plans) else []),
+        *([order_remark] if order_remark else []),
+        *list_plan_remarks(plans),
+        *(() if ranking.samples else ranking.money_sentences),
+        *ranking.check_sentences,
+    ]
 
 
 def _choose_service_words(ranking: PlanRanking) -> dict[str, str]:

@@ -33,6 +33,12 @@ from reports.plan.shortfall_wording import describe_lacks, question_pull
 MOST_ROWS = 20  # of a table
 Floats = npt.NDArray[np.float64]
 
+ESTIMATED = mark_text(
+    "Estimated: for each layout and number of tractors a plan was driven at one speed. Times at others follow from it, "
+    "and 9 of 10 plans driven in full lie within ± %. Time and cost include finishing the ground that is left. --save "
+    "drives a combination in full."
+)
+
 
 @dataclass(frozen=True)
 class SweptOption:
@@ -199,13 +205,6 @@ def _multiply_effects(values: Floats, numbers: npt.NDArray[np.int64]) -> tuple[F
     for option in range(options):
         sums += np.bincount(columns[:, option], values - values.mean(), minlength=begins[-1])
     return products - np.outer(counts, counts) / count, sums, np.repeat(np.arange(options), sizes)
-
-
-ESTIMATED = mark_text(
-    "Estimated: for each layout and number of tractors a plan was driven at one speed. Times at others follow from it, "
-    "and 9 of 10 plans driven in full lie within ± %. Time and cost include finishing the ground that is left. --save "
-    "drives a combination in full."
-)
 
 
 def describe_value(option: SweptOption, value: Any) -> str:

@@ -48,6 +48,24 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
+OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
+_NARROWEST_INCHES = 5.5  # three columns of the legend fit from COLUMN_INCHES on
+_UNSHOWN_KEYS = ("area_counted", "width_m", "rows")  # of the figures of a side in JSON
+ComparisonRow = tuple[str, str, str, str]
+
+_FIGURE_LINES = (
+    ("at work, km", "active_m", 1e-3, 2),
+    ("off work, km", "inactive_m", 1e-3, 2),
+    ("speed at work, km/h", "working_mps", KMH_PER_MPS, 1),
+    ("turns", "turns", 1, 0),
+    ("a turn back, s", "u_turn_s", 1, 0),
+    ("lifts", "lifts", 1, 0),
+    ("stops", "stops", 1, 0),
+    ("fuel, l", "fuel_l", 1, 0),
+)
+"""Label of a row, its figure, how much of the unit shown one of its own is, and decimals."""
+
 
 def build_runs_table(runs: Sequence[ImportedRun]) -> RenderableType:
     """One row per run, a row of totals where there are several (speeds have none), and remarks."""
@@ -126,13 +144,6 @@ def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str])
     return format_json({"learned": [asdict(one) for one in learned], "notes": list(notes)})
 
 
-PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
-OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
-_NARROWEST_INCHES = 5.5  # three columns of the legend fit from COLUMN_INCHES on
-_UNSHOWN_KEYS = ("area_counted", "width_m", "rows")  # of the figures of a side in JSON
-ComparisonRow = tuple[str, str, str, str]
-
-
 def build_comparison_table(comparison: PlanComparison) -> RenderableType:
     """Both sides and their difference, its causes, and remarks."""
     columns = (TableColumn("", is_text=True), TableColumn("Planned"), TableColumn("Driven"), TableColumn("Difference"))
@@ -186,19 +197,6 @@ def list_comparison_rows(comparison: PlanComparison) -> Iterator[ComparisonRow]:
             ("missed, ha", a.ground.missed_m2, b.ground.missed_m2),
         ):
             yield _build_number_line(label, planned / 1e4, driven / 1e4, 3)
-
-
-_FIGURE_LINES = (
-    ("at work, km", "active_m", 1e-3, 2),
-    ("off work, km", "inactive_m", 1e-3, 2),
-    ("speed at work, km/h", "working_mps", KMH_PER_MPS, 1),
-    ("turns", "turns", 1, 0),
-    ("a turn back, s", "u_turn_s", 1, 0),
-    ("lifts", "lifts", 1, 0),
-    ("stops", "stops", 1, 0),
-    ("fuel, l", "fuel_l", 1, 0),
-)
-"""Label of a row, its figure, how much of the unit shown one of its own is, and decimals."""
 
 
 def _build_number_line(label: str, planned: float | None, driven: float | None, decimals: int) -> ComparisonRow:

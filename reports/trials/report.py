@@ -50,6 +50,7 @@ _STAGE_STYLES = {
     3: ("slews (stage 3)", "#D55E00"),
 }
 _FIGURE_COLUMNS = 2
+NEAR_PCT, FAR_PCT = 5.0, 15.0
 
 
 def draw_panel(panel: PlotPanel | HeatMap) -> Figure:
@@ -132,9 +133,6 @@ def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
         axes.set_aspect("equal", adjustable="datalim")
     if len(panel.lines) > 1 or panel.lines[0].stages is not None:
         axes.legend(fontsize=8, frameon=True, framealpha=0.85, edgecolor="none")
-
-
-NEAR_PCT, FAR_PCT = 5.0, 15.0
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,8 @@ LEADS_M = (0.0, 1.25, 2.5, 5.0, 10.0, 20.0)  # driven straight after a quarter o
 ALIKE_DIGITS = 2  # stretches of lines are told apart to a centimetre
 START: Pose = (0.0, 0.0, 0.0)
 
+Alike = tuple[Pose, bytes, bool, int, bytes, bytes]
+
 
 @dataclass(frozen=True, eq=False)
 class Passage:
@@ -70,9 +72,6 @@ class MoveDrive:
     missed_m2: float
     poses: Floats
     is_folded: Flags
-
-
-Alike = tuple[Pose, bytes, bool, int, bytes, bytes]
 
 
 @dataclass(eq=False)

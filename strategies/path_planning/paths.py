@@ -26,6 +26,7 @@ PATH_KINDS = ("route", "u", "omega", "switch-back")
 _TAU = 2.0 * math.pi
 _SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
 _SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
+EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that nobody stops beyond it
 
 
 class TurnError(StrategyError):
@@ -163,9 +164,6 @@ def build_path_from_rows(start: Pose, rows: Points, kind: int) -> DrivePath:
     """A primitive of the compiled search (n, 3) from a pose as a path; `kind` as in the module primitives."""
     segments = (PathSegment(length, curvature, 1 if gear > 0.0 else -1) for length, curvature, gear in rows.tolist())
     return merge_segments(start, segments, PATH_KINDS[kind])
-
-
-EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that nobody stops beyond it
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,11 @@ TAU = 2.0 * math.pi
 SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
 FULL_TURN_RAD = TAU + 1e-9
 SAME_LENGTH_M = 1e-9
+# Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change, seconds per 1/m of
+# curvature by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
+COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
+COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
+SLOW_WINDOWS = 3.0  # steering distances driven slowly where two curvatures meet
 
 
 @compile_function
@@ -192,13 +197,6 @@ def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # 
         )
     _sort_primitives(out, kinds, begin, count)
     return count  # type: ignore[no-any-return]
-
-
-# Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change, seconds per 1/m of
-# curvature by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
-COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
-COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
-SLOW_WINDOWS = 3.0  # steering distances driven slowly where two curvatures meet
 
 
 @compile_function

@@ -18,6 +18,7 @@ from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, Se
 from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
 
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
+SUM_TOLERANCE = 1e-9  # relative, of sums of the same legs in another order
 
 
 def build_stop_notes(stopped_missions: Sequence[MissionWithStops], supply: Supply) -> dict[str, Any]:
@@ -110,9 +111,6 @@ def _build_leaving_gate(legs: Sequence[Leg], tractor: int, stop: ServiceStop, su
         distance_m -= legs[leg].length_m
         leg += 1
     return LegGate(tractor, leg, max(0.0, min(distance_m, legs[leg].length_m)))
-
-
-SUM_TOLERANCE = 1e-9  # relative, of sums of the same legs in another order
 
 
 def infer_supply(missions: Sequence[Sequence[Leg]], width_m: float, served_at: str) -> Supply | None:

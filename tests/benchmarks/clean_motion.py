@@ -36,6 +36,7 @@ SWATH_M, RADIUS_M = 200.0, 5.0
 WHITE_M, WANDER_M, WANDER_S = 0.012, 0.5, 60.0
 LOST_PER_H, LOST_S, OUTAGES_PER_H, OUTAGE_S = 6.0, 30.0, 3.0, 5.0
 SLIP, OBLIQUE_RAD, HEADING_RAD, SPEED_NOISE_MPS = 0.1, 0.03, 0.004, 0.03
+SMOOTHS_S, PROGRESS_SMOOTHS_S, SLOW_SHARE = (STEP_S, 1.0, 2.5), (STEP_S, 1.0), 0.3
 
 
 @compile_function
@@ -52,9 +53,6 @@ def find_pose(at_m: float, pose: Any) -> None:
     pose[0] = 2.0 * RADIUS_M * row + RADIUS_M * (1.0 - math.cos(angle))
     pose[1] = (SWATH_M if way > 0.0 else 0.0) + way * RADIUS_M * math.sin(angle)
     pose[2] = way * (0.5 * math.pi - angle)
-
-
-SMOOTHS_S, PROGRESS_SMOOTHS_S, SLOW_SHARE = (STEP_S, 1.0, 2.5), (STEP_S, 1.0), 0.3
 
 
 @compile_function

@@ -16,6 +16,7 @@ SCENES: dict[str, Callable[..., tuple[Scene, float]]] = {
     "dead-man": lambda lies: (lose_operator(lies), 0.0),
     "another fleet": meet,
 }
+ROWS: list[tuple[str, ...]] = [(), *((name,) for name in (*FIELDS, *HIDDEN))]
 
 
 @cache
@@ -23,9 +24,6 @@ def watch(scene: str, names: tuple[str, ...]) -> tuple[dict[str, float], float]:
     """The seconds from the lie to each alarm, and the metres between the antennas as the other fleet stands."""
     seen, apart_m = SCENES[scene]([lie for name in names for lie in HIDDEN.get(name) or [FIELDS[name]]])
     return seen.seen, apart_m
-
-
-ROWS: list[tuple[str, ...]] = [(), *((name,) for name in (*FIELDS, *HIDDEN))]
 
 
 def format_cell(scene: str, names: tuple[str, ...]) -> str:

@@ -13,6 +13,8 @@ import pytest
 from tests.cli.refusals import contents, lay_out
 from tests.drawn_fields import rectangle
 
+COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
+
 
 class Outcome(NamedTuple):
     """What a command left behind."""
@@ -111,9 +113,6 @@ def headland_process(tmp_path: Path) -> Run:
         return Outcome(done.returncode, done.stdout, done.stderr)
 
     return run
-
-
-COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
 
 
 @pytest.fixture(scope="session")

@@ -20,22 +20,6 @@ from vehicle.missions.plan_file import format_plan
 pytestmark = pytest.mark.usefixtures("first_layout")
 
 TASKDATA = Path("TASKDATA", "TASKDATA.XML")
-
-
-@pytest.fixture
-def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A plan made by hand, alone in the folder that is worked in."""
-    monkeypatch.chdir(tmp_path)
-    one = saved()
-    text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
-    Path("plan.json").write_text(text, encoding="utf-8")
-    return Path("plan.json")
-
-
-def files() -> set[str]:
-    return {str(path) for path in Path().rglob("*") if path.is_file()}
-
-
 NEW = {
     "isoxml4": {"plan-isoxml4/TASKDATA/TASKDATA.XML"},
     "isoxml3": {"plan-isoxml3/T1/TASKDATA/TASKDATA.XML", "plan-isoxml3/T2/TASKDATA/TASKDATA.XML"},
@@ -53,6 +37,39 @@ NEW = {
     "geojson": {"plan.geojson"},
     "gpx": {"plan-gpx/T1.gpx", "plan-gpx/T2.gpx"},
 }
+REFUSED: list[tuple[tuple[str, ...], str]] = [
+    (("none.json", "--to", "kml"), "There is no file 'none.json'"),
+    (("plan.json", "--to", "isobus"), "use one of: isoxml4, isoxml3, agopengps, kml, shapefile, geojson, gpx"),
+    (("plan.json", "--to", "isoxml"), "did you mean 'isoxml"),
+    (("plan.json", "--to", "kml", "--tractor", "3"), "--tractor is 3; the plan has tractors 1 to 2"),
+    (("plan.json", "--to", "kml", "-o", "plan.json"), "does not end in .kml"),
+    (("plan.json", "--to", "kml", "--force", "-o", "link.kml"), "link.kml would overwrite the plan"),
+    (("plan.json", "--to", "gpx", "-o", "all.gpx"), "one for each tractor"),
+    (("plan.json", "--to", "isoxml4", "-o", "plan.json"), "is a file"),
+    (("plan.json", "--to", "isoxml4", "-o", "none/stick"), "the folder none does not exist; make it first"),
+    (("plan.json", "--to", "kml", "-o", "none/x.kml"), "the folder none does not exist; make it first"),
+    (("plan.json", "--to", "isoxml4", "-o", "none/x.zip"), "the folder none does not exist; make it first"),
+    (("plan.json", "--to", "isoxml4", "-o", "there"), "there/TASKDATA/TASKDATA.XML exists already"),
+    (("local.json", "--to", "kml"), "in local metres, and guidance needs longitude and latitude"),
+    (("kept.kml", "--to", "kml", "-o", "new.kml"), "is not JSON"),
+    (("plan.json", "--to", "kml", "-o", "kept.kml"), "kept.kml exists already; choose another name, or add --force"),
+    (("empty.json", "--to", "kml"), "it needs at least one"),
+    (("plan.json",), "Missing option '--to'"),
+]
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A plan made by hand, alone in the folder that is worked in."""
+    monkeypatch.chdir(tmp_path)
+    one = saved()
+    text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
+    Path("plan.json").write_text(text, encoding="utf-8")
+    return Path("plan.json")
+
+
+def files() -> set[str]:
+    return {str(path) for path in Path().rglob("*") if path.is_file()}
 
 
 @pytest.mark.parametrize("form", NEW)
@@ -103,27 +120,6 @@ def test_a_stick_gets_its_folder(headland: Run, plan: Path, target: str) -> None
 def test_one_tractor_is_one_file(headland: Run, plan: Path) -> None:
     assert headland("export", plan, "--to", "gpx", "--tractor", "2", "-o", "two.gpx").status == 0
     assert {line.name for line in read_field("two.gpx").guidance_lines} == {"T2 01 track 2a", "T2 02 track 2b"}
-
-
-REFUSED: list[tuple[tuple[str, ...], str]] = [
-    (("none.json", "--to", "kml"), "There is no file 'none.json'"),
-    (("plan.json", "--to", "isobus"), "use one of: isoxml4, isoxml3, agopengps, kml, shapefile, geojson, gpx"),
-    (("plan.json", "--to", "isoxml"), "did you mean 'isoxml"),
-    (("plan.json", "--to", "kml", "--tractor", "3"), "--tractor is 3; the plan has tractors 1 to 2"),
-    (("plan.json", "--to", "kml", "-o", "plan.json"), "does not end in .kml"),
-    (("plan.json", "--to", "kml", "--force", "-o", "link.kml"), "link.kml would overwrite the plan"),
-    (("plan.json", "--to", "gpx", "-o", "all.gpx"), "one for each tractor"),
-    (("plan.json", "--to", "isoxml4", "-o", "plan.json"), "is a file"),
-    (("plan.json", "--to", "isoxml4", "-o", "none/stick"), "the folder none does not exist; make it first"),
-    (("plan.json", "--to", "kml", "-o", "none/x.kml"), "the folder none does not exist; make it first"),
-    (("plan.json", "--to", "isoxml4", "-o", "none/x.zip"), "the folder none does not exist; make it first"),
-    (("plan.json", "--to", "isoxml4", "-o", "there"), "there/TASKDATA/TASKDATA.XML exists already"),
-    (("local.json", "--to", "kml"), "in local metres, and guidance needs longitude and latitude"),
-    (("kept.kml", "--to", "kml", "-o", "new.kml"), "is not JSON"),
-    (("plan.json", "--to", "kml", "-o", "kept.kml"), "kept.kml exists already; choose another name, or add --force"),
-    (("empty.json", "--to", "kml"), "it needs at least one"),
-    (("plan.json",), "Missing option '--to'"),
-]
 
 
 @pytest.mark.parametrize(("words", "said"), REFUSED)

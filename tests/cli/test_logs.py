@@ -11,27 +11,6 @@ import pytest
 
 from tests.cli.conftest import Run
 
-
-def log(rows: int = 400) -> pd.DataFrame:
-    """Six seconds at rest and then straight to the north-east at 1.4 m/s."""
-    time = np.arange(rows) / 20.0
-    speed = np.clip(time - 6.0, 0.0, 1.4)
-    way = np.cumsum(speed) / 20.0 * np.sqrt(0.5)
-    return pd.DataFrame({
-        "time_s": time, "easting_m": np.round(10.0 + way, 3), "northing_m": np.round(20.0 + way, 3),
-        "heading_deg": 45.0, "speed_mps": speed, "steering_command_deg": 0.0,
-    })  # fmt: skip
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a log under several endings."""
-    for name in ("run.csv", "run.html", "run.png", "run.toml"):
-        log().to_csv(tmp_path / name, index=False)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 REFUSED = [
     ("diagnose run.html --html run.html", "run.html would overwrite the log run.html; choose another file"),
     ("diagnose run.html --html ./run.html", "would overwrite the log"),
@@ -58,6 +37,26 @@ REFUSED = [
     ("replay run.*", "run.* does not exist"),
     ("replay run.csv --fix km", "the fixes are: time-ms"),
 ]
+
+
+def log(rows: int = 400) -> pd.DataFrame:
+    """Six seconds at rest and then straight to the north-east at 1.4 m/s."""
+    time = np.arange(rows) / 20.0
+    speed = np.clip(time - 6.0, 0.0, 1.4)
+    way = np.cumsum(speed) / 20.0 * np.sqrt(0.5)
+    return pd.DataFrame({
+        "time_s": time, "easting_m": np.round(10.0 + way, 3), "northing_m": np.round(20.0 + way, 3),
+        "heading_deg": 45.0, "speed_mps": speed, "steering_command_deg": 0.0,
+    })  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a log under several endings."""
+    for name in ("run.csv", "run.html", "run.png", "run.toml"):
+        log().to_csv(tmp_path / name, index=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
 
 
 @pytest.mark.parametrize(("words", "sentence"), REFUSED)

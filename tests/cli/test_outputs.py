@@ -18,31 +18,6 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs links and devices")
 ONE = ("--local", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
-
-
-@pytest.fixture
-def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder with a field, a tractor and a table under several names, links and a pipe among them."""
-    for name in ("good.geojson", "a#b.geojson", "good.png"):
-        shutil.copy(small, tmp_path / name)
-    tractor = (resources.files("vehicle") / "data" / "eg105.toml").read_text(encoding="utf-8")
-    for name in ("my.toml", "my.html", "my.png"):
-        (tmp_path / name).write_text(tractor, encoding="utf-8")
-    (tmp_path / "t.csv").write_text("east_mm,north_mm,above,up_to\n0,0,0,100\n")
-    if os.name == "posix":
-        os.link(tmp_path / "good.geojson", tmp_path / "hard.json")
-        (tmp_path / "soft.json").symlink_to("good.geojson")
-        (tmp_path / "loop.json").symlink_to("loop.json")
-        (tmp_path / "later.html").symlink_to("later.json")
-        os.mkfifo(tmp_path / "pipe.json")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
-def contents(folder: Path) -> dict[str, Any]:
-    return {path.name: path.read_bytes() if path.is_file() else path.lstat().st_mode for path in folder.iterdir()}
-
-
 REFUSED = [
     ("plan good.geojson --local --tractor my.toml --save my.toml", "my.toml would overwrite the tractor file"),
     ("plan good.geojson --local --gnss-table t.csv --save t.csv", "t.csv would overwrite the table of GNSS errors"),
@@ -72,6 +47,29 @@ REFUSED_ON_POSIX = [
     (f"plan good.geojson --local --save {'n' * 256}", "its name is too long"),
     (f"field good.geojson --local --png {'ä' * 126}.png", "its name is too long"),
 ]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a field, a tractor and a table under several names, links and a pipe among them."""
+    for name in ("good.geojson", "a#b.geojson", "good.png"):
+        shutil.copy(small, tmp_path / name)
+    tractor = (resources.files("vehicle") / "data" / "eg105.toml").read_text(encoding="utf-8")
+    for name in ("my.toml", "my.html", "my.png"):
+        (tmp_path / name).write_text(tractor, encoding="utf-8")
+    (tmp_path / "t.csv").write_text("east_mm,north_mm,above,up_to\n0,0,0,100\n")
+    if os.name == "posix":
+        os.link(tmp_path / "good.geojson", tmp_path / "hard.json")
+        (tmp_path / "soft.json").symlink_to("good.geojson")
+        (tmp_path / "loop.json").symlink_to("loop.json")
+        (tmp_path / "later.html").symlink_to("later.json")
+        os.mkfifo(tmp_path / "pipe.json")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def contents(folder: Path) -> dict[str, Any]:
+    return {path.name: path.read_bytes() if path.is_file() else path.lstat().st_mode for path in folder.iterdir()}
 
 
 @pytest.mark.parametrize(("words", "sentence"), [

@@ -26,6 +26,18 @@ CONTRACT = [
 ]  # fmt: skip
 TWO = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--processes", "1")
 QUICK = ("--tractors", "1-2", "--strategies", "split-field", "--no-headland", "--processes", "1")
+BEGINS = """
+import sys
+import planner.pipeline.planning as planning
+from planner.cli.main import main
+iter_outcomes = planning.iter_outcomes
+def told(*arguments, **options):
+    print("simulating", file=sys.stderr, flush=True)
+    return iter_outcomes(*arguments, **options)
+planning.iter_outcomes = told
+main()
+"""
+"""The command, which says on standard error that it begins to simulate."""
 
 
 @pytest.fixture
@@ -200,20 +212,6 @@ def test_a_part_of_a_collection_can_be_chosen(headland: Run, tmp_path: Path) -> 
     outcome = headland("plan", f"{place}#east", "--local", "--tractors", "1", "--no-headland", "--json")
     assert outcome.status == 0, outcome.err
     assert json.loads(outcome.out)["field"]["name"] == "east"
-
-
-BEGINS = """
-import sys
-import planner.pipeline.planning as planning
-from planner.cli.main import main
-iter_outcomes = planning.iter_outcomes
-def told(*arguments, **options):
-    print("simulating", file=sys.stderr, flush=True)
-    return iter_outcomes(*arguments, **options)
-planning.iter_outcomes = told
-main()
-"""
-"""The command, which says on standard error that it begins to simulate."""
 
 
 def begun(*arguments: str, **options: Any) -> subprocess.Popen[str]:

@@ -73,6 +73,14 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--gnss-table inner", ("'inner' is a folder",)),
     (f"--tractors {'9' * 5000}", ("is not a count",)),
 ]
+DRAWING: list[tuple[str, ...]] = [
+    ("plan",), ("field",), ("validate", "zigzag"), ("design", "mass"), ("drive", "--steer", "20"),
+    ("replay", "run.csv"), ("diagnose", "run.csv"),
+]  # fmt: skip
+KINDS = [
+    *((words, "--png", ".png") for words in DRAWING if words[0] != "diagnose"),
+    *((words, "--html", ".html") for words in DRAWING if words[0] != "field"),
+]
 
 
 @pytest.mark.parametrize(("options", "words"), OPTIONS)
@@ -99,14 +107,6 @@ def test_an_unwritable_place_is_found_before_anything_is_simulated(
     monkeypatch.setattr(planner.pipeline.worker_tasks, "warm_up_simulation", never)
     monkeypatch.setattr(vehicle.sim.world.World, "run", never)
     assert_refused(headland("plan", option, folder / "nowhere" / "x"), "nowhere")
-
-
-DRAWING: list[tuple[str, ...]] = [
-    ("plan",), ("field",), ("validate", "zigzag"), ("design", "mass"), ("drive", "--steer", "20"),
-    ("replay", "run.csv"), ("diagnose", "run.csv"),
-]  # fmt: skip
-KINDS = [(words, "--png", ".png") for words in DRAWING if words[0] != "diagnose"]
-KINDS += [(words, "--html", ".html") for words in DRAWING if words[0] != "field"]
 
 
 @pytest.mark.parametrize(("words", "option", "kind"), KINDS)

@@ -26,14 +26,6 @@ FIELD_FILES = [
     ("degrees", "look like degrees; leave out --local"), ("tiny", "headland"), ("narrow", "working width of 3 m"),
     ("several", "holds 2 fields; choose one"), ("ground", "'lava'"), ("missing", "no field file"),
 ]  # fmt: skip
-
-
-@pytest.mark.parametrize("command", ["plan", "field"])
-@pytest.mark.parametrize(("name", "words"), FIELD_FILES)
-def test_field_files(headland: Run, folder: Path, command: str, name: str, words: str) -> None:
-    assert_refused(headland(command, f"{name}.geojson", "--local"), words)
-
-
 OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
     ([feature(ring((-1, -1), (101, -1), (101, 61), (-1, 61)), role="obstacle")], ("(--margin) of 0.3 m", "leave 0 m2")),
     ([feature(point(50, 30), role="obstacle", kind="cow")], ("'cow'", "'radius_m'")),
@@ -48,6 +40,12 @@ OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
     ([feature(line((5, 5)), edge="fence")], ("fewer than 2 distinct positions",)),
     ([feature(line((0, 0), (0, "x")), edge="fence")], ("is not a number",)),
 ]
+
+
+@pytest.mark.parametrize("command", ["plan", "field"])
+@pytest.mark.parametrize(("name", "words"), FIELD_FILES)
+def test_field_files(headland: Run, folder: Path, command: str, name: str, words: str) -> None:
+    assert_refused(headland(command, f"{name}.geojson", "--local"), words)
 
 
 @pytest.mark.parametrize("command", ["plan", "field"])

@@ -24,6 +24,16 @@ from vehicle.model.tractor import Implement, load_tractor
 
 REQUEST = PlanRequest(field="hard", tractors=(1,), strategies=("split-field", "interleaved"))
 MINUTE_S = 60.0
+DAY = """
+start = "08:00"
+strategies = ["split-field"]
+[[fields]]
+file = "hard.geojson"
+[[fields]]
+file = "easy.geojson"
+[[fleets]]
+name = "one"
+"""
 
 
 class CountedClock:
@@ -94,18 +104,6 @@ class TestCut:
         cache = ResultCache(tmp_path)
         ((cut,),), _ = compute_field_times([[build_task()]], cache, SerialExecutor(), field_minutes=0.02)
         assert cut is not None and cut.cut_note and not list(tmp_path.iterdir())
-
-
-DAY = """
-start = "08:00"
-strategies = ["split-field"]
-[[fields]]
-file = "hard.geojson"
-[[fields]]
-file = "easy.geojson"
-[[fleets]]
-name = "one"
-"""
 
 
 @pytest.mark.slow

@@ -30,6 +30,7 @@ ONSET_WITHIN_S, TIME_WITHIN, TIME_WITHIN_S, SCALE_WITHIN = 5.0, 0.4, 0.1, 0.03
 WORSE_SHARE, WORSE_LEAST = 1.02, {"cm": 0.1, "deg": 0.03}  # smaller rises are the last digits of instruments
 SAME_FAULTS = (frozenset({"position_lost", "position_frozen"}), frozenset({"position_lost", "position_jump"}))
 TOTAL, REFERENCE, KIND, EFFECT = "all", "reference", "kind", "effect"
+CPU_S, MEMORY_MB = (5.0, 15.0), 500.0  # median and most of 10 minutes of log in 8 runs
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,6 @@ REST = Measure("sets with all effects named: nothing unexplained")
 ALSO = (MIXED_TOLD, MIXED_SILENT, ERRORS, TOLD_TRUE, REFUTED_TRUE, EQUIVALENT_FALSE, FAULT_FALSE, FAULT_FOUND,
         COLUMN_FOUND, COLUMN_FALSE, LAW_RIGHT, HINT, EXPLAINED, CLEAN_CHANGED, BETTER, UNSAVED_WORSE,
         LOSSES, REST)  # fmt: skip
-CPU_S, MEMORY_MB = (5.0, 15.0), 500.0  # median and most of 10 minutes of log in 8 runs
 
 
 @dataclass

@@ -16,6 +16,8 @@ from vehicle.identification.logs.reader import build_log
 from vehicle.model.tractor import load_tractor
 
 RUNS = ("straight_090", "circles_right", "steps")
+SELDOM = ("speeds exchanged", "a speed that is noise", "a wheel angle that is noise", "every row twice")
+"""Damages that are searched for causes longest; a heading that is noise stands for them in every run of CI."""
 
 
 def _draw(frame: pd.DataFrame) -> np.random.Generator:
@@ -79,10 +81,6 @@ def test_what_is_no_log_is_refused_in_a_sentence(damage: str, frames: list[pd.Da
     with pytest.raises(LogError) as refused:
         named([REFUSED[damage](one) for one in frames])
     assert "run " in str(refused.value) and str(refused.value).endswith(".")
-
-
-SELDOM = ("speeds exchanged", "a speed that is noise", "a wheel angle that is noise", "every row twice")
-"""Damages that are searched for causes longest; a heading that is noise stands for them in every run of CI."""
 
 
 @pytest.mark.slow

@@ -24,6 +24,9 @@ from vehicle.sim.world import simulate
 
 EG105 = load_tractor("eg105")
 SOIL = find_ground_index("soil")
+SEEN = DiscrepancyModel(
+    amounts={"grip_by_speed": 0.1, "angle_by_square": 0.5}, speed_mps=(0.5, 2.5), angle_deg=(-20.0, 20.0)
+)
 
 
 def with_effect(name: str, **value: float) -> Tractor:
@@ -194,11 +197,6 @@ def first_move(dead_time_s: float) -> int:
 def test_dead_time_holds_the_wheels_back() -> None:
     assert first_move(0.0) == 60
     assert first_move(0.5) == 90
-
-
-SEEN = DiscrepancyModel(
-    amounts={"grip_by_speed": 0.1, "angle_by_square": 0.5}, speed_mps=(0.5, 2.5), angle_deg=(-20.0, 20.0)
-)
 
 
 def with_rest(rest: DiscrepancyModel) -> Tractor:

@@ -5,6 +5,8 @@ from pathlib import Path
 LATITUDE, LONGITUDE = 48.0, 15.0
 METRE_NORTH, METRE_EAST = 1.0 / 111_196.3, 1.0 / 74_625.5
 """Degrees of a metre at 48 degrees north, from the radii of curvature of WGS84."""
+OUTER = ((0, 0), (300, 0), (300, 200), (0, 200))
+INNER = ((100, 80), (140, 80), (140, 120), (100, 120))
 
 
 def place(east_m: float, north_m: float) -> tuple[float, float]:
@@ -17,10 +19,6 @@ def points(*metres: tuple[float, float], kind: str = "2") -> str:
         f'<PNT A="{kind}" C="{latitude:.9f}" D="{longitude:.9f}"/>'
         for latitude, longitude in (place(east, north) for east, north in metres)
     )
-
-
-OUTER = ((0, 0), (300, 0), (300, 200), (0, 200))
-INNER = ((100, 80), (140, 80), (140, 120), (100, 120))
 
 
 def polygon(

@@ -14,6 +14,8 @@ from fields.layout.bearings import FAN_DEG, list_candidate_bearings, list_trial_
 from fields.layout.parallel_lines import find_line_chords, space_lines
 from tests.examples import count_examples
 
+RELAXED = settings(max_examples=count_examples(60), suppress_health_check=[HealthCheck.filter_too_much])
+
 
 def rectangle(length: float, width: float) -> Field:
     return Field("r", shapely.box(0, 0, length, width))
@@ -138,9 +140,6 @@ def laid(shape: shapely.Polygon, bearing: float | None = None) -> Layout | None:
         return lay_swaths(Field("p", shape), 3.0, 9.0, bearing)
     except FieldError:
         return None
-
-
-RELAXED = settings(max_examples=count_examples(60), suppress_health_check=[HealthCheck.filter_too_much])
 
 
 class TestProperties:

@@ -13,6 +13,20 @@ from fields.geometry.geodesy import can_be_farmland
 from tests.fields.geojson import refusal
 
 SIDE_DEG = 0.002
+FARMS = {
+    (9.5, 56.0): True, (13.3, 55.7): True, (5.5, 52.5): True, (11.5, 52.1): True, (141.8, 43.2): True,
+    (0.6, 52.5): True, (-8.5, 51.9): True, (-20.3, 63.8): True, (17.6, 59.9): False, (1.6, 48.2): False,
+    (-4.7, 41.7): False, (10.6, 45.1): False, (20.5, 47.0): False, (32.0, 49.4): False, (39.0, 45.2): False,
+    (82.5, 52.3): True, (63.6, 53.2): False, (75.8, 30.9): True, (79.1, 10.8): True, (92.8, 26.5): True,
+    (80.8, 7.2): True, (32.6, 37.9): False, (31.0, 30.9): False, (39.0, 8.6): False, (36.1, -0.3): False,
+    (31.0, -17.5): False, (27.0, -28.5): False, (18.9, -33.6): True, (47.5, -19.0): False, (7.7, 10.6): False,
+    (-5.5, 33.9): False, (-93.5, 42.0): True, (-120.0, 36.8): True, (-81.0, 26.7): True, (-156.4, 20.8): True,
+    (-106.0, 51.5): True, (-63.3, 46.4): True, (-103.0, 20.6): True, (-80.0, 22.4): True, (-55.5, -12.8): True,
+    (-48.0, -21.5): True, (-35.3, -8.1): True, (-61.5, -34.5): True, (-65.3, -43.3): True, (-71.4, -34.9): True,
+    (-62.8, -17.4): True, (-76.3, 3.6): True, (-59.0, -51.8): True, (127.0, 47.0): True, (86.0, 44.3): True,
+    (105.5, 48.8): True, (110.5, -7.3): True, (117.5, -31.5): True, (147.0, -41.6): True, (171.8, -43.7): True,
+}  # fmt: skip
+"""Longitude and latitude of farmland, and whether it is certain that the place with these swapped is none."""
 
 
 def written(folder: Path, *corners: tuple[float, float], line: tuple[float, float] | None = None) -> Path:
@@ -69,22 +83,6 @@ def test_null_island_is_water(tmp_path: Path) -> None:
 def test_a_field_in_the_sea_does_not_hide_the_others(tmp_path: Path) -> None:
     fields = list_fields_with_notes(written(tmp_path, (9.5, 56.0), (56.95, 9.9)))[0]
     assert fields[0].fault == "" and "add swap_axes" in fields[1].fault
-
-
-FARMS = {
-    (9.5, 56.0): True, (13.3, 55.7): True, (5.5, 52.5): True, (11.5, 52.1): True, (141.8, 43.2): True,
-    (0.6, 52.5): True, (-8.5, 51.9): True, (-20.3, 63.8): True, (17.6, 59.9): False, (1.6, 48.2): False,
-    (-4.7, 41.7): False, (10.6, 45.1): False, (20.5, 47.0): False, (32.0, 49.4): False, (39.0, 45.2): False,
-    (82.5, 52.3): True, (63.6, 53.2): False, (75.8, 30.9): True, (79.1, 10.8): True, (92.8, 26.5): True,
-    (80.8, 7.2): True, (32.6, 37.9): False, (31.0, 30.9): False, (39.0, 8.6): False, (36.1, -0.3): False,
-    (31.0, -17.5): False, (27.0, -28.5): False, (18.9, -33.6): True, (47.5, -19.0): False, (7.7, 10.6): False,
-    (-5.5, 33.9): False, (-93.5, 42.0): True, (-120.0, 36.8): True, (-81.0, 26.7): True, (-156.4, 20.8): True,
-    (-106.0, 51.5): True, (-63.3, 46.4): True, (-103.0, 20.6): True, (-80.0, 22.4): True, (-55.5, -12.8): True,
-    (-48.0, -21.5): True, (-35.3, -8.1): True, (-61.5, -34.5): True, (-65.3, -43.3): True, (-71.4, -34.9): True,
-    (-62.8, -17.4): True, (-76.3, 3.6): True, (-59.0, -51.8): True, (127.0, 47.0): True, (86.0, 44.3): True,
-    (105.5, 48.8): True, (110.5, -7.3): True, (117.5, -31.5): True, (147.0, -41.6): True, (171.8, -43.7): True,
-}  # fmt: skip
-"""Longitude and latitude of farmland, and whether it is certain that the place with these swapped is none."""
 
 
 def test_places_of_farms() -> None:

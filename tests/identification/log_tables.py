@@ -14,6 +14,7 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention
 
 HOME = (141.3545, 43.0686)  # longitude and latitude of a field in Sapporo
+BENT = ("circles_right", "circles_left", "steps", "figure_eight", "fast_circles", "fast_steps")
 
 
 def table(rows: int = 200, rate_hz: float = 20.0) -> pd.DataFrame:
@@ -98,4 +99,3 @@ SPOIL: dict[LogConvention, Callable[[pd.DataFrame], pd.DataFrame]] = {
     LogConvention.STEERING_RADIANS: in_unit(np.pi / 180.0, "steering_deg", "steering_command_deg"),
     LogConvention.STEERING_LEFT: in_unit(-1.0, "steering_deg", "steering_command_deg"),
 }
-BENT = ("circles_right", "circles_left", "steps", "figure_eight", "fast_circles", "fast_steps")

@@ -38,6 +38,8 @@ UNITS = {
     "steering_deg": ("Lenkwinkel_rad", np.pi / 180.0, "steering_rad"),
 }
 
+HEAD = ("time_s", "easting_m", "northing_m", "steering_deg")
+
 
 def offered(path: Path) -> dict[str, str]:
     with pytest.raises(ColumnError) as caught:
@@ -305,8 +307,6 @@ def test_a_decimal_comma_in_quotes_is_found_in_any_row() -> None:
 
 
 # --- Cells of a table as numbers ---
-
-HEAD = ("time_s", "easting_m", "northing_m", "steering_deg")
 
 
 def test_cells_are_numbers_or_missing() -> None:

@@ -25,6 +25,18 @@ from vehicle.identification.logs.schema import COLUMNS, GatedRows, Log, number_s
 from vehicle.identification.logs.series import find_decreasing_entries
 from vehicle.identification.logs.table import read_table
 
+KNOWN = {**CLEAR_SIZES, **OUTSIDE}
+CASES = [
+    *(pytest.param(name, place // 3 % 3, marks=pytest.mark.matrix if place % 3 else ())
+      for place, name in enumerate(sorted(KNOWN))),
+    ("nothing", 0),
+]  # fmt: skip
+"""Effects, and the first of their runs."""
+DROPPED = (
+    (), ("steering_deg",), ("steering_command_deg",), ("speed_mps", "speed_command_mps"), ("heading_deg",),
+)  # fmt: skip
+
+
 # --- reading -----------------------------------------------------------------------------------------------------
 
 
@@ -375,18 +387,6 @@ def test_fixes_undo_the_spoiling_exactly(fix: LogConvention) -> None:
     mended = convert_columns(wrong, frozenset([fix]))
     for name in frame:
         assert np.allclose(mended[name], frame[name], atol=1e-9), name
-
-
-KNOWN = {**CLEAR_SIZES, **OUTSIDE}
-CASES = [
-    *(pytest.param(name, place // 3 % 3, marks=pytest.mark.matrix if place % 3 else ())
-      for place, name in enumerate(sorted(KNOWN))),
-    ("nothing", 0),
-]  # fmt: skip
-"""Effects, and the first of their runs."""
-DROPPED = (
-    (), ("steering_deg",), ("steering_command_deg",), ("speed_mps", "speed_command_mps"), ("heading_deg",),
-)  # fmt: skip
 
 
 def clean(log: Log) -> None:

@@ -20,6 +20,8 @@ TRACTOR, IMPLEMENT = load_tractor("eg105"), Implement()
 APART_M = 0.05
 CHECK = ClearanceCheck.for_machine(TRACTOR, IMPLEMENT, APART_M, APART_M)
 
+State = tuple[int, ...]
+
 
 def trajectory(places: Sequence[tuple[float, float, float]], holds: Sequence[int], every_s: float) -> SoloTrajectory:
     """A trajectory over poses (x, y, angle), `every_s` seconds and metres apart, with hold points at some."""
@@ -61,9 +63,6 @@ def straight(x: float, y: float, angle: float, metres: int, holds: Sequence[int]
 
 def crossings(trajectories: Sequence[SoloTrajectory], gated: dict[int, set[int]] | None = None) -> ConflictZones:
     return find_conflict_zones(trajectories, CHECK, [(gated or {}).get(n, set()) for n in range(len(trajectories))])
-
-
-State = tuple[int, ...]
 
 
 @dataclass

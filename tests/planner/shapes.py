@@ -9,6 +9,15 @@ from fields.geometry.obstacles import Obstacle
 
 Corners = list[tuple[float, float]]
 
+L_SHAPE: Corners = [(0, 0), (140, 0), (140, 60), (70, 60), (70, 140), (0, 140)]
+U_SHAPE: Corners = [(0, 0), (150, 0), (150, 120), (100, 120), (100, 50), (50, 50), (50, 120), (0, 120)]
+COMB: Corners = [
+    (0, 0), (160, 0), (160, 100), (124, 100), (124, 45), (98, 45), (98, 100), (62, 100), (62, 45), (36, 45), (36, 100),
+    (0, 100),
+]  # fmt: skip
+SLANTED: Corners = [(0, 0), (110, 0), (190, 120), (80, 120)]
+ISLAND = Obstacle("rocks", shapely.Polygon([(60, 78), (80, 70), (95, 80), (90, 110), (65, 110)]))
+
 
 def _ring(radius_m: float, corners: int, other_m: float | None = None) -> Corners:
     """Corners round the origin, every second one at another radius."""
@@ -20,15 +29,6 @@ def _ring(radius_m: float, corners: int, other_m: float | None = None) -> Corner
 def _drawn(name: str, outline: Corners, holes: tuple[Corners, ...] = (), obstacles: tuple[Obstacle, ...] = ()) -> Field:
     return Field(name, shapely.Polygon(outline, holes), obstacles=obstacles)
 
-
-L_SHAPE: Corners = [(0, 0), (140, 0), (140, 60), (70, 60), (70, 140), (0, 140)]
-U_SHAPE: Corners = [(0, 0), (150, 0), (150, 120), (100, 120), (100, 50), (50, 50), (50, 120), (0, 120)]
-COMB: Corners = [
-    (0, 0), (160, 0), (160, 100), (124, 100), (124, 45), (98, 45), (98, 100), (62, 100), (62, 45), (36, 45), (36, 100),
-    (0, 100),
-]  # fmt: skip
-SLANTED: Corners = [(0, 0), (110, 0), (190, 120), (80, 120)]
-ISLAND = Obstacle("rocks", shapely.Polygon([(60, 78), (80, 70), (95, 80), (90, 110), (65, 110)]))
 
 SHAPES = {
     "L": _drawn("L", L_SHAPE),

@@ -53,6 +53,8 @@ LAID_OUT: list[tuple[Field, dict[str, Any]]] = [
 ]
 """Refused while the field is laid out."""
 
+Change = Callable[..., PlanRequest]
+
 
 def use_passes(request: PlanRequest, passes: str, headland_m: str) -> PlanRequest:
     """The request with less headland, said as it says it."""
@@ -61,7 +63,6 @@ def use_passes(request: PlanRequest, passes: str, headland_m: str) -> PlanReques
     return replace(request, headland_m=float(headland_m))
 
 
-Change = Callable[..., PlanRequest]
 READINGS: list[tuple[str, Change]] = [
     (r"use (one|\d+) headland pass(?:es)?, which is a headland \(headland_m\) of ([\d.]+) m", use_passes),
     (r"use a headland \(headland_m\) of ([\d.]+) m", lambda request, m: replace(request, headland_m=float(m))),

@@ -38,6 +38,9 @@ boxes = st.lists(
     min_size=1, max_size=8,
 )  # fmt: skip
 
+BOX = shapely.box(0.0, 0.0, 120.0, 60.0)
+POLE = Obstacle("pole", shapely.Point(60.0, 31.8), 0.25, "P7")
+
 
 def turned(x: float, y: float, long: float, wide: float, angle: float) -> shapely.Polygon:
     """A box of so many metres, turned by an angle about its corner."""
@@ -123,10 +126,6 @@ def test_a_machine_that_lies_in_a_shape_or_round_it_touches_it(ponds: PlanningCo
     for shape in (shapely.Point(60, 30).buffer(50.0), shapely.Point(60, 30).buffer(0.1)):
         assert TouchTable(ponds, shape).find(pose).tolist() == [True]
         assert TouchTable(ponds, shape).find(aside).tolist() == [False]
-
-
-BOX = shapely.box(0.0, 0.0, 120.0, 60.0)
-POLE = Obstacle("pole", shapely.Point(60.0, 31.8), 0.25, "P7")
 
 
 @pytest.fixture(scope="module")

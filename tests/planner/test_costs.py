@@ -22,6 +22,10 @@ from planner.risk.costs import (
 )
 from planner.risk.monte_carlo import SampledOutcomes
 
+NOTHING = FarmPrices(
+    tractor_price=0.0, implement_price=0.0, fuel_per_l=0.0, supervision_share=0.0, late_per_ha=0.0, seed_per_ha=0.0
+)
+
 
 def sample(tractor_h: Any, work_h: Any = 0.0, turn_h: Any = 0.0, done: Any = 1.0, late_h: Any = 0.0) -> SampledOutcomes:
     """Draws of a fleet from hours, (tractors, draws)."""
@@ -30,11 +34,6 @@ def sample(tractor_h: Any, work_h: Any = 0.0, turn_h: Any = 0.0, done: Any = 1.0
     given = (work_h, turn_h, done, late_h)
     whole, turns, share, late = (np.broadcast_to(np.array(each, float), (draws,)) for each in given)
     return SampledOutcomes(seconds.max(axis=0), seconds, 3600.0 * whole, 3600.0 * turns, share, 3600.0 * late)
-
-
-NOTHING = FarmPrices(
-    tractor_price=0.0, implement_price=0.0, fuel_per_l=0.0, supervision_share=0.0, late_per_ha=0.0, seed_per_ha=0.0
-)
 
 
 def but(prices: FarmPrices, **changes: float) -> FarmPrices:

@@ -24,6 +24,9 @@ from vehicle.model.tractor import load_tractor
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
+SELDOM = ("spawned", "more workers than cores")
+"""Processes as those of the default, in the matrix alone."""
+
 
 def spawned() -> Executor:
     """Two clean processes of the standard library."""
@@ -36,8 +39,6 @@ EXECUTORS: dict[str, Callable[[], Executor] | None] = {
     "spawned": spawned,
     "more workers than cores": lambda: LocalPool(3),
 }
-SELDOM = ("spawned", "more workers than cores")
-"""Processes as those of the default, in the matrix alone."""
 
 
 def serial(scenario: PlanRequest) -> PlanRanking:

@@ -25,6 +25,25 @@ from planner.pipeline.executors import LocalPool, SerialExecutor, create_executo
 ROOT = Path(__file__).parents[2]
 needs_signals = pytest.mark.skipif(os.name != "posix", reason="needs signals and groups of processes")
 
+SCRIPT = """
+import json, sys, threading
+from planner import PlanRequest, plan
+
+
+field = {"type": "Polygon", "coordinates": [[[0, 0], [40, 0], [40, 70], [0, 70], [0, 0]]]}
+with open("field.geojson", "w") as file:
+    json.dump(field, file)
+question = PlanRequest("field.geojson", local=True, tractors=(1, 2), strategies=("split-field", "interleaved"))
+answers = []
+threads = [threading.Thread(target=lambda: answers.append(plan(question).ranking.best)) for _ in range(2)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert len(answers) == 2 and answers[0] == answers[1] is not None
+print("once")
+"""
+
 
 @pytest.fixture(scope="module")
 def pool() -> Iterator[LocalPool]:
@@ -226,26 +245,6 @@ def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> Non
         while any(alive(worker) for worker in workers) and time.monotonic() < deadline:
             time.sleep(0.05)
         assert not any(alive(worker) for worker in workers)
-
-
-SCRIPT = """
-import json, sys, threading
-from planner import PlanRequest, plan
-
-
-field = {"type": "Polygon", "coordinates": [[[0, 0], [40, 0], [40, 70], [0, 70], [0, 0]]]}
-with open("field.geojson", "w") as file:
-    json.dump(field, file)
-question = PlanRequest("field.geojson", local=True, tractors=(1, 2), strategies=("split-field", "interleaved"))
-answers = []
-threads = [threading.Thread(target=lambda: answers.append(plan(question).ranking.best)) for _ in range(2)]
-for thread in threads:
-    thread.start()
-for thread in threads:
-    thread.join()
-assert len(answers) == 2 and answers[0] == answers[1] is not None
-print("once")
-"""
 
 
 @pytest.mark.matrix

@@ -22,6 +22,33 @@ from vehicle.datasheet.sheet import build_datasheet
 from vehicle.model.tractor_writer import format_tractor_toml
 
 SECTIONS = (FarmTractor, FarmImplement, FarmPrices, FarmTimes, UncertaintySettings, Yard)
+PLAIN = """
+[prices]
+first_year_value = 0.5
+later_year_value = 1.0
+implement_first_year_value = 0.5
+implement_later_year_value = 1.0
+interest_pct = 0.0
+insurance_pct = 0.0
+repair_factor = 0.0
+implement_repair_factor = 0.0
+fuel_per_l = 1.0
+fuel_l_per_kwh = 0.25
+work_load = 0.5
+oil_share = 0.0
+supervision_per_hour = 20.0
+supervision_share = 0.25
+years = 10.0
+hours_per_year = 600.0
+implement_hours_per_year = 200.0
+[[tractors]]
+name = "T"
+price = 60000.0
+power_kw = 80.0
+[[implements]]
+name = "I"
+price = 20000.0
+"""
 
 
 def refusal(text: str) -> str:
@@ -152,35 +179,6 @@ def test_an_uncertainty_is_read_and_the_others_are_as_usual() -> None:
     assert parse_farm("", "empty.toml").uncertainty == UncertaintySettings()
     uncertainty = parse_farm("[uncertainty]\nstop_durations_s = [5.0, 120]\nspeed_cv = 0.3", "one.toml").uncertainty
     assert uncertainty == UncertaintySettings(stop_durations_s=(5.0, 120.0), speed_cv=0.3)
-
-
-PLAIN = """
-[prices]
-first_year_value = 0.5
-later_year_value = 1.0
-implement_first_year_value = 0.5
-implement_later_year_value = 1.0
-interest_pct = 0.0
-insurance_pct = 0.0
-repair_factor = 0.0
-implement_repair_factor = 0.0
-fuel_per_l = 1.0
-fuel_l_per_kwh = 0.25
-work_load = 0.5
-oil_share = 0.0
-supervision_per_hour = 20.0
-supervision_share = 0.25
-years = 10.0
-hours_per_year = 600.0
-implement_hours_per_year = 200.0
-[[tractors]]
-name = "T"
-price = 60000.0
-power_kw = 80.0
-[[implements]]
-name = "I"
-price = 20000.0
-"""
 
 
 def test_the_price_of_an_hour_by_hand() -> None:

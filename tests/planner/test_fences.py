@@ -30,6 +30,7 @@ BOX = shapely.box(0, 0, 120, 60)
 ALL_ROUND = shapely.LineString(BOX.exterior.coords)
 SOUTH = shapely.LineString([(0, 0), (120, 0)])
 EAST = shapely.LineString([(120, 0), (120, 60)])
+POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])
 
 
 def fenced(
@@ -177,9 +178,6 @@ def test_an_implement_is_outside_though_the_outline_runs_between_it_and_its_trac
     axle_m = -0.5 * (front_m + rear_m)  # east of the edge, and the middle of the gap on it
     run = standing(site, (site.tractor.rear_axle_m + axle_m, 30.0, 0.0))
     assert measure_overhang(run, site).farthest_m == pytest.approx(-axle_m - tail_m)
-
-
-POND = shapely.LinearRing([(-12.0, -3.0), (-9.0, 0.0), (-12.0, 3.0)])
 
 
 @pytest.mark.parametrize("margin_m", [0.0, 0.1])

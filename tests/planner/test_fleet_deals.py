@@ -12,6 +12,8 @@ from strategies.programmes.programme import Sketch
 from strategies.rules.dealing import LineDeal
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
+DEAL = LineDeal(np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 0, 1]], bool))
+
 
 def make_lines() -> list[WorkLine]:
     """The four sides of a field anticlockwise, and a track in the west and in the east."""
@@ -26,9 +28,6 @@ def make_lines() -> list[WorkLine]:
         WorkLine(LegTask(SWATH, number), (SWATH, number), (path, path[::-1].copy()), 1.0)
         for number, path in enumerate(tracks)
     ]
-
-
-DEAL = LineDeal(np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 0, 1]], bool))
 
 
 @pytest.mark.parametrize(("dearer", "is_tidy"), [(0.5, True), (1.5, False)])

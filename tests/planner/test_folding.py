@@ -35,6 +35,7 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 WIDTH_M, ROOM_M, PASSAGE_M = 9.0, (63.0, 54.0), (15.0, 6.0)
 FOLD_S = 30.0
+CORNER_M = shapely.box(0.0, 0.0, 160.0, 90.0)
 
 
 def build_two_rooms() -> Field:
@@ -224,9 +225,6 @@ def test_a_tank_is_filled_where_a_boom_folds(two_rooms_farm: FarmImplement, tmp_
     folds = sum(before.folded != leg.folded for before, leg in pairwise(legs))
     assert folds and float(result.run.folding_s[0]) == pytest.approx(FOLD_S * folds, abs=1.0)
     assert float(result.run.standing_s[0]) == pytest.approx(240.0 * best.refills, abs=1.0)
-
-
-CORNER_M = shapely.box(0.0, 0.0, 160.0, 90.0)
 
 
 @pytest.mark.slow

@@ -42,6 +42,8 @@ AREA = 36.0 * 80.0
 QUICK = settings(max_examples=count_examples(60))
 Poses = list[tuple[float, float, float, bool]]
 
+NORTH = math.pi / 2
+
 
 def run_of(site: Any, *passes: Poses, kind: str = SWATH) -> SimulationRun:
     """A run in which the bar of tractor k passes its poses (x, y, angle, implement down), one leg per pair of them.
@@ -65,9 +67,6 @@ def run_of(site: Any, *passes: Poses, kind: str = SWATH) -> SimulationRun:
     ends = np.full(len(passes), 0.1 * len(record))
     times = np.linspace(0.0, 0.1 * (len(record) - 1), len(record), dtype=np.float64)
     return SimulationRun(Plan(tuple(missions)), DONE, times, record, ends, (), math.inf)
-
-
-NORTH = math.pi / 2
 
 
 def pass_north(x: float, start: float, end: float, count: int = 30) -> Poses:

@@ -14,6 +14,15 @@ from tests.planner.saved_plans import BEND, GROUND, HOLE, SQUARE, in_metres, leg
 from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_saved_plan
 
+GARBLED: list[dict[str, Any]] = [
+    {**GROUND, "boundary_m": [[[0, 0], [1, 1]]]},
+    {**GROUND, "boundary_m": "none"},
+    {**GROUND, "boundary_m": [[[0, 0], [1, None], [2, 2]]]},
+    {**GROUND, "entrance_m": ["here", 1]},
+    {**GROUND, "obstacles": [1]},
+    {"name": "x"},
+]
+
 
 def test_lines_stand_in_driving_order_with_names_of_their_own() -> None:
     told = build_guidance(saved())
@@ -82,16 +91,6 @@ def test_a_plan_keeps_the_outlines_of_its_field() -> None:
 def test_a_plan_without_its_field_has_lines_alone() -> None:
     told = build_guidance(replace(saved(), ground={}))
     assert told.boundary is None and told.field == "field.geojson" and len(told.lines) == 4
-
-
-GARBLED: list[dict[str, Any]] = [
-    {**GROUND, "boundary_m": [[[0, 0], [1, 1]]]},
-    {**GROUND, "boundary_m": "none"},
-    {**GROUND, "boundary_m": [[[0, 0], [1, None], [2, 2]]]},
-    {**GROUND, "entrance_m": ["here", 1]},
-    {**GROUND, "obstacles": [1]},
-    {"name": "x"},
-]
 
 
 @pytest.mark.parametrize("ground", GARBLED)

@@ -31,6 +31,36 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 EIGHT_S = 8 * 3600
 SCENARIOS = [*range(4), *(pytest.param(number, marks=pytest.mark.matrix) for number in range(4, 20))]
 SAMPLES = 400
+DAY = """
+farm = "example"
+start = "08:00"
+rain = "{rain}"
+strategies = ["split-field"]
+[[fields]]
+name = "near"
+file = "small.geojson"
+local = true
+value_per_ha = 900.0
+[[fields]]
+name = "far"
+file = "small.geojson"
+local = true
+value_per_ha = 900.0
+[[fleets]]
+name = "robots"
+tractor = "EG105"
+count = 1
+implement = "cultivator"
+[[roads]]
+between = ["near", "far"]
+km = 1.2
+[[roads]]
+between = ["yard", "near"]
+km = 2.0
+[[roads]]
+between = ["yard", "far"]
+km = 2.5
+"""
 
 
 def draw_request(random: np.random.Generator) -> tuple[PlanRequest, Field]:
@@ -103,38 +133,6 @@ def test_a_plan_is_in_time_if_half_of_its_samples_are() -> None:
         missed_by_s = result.ranking.missed_by_s
         assert missed_by_s is None if met else missed_by_s == pytest.approx(median_s - 60 * minutes, abs=1.0)
         check_outputs(result)
-
-
-DAY = """
-farm = "example"
-start = "08:00"
-rain = "{rain}"
-strategies = ["split-field"]
-[[fields]]
-name = "near"
-file = "small.geojson"
-local = true
-value_per_ha = 900.0
-[[fields]]
-name = "far"
-file = "small.geojson"
-local = true
-value_per_ha = 900.0
-[[fleets]]
-name = "robots"
-tractor = "EG105"
-count = 1
-implement = "cultivator"
-[[roads]]
-between = ["near", "far"]
-km = 1.2
-[[roads]]
-between = ["yard", "near"]
-km = 2.0
-[[roads]]
-between = ["yard", "far"]
-km = 2.5
-"""
 
 
 @pytest.mark.slow

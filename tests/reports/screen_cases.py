@@ -11,6 +11,23 @@ from reports.plan.many_fields import FieldRow
 HOUR_S = 3600.0
 STRATEGIES = ("split-field", "row-by-row-optimised", "interleaved")
 REMARK = "bends and starts are worked more slowly than the implement asks for, 40 m in all"
+REFUSED = (
+    PlanResult("row-by-row", 7, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."),
+    PlanResult("interleaved", 9, "u", False, "skipped: by estimate it is slower", bound_s=9000.0, is_simulated=False),
+    PlanResult(
+        "col-by-col",
+        4,
+        "u",
+        False,
+        "machines may come within 0.10 m of each other",
+        is_simulated=False,
+        keeps_clearance=False,
+    ),
+)
+KNEE_S = {1: 11_916.0, 2: 6_200.0, 3: 4_400.0, 4: 3_900.0, 5: 3_700.0, 6: 3_600.0}
+"""By number of tractors: of 4,400 s a fourth saves 500 s, less than half of 1,100 s."""
+SURE = {6: 1.0, 5: 1.0, 4: 1.0, 3: 0.999, 2: 0.984, 1: 0.62}
+LATE = {6: 0.0, 5: 0.0, 4: 0.0, 3: 0.1, 2: 0.35, 1: 21.0}
 
 
 def build_plan(rank: int, strategy: str, tractors: int, hours: float, cost: float, **more: Any) -> PlanResult:
@@ -43,27 +60,12 @@ PLANS = tuple(
     for place, tractors in enumerate((6, 5, 4, 3, 2, 1))
     for number, strategy in enumerate(STRATEGIES)
 )  # fmt: skip
-REFUSED = (
-    PlanResult("row-by-row", 7, "u", False, "Turning radius 4.10 m needs 8.20 m, rows are 10.00 m apart."),
-    PlanResult("interleaved", 9, "u", False, "skipped: by estimate it is slower", bound_s=9000.0, is_simulated=False),
-    PlanResult(
-        "col-by-col",
-        4,
-        "u",
-        False,
-        "machines may come within 0.10 m of each other",
-        is_simulated=False,
-        keeps_clearance=False,
-    ),
-)
 DEFAULT = PlanRanking(
     "denmark", 3.92, 1, (*PLANS, *REFUSED), currency="EUR",
     scenario={"tractor": "Yanmar EG105", "width_m": 3.0, "implement": None, "clearance_m": 0.5},
 )  # fmt: skip
 
 
-KNEE_S = {1: 11_916.0, 2: 6_200.0, 3: 4_400.0, 4: 3_900.0, 5: 3_700.0, 6: 3_600.0}
-"""By number of tractors: of 4,400 s a fourth saves 500 s, less than half of 1,100 s."""
 KNEE = replace(
     DEFAULT, prices_assumed=True,
     plans=tuple(
@@ -86,8 +88,6 @@ def build_sampled(shares: dict[int, float], late: dict[int, float], limit_s: flo
     return replace(DEFAULT, plans=(*plans, *REFUSED), allowed_s=limit_s, **values)
 
 
-SURE = {6: 1.0, 5: 1.0, 4: 1.0, 3: 0.999, 2: 0.984, 1: 0.62}
-LATE = {6: 0.0, 5: 0.0, 4: 0.0, 3: 0.1, 2: 0.35, 1: 21.0}
 DEADLINE = build_sampled(SURE, LATE, 4 * HOUR_S, deadline="17:00")
 RAIN = replace(
     build_sampled({count: 0.9 - 0.1 / count for count in SURE}, {count: 8.0 / count for count in SURE}, None),

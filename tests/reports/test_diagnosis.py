@@ -41,6 +41,10 @@ DISCREPANCY = DiscrepancyModel(
     angle_deg=(-20.0, 25.5), interval={"angle_by_speed": (0.3, 0.5)},
 )  # fmt: skip
 PLAN = PlanGain("iwamizawa", 4938.0, 4962.0, 2.31, 20.14)
+WRONG = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+HINT = Hint("the wheel angle", "heading", None, "Errors of the headings go together with the wheel angle.")
+GETS_OFFSET = "The tractor file gets: steering offset (steering_offset)."
+BEFORE, AFTER = "Simulated with the old file: ", "Simulated as these logs say the tractor drives: "
 
 
 def finding(name: str, status: str = REFUTED, **more: Any) -> Finding:
@@ -116,10 +120,6 @@ SAVED = extended(
     steering_offset=setting(named=False, equivalent_to=("cross_slope_drift", "heading_bias")),
     grip_drift=EffectSetting(value={"per_minute": 0.05}, named=False),
 )  # fmt: skip
-WRONG = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
-HINT = Hint("the wheel angle", "heading", None, "Errors of the headings go together with the wheel angle.")
-GETS_OFFSET = "The tractor file gets: steering offset (steering_offset)."
-BEFORE, AFTER = "Simulated with the old file: ", "Simulated as these logs say the tractor drives: "
 SAID: dict[str, tuple[Diagnosis, tuple[str, ...], tuple[str, ...]]] = {
     "nothing added": (diagnosis(), ("Nothing was added to the tractor, so plans do not change.",), ("That holds",)),
     "added and driven": (

@@ -38,6 +38,7 @@ SMOOTH = ColumnTiming("heading", filter_s=0.6, clock_offset_s=-0.12)
 HINT = Hint("time of day", "heading", None, "The error depends on the time of day: look at the heading")
 LAW = ParameterLaw("over_day", {"ratio_per_hour": 0.02}, "it grows by 0.02 an hour over the day.")
 REASONS = {"shuttle in neutral": 58, "position jumps faster than 20 m/s": 2600}
+REASON = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
 
 
 def hold_out(scale: float, helps: bool, asked: bool = True) -> HoldoutResult:
@@ -50,7 +51,6 @@ def hold_out(scale: float, helps: bool, asked: bool = True) -> HoldoutResult:
 FAULTY = diagnosis(OFFSET, faults=(FAULT,), names=NAMES, runs=RUNS, rows_gated=2658, rows_gated_by_reason=REASONS)
 LATE = diagnosis(in_model("grip_drift", LIKELY, 0.05), columns=(STALE, SMOOTH), hints=(HINT,))
 HARMFUL = diagnosis(OFFSET, names=NAMES[:5], runs=(ODD, *RUNS[:2]), holdout=hold_out(2.0, False), tractor=CHANGED)
-REASON = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
 SCREENS = {"diagnosis-fault": FAULTY, "diagnosis-columns": LATE, "diagnosis-holdout": HARMFUL}
 
 

@@ -51,6 +51,12 @@ MUST_BE_COMPLETE = WRITE or os.environ.get("HEADLAND_LANGUAGES") == "complete"
 VALUE = re.compile(r"\{(\w*)\}")
 __all__ = ["brackets"]
 
+SCREENS: dict[str, tuple[Callable[..., RenderableType], tuple[Any, ...]]] = {
+    **{name: (build_first_screen, (ranking,)) for name, ranking in RANKINGS.items()},
+    "many": (build_many_fields_screen, (build_records(),)),
+    "day": (build_day_screen, (build_day(),)),
+}
+
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_translations_have_the_values_spaces_braces_and_forms_of_their_keys(language: str) -> None:
@@ -133,13 +139,6 @@ def test_what_programs_read_is_the_same_for_every_reader(brackets: Brackets, rea
         assert write_all() == before
     finally:
         languages.set_reader(languages.FILES)
-
-
-SCREENS: dict[str, tuple[Callable[..., RenderableType], tuple[Any, ...]]] = {
-    **{name: (build_first_screen, (ranking,)) for name, ranking in RANKINGS.items()},
-    "many": (build_many_fields_screen, (build_records(),)),
-    "day": (build_day_screen, (build_day(),)),
-}
 
 
 @pytest.mark.parametrize("name", SCREENS)

@@ -18,6 +18,11 @@ KEYS = ["number", "words", "kind", "from_s", "clock_s", "seconds", "pause_s", "l
         "part", "bearing_deg", "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished",
         "over_finished_m", "over_standing", "over_standing_m",
         "fuel_l", "energy_kwh", "slope_along_pct", "slope_across_pct"]  # fmt: skip
+WORDS = (
+    "round 2, side 3, northwards", "corner to side 4, backing up", "round 2, side 4, all round", "way to track 14",
+    "wait for tractors 1 and 3", "track 14b, north-eastwards", "track 14b, the rest", "U over 2 tracks to track 16",
+    "omega over 1 track to track 15", "switch-back to round 3, side 1", "on to round 3, side 1", "continue", "wait",
+)  # fmt: skip
 
 
 def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> DriverLeg:
@@ -39,11 +44,6 @@ STEPS = (
     step("drive", at=990.0),
     step("wait", at=1080.0),
 )
-WORDS = (
-    "round 2, side 3, northwards", "corner to side 4, backing up", "round 2, side 4, all round", "way to track 14",
-    "wait for tractors 1 and 3", "track 14b, north-eastwards", "track 14b, the rest", "U over 2 tracks to track 16",
-    "omega over 1 track to track 15", "switch-back to round 3, side 1", "on to round 3, side 1", "continue", "wait",
-)  # fmt: skip
 
 
 @pytest.mark.parametrize(("one", "words"), [*zip(STEPS, WORDS, strict=True)])

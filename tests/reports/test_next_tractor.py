@@ -13,6 +13,8 @@ from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer
 from tests.printing import print_text
 
+A, B = (1, 60.0, 50.0), (2, 50.0, 55.0)
+
 
 def build_plan(tractors: int, minutes: float, cost: float, worked_pct: float = 98.4) -> PlanResult:
     """A plan that leaves nothing to be charged, unless it is replaced."""
@@ -25,9 +27,6 @@ def build_plan(tractors: int, minutes: float, cost: float, worked_pct: float = 9
 def write_alternatives(*plans: PlanResult, **more: object) -> str:
     values: dict[str, object] = {"currency": "EUR", "prices_assumed": True, **more}
     return write_answer(PlanRanking("f", 1.0, 1, plans, **values)).alternatives  # type: ignore[arg-type]
-
-
-A, B = (1, 60.0, 50.0), (2, 50.0, 55.0)
 
 
 @pytest.mark.parametrize(("plans", "sentence"), [

@@ -17,6 +17,15 @@ from vehicle.identification.diagnosis.results import ReplayResult
 from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
+REPLAYED = ReplayResult(
+    "run & 1",
+    "EG105",
+    ("steering_offset", "discrepancy_model"),
+    {1.0: HorizonError(0.5, 0.6, float("nan")), 5.0: HorizonError(1.25, 2.5, 0.11)},
+    (),
+    3,
+)
+
 
 @pytest.fixture
 def pages(ranking: PlanRanking, drive: PlanDrive) -> dict[str, str]:
@@ -30,16 +39,6 @@ def pages(ranking: PlanRanking, drive: PlanDrive) -> dict[str, str]:
         "diagnosis": render_diagnosis_page(diagnosis(in_model("steering_offset", NAMED, 1.0))),
         "replay": render_replay_page(REPLAYED),
     }
-
-
-REPLAYED = ReplayResult(
-    "run & 1",
-    "EG105",
-    ("steering_offset", "discrepancy_model"),
-    {1.0: HorizonError(0.5, 0.6, float("nan")), 5.0: HorizonError(1.25, 2.5, 0.11)},
-    (),
-    3,
-)
 
 
 def test_one_style_for_all(pages: dict[str, str]) -> None:

@@ -15,6 +15,16 @@ from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from reports.trials.report import FleetStudy, build_study_tables
 from tests.printing import print_text
 
+FIGURES = {
+    "Cost": ["6.89", "7.10", "5.65", "8.19", "4.92", "5.51"],
+    "Turning": ["0:05:05", "0:05:05", "0:03:03", "0:02:02", "0:01:01", "0:01:01"],
+    "Waiting": ["0:00:50", "0:00:50", "0:00:25", "0:00:13", "0:00:00", "0:00:00"],
+    "Worked %": ["98.7"] * 6,
+    "Overlap %": ["1.3"] * 6,
+    "Clearance m": ["2.35", "2.35", "2.35", "2.35", "-", "-"],
+    "In time": ["yes", "yes", "yes", "no", "no", "no"],
+}
+
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
 def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: PlanRanking, width: int) -> None:
@@ -87,17 +97,6 @@ def test_eighty_columns_show_every_figure_on_one_line_and_mark_the_best(ranking:
     assert "> best plan." in " ".join(text.split())
     alone = next(line for line in text.splitlines() if line.lstrip().startswith("5*"))
     assert alone.split()[-2:] == ["-", "no"], "one tractor has no clearance"
-
-
-FIGURES = {
-    "Cost": ["6.89", "7.10", "5.65", "8.19", "4.92", "5.51"],
-    "Turning": ["0:05:05", "0:05:05", "0:03:03", "0:02:02", "0:01:01", "0:01:01"],
-    "Waiting": ["0:00:50", "0:00:50", "0:00:25", "0:00:13", "0:00:00", "0:00:00"],
-    "Worked %": ["98.7"] * 6,
-    "Overlap %": ["1.3"] * 6,
-    "Clearance m": ["2.35", "2.35", "2.35", "2.35", "-", "-"],
-    "In time": ["yes", "yes", "yes", "no", "no", "no"],
-}
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])

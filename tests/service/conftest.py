@@ -29,6 +29,8 @@ SMALL = json.dumps(
     {"type": "Polygon", "coordinates": [[[0.0, 0.0], [45.0, 0.0], [45.0, 80.0], [0.0, 80.0], [0.0, 0.0]]]}
 ).encode()
 
+Shared = tuple[TestClient, dict[str, str]]
+
 
 @pytest.fixture(params=KINDS)
 def both(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServiceSettings]:
@@ -92,9 +94,6 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return int(end.value.code or 0), out, err
 
     return headland
-
-
-Shared = tuple[TestClient, dict[str, str]]
 
 
 @pytest.fixture(scope="module")

@@ -30,6 +30,8 @@ Frame = dict[str, Any]
 Lie = Callable[[Frame, Frame], None]
 """Changes a frame; the second one is what it said when it began to lie."""
 
+LONG = ((0.0, 0.0), (40.0, 40.0), (80.0, 80.0))
+
 
 def freeze(name: str) -> Lie:
     """A field keeps the value of the first lie."""
@@ -262,9 +264,6 @@ class Scene:
     def apart_m(self) -> float:
         """Metres between the antennas of the first two, truly."""
         return math.dist(self.robots[0].place[:2], self.robots[1].place[:2])
-
-
-LONG = ((0.0, 0.0), (40.0, 40.0), (80.0, 80.0))
 
 
 def stop(lies: Sequence[Lie], seconds: float = 20.0, **options: Any) -> Scene:

@@ -30,6 +30,32 @@ WRITING = (
     ("POST", "/fields"), ("DELETE", "/fields/x"), ("POST", "/plans"), ("POST", "/days"), ("POST", "/diagnoses"),
     ("POST", "/plans/x/cancel"), ("DELETE", "/plans/x"),
 )  # fmt: skip
+MAY = {
+    "read": {"read"}, "planner": {"read", "plan"}, "operator": {"read", "operate"},
+    "operator planner": {"read", "plan", "operate"}, "admin": {"read", "plan", "operate", "administer"},
+}  # fmt: skip
+ASKS = {
+    "read": ("GET", "/fields"), "plan": ("DELETE", "/fields/none"), "operate": ("POST", "/fleets/none/stop"),
+    "administer": ("DELETE", "/tokens/none"),
+}  # fmt: skip
+OPEN_TO_ROBOTS = {("get", f"/api/v1/{name}") for name in ("health", "ready", "me", "fleets", "fleets/{id}")}
+ORIGINS: list[tuple[dict[str, str], bool]] = [
+    ({}, False),
+    ({"origin": "http://127.0.0.1:8765"}, False),
+    ({"origin": "http://127.0.0.1:9999"}, True),
+    ({"origin": "http://evil.example"}, True),
+    ({"origin": "null"}, True),
+    ({"origin": "http://[odd"}, True),
+    ({"origin": "https://farm.example", "host": "farm.example"}, False),
+    ({"origin": "https://farm.example:443", "host": "farm.example"}, False),
+    ({"origin": "http://farm.example", "host": "farm.example:80"}, False),
+    ({"origin": "https://farm.example:8443", "host": "farm.example:8443"}, False),
+    ({"origin": "https://farm.example:8443", "host": "farm.example"}, True),
+    ({"origin": "https://evil.example", "host": "farm.example"}, True),
+    ({"origin": "https://farm.example", "host": "farm.example", "sec-fetch-site": "same-origin"}, False),
+    ({"origin": "http://farm.example", "host": "farm.example", "sec-fetch-site": "same-site"}, True),
+    ({"origin": "file://", "host": ""}, True),
+]
 
 
 def elsewhere(app: FastAPI) -> TestClient:
@@ -51,16 +77,6 @@ def test_nobody_reads_without_a_token_or_a_login_which_does_nothing_else(app: Fa
         answer = client.request(method, f"/api/v1{path}", files=files, json=None if files else {"day": ""})
         assert answer.status_code == 401, path
         assert "--scope planner" in answer.json()["error"] and answer.headers["www-authenticate"] == "Bearer"
-
-
-MAY = {
-    "read": {"read"}, "planner": {"read", "plan"}, "operator": {"read", "operate"},
-    "operator planner": {"read", "plan", "operate"}, "admin": {"read", "plan", "operate", "administer"},
-}  # fmt: skip
-ASKS = {
-    "read": ("GET", "/fields"), "plan": ("DELETE", "/fields/none"), "operate": ("POST", "/fleets/none/stop"),
-    "administer": ("DELETE", "/tokens/none"),
-}  # fmt: skip
 
 
 def test_a_scope_gives_its_own_rights_and_no_others(app: FastAPI, client: TestClient) -> None:
@@ -88,9 +104,6 @@ def test_a_robot_reads_its_own_fleet_and_nothing_else(app: FastAPI, client: Test
             assert client.request(method, asked, headers=robot).status_code == 403, (method, path)
     app.state.store.delete_fleet("f1")
     assert app.state.book.refresh() and client.get("/api/v1/fleets", headers=robot).status_code == 401
-
-
-OPEN_TO_ROBOTS = {("get", f"/api/v1/{name}") for name in ("health", "ready", "me", "fleets", "fleets/{id}")}
 
 
 def test_a_token_is_worth_nothing_once_it_has_expired(app: FastAPI, client: TestClient) -> None:
@@ -247,25 +260,6 @@ def test_a_view_is_looked_at_once_within_a_minute() -> None:
     now[0] = 61.0
     with pytest.raises(NotFoundError):
         views.take_view(second)
-
-
-ORIGINS: list[tuple[dict[str, str], bool]] = [
-    ({}, False),
-    ({"origin": "http://127.0.0.1:8765"}, False),
-    ({"origin": "http://127.0.0.1:9999"}, True),
-    ({"origin": "http://evil.example"}, True),
-    ({"origin": "null"}, True),
-    ({"origin": "http://[odd"}, True),
-    ({"origin": "https://farm.example", "host": "farm.example"}, False),
-    ({"origin": "https://farm.example:443", "host": "farm.example"}, False),
-    ({"origin": "http://farm.example", "host": "farm.example:80"}, False),
-    ({"origin": "https://farm.example:8443", "host": "farm.example:8443"}, False),
-    ({"origin": "https://farm.example:8443", "host": "farm.example"}, True),
-    ({"origin": "https://evil.example", "host": "farm.example"}, True),
-    ({"origin": "https://farm.example", "host": "farm.example", "sec-fetch-site": "same-origin"}, False),
-    ({"origin": "http://farm.example", "host": "farm.example", "sec-fetch-site": "same-site"}, True),
-    ({"origin": "file://", "host": ""}, True),
-]
 
 
 def test_sockets_of_other_sites_pages_are_refused(app: FastAPI, token: dict[str, str]) -> None:

@@ -32,9 +32,38 @@ VISITS = [
 ]
 """Axe looks at every other page in every run of CI; of the others all texts are read."""
 
-
 COUNT_NAMELESS = """[...document.querySelectorAll('button, input, select, textarea')].filter((one) =>
   !one.labels?.length && !one.getAttribute('aria-label') && !one.textContent.trim()).length"""
+PRINTED = {
+    "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File", "Save"]),
+    "/plan": ("text=Earlier plans", ["Plan a field", "Working width, m"], ["Run the plan", "Choose File", "Overview"]),
+    "/farm": ("[name='tractors.1.file']", ["Tractors", "Fuel per litre"], ["Save the farm", "Remove this tractor"]),
+    "/library": ("li.shelf", ["Library", "north field"], ["Rename", "Choose File"]),
+}
+"""What a page has on paper, and what it has on the screen alone."""
+WAIT_MS, LEAST_TEXTS = 150, 12
+DATA = re.compile(
+    r"[\W\d_]*|Headland|English|Deutsch|Español|Français|日本語|m, ha|ft, acres|office|ok|u|hl_…|AgOpenGPS|rain"
+    r"|\S+\.(toml|csv|json|html|geojson|zip|svg|png|m3u8)|ISOXML .*|GeoJSON|Shapefile|KML|GPX|omega|switch-back"
+    r"|(row-by-row|col-by-col|split-field|interleaved)(-optimised)?|.*<img src=x.*|(. )?[Nn]orth field(, till)?"
+    r"|iwamizawa|hill|(Yanmar )?EG105|eg105|run-\d|example|farm|bale|Fendt 724|cultivator|drill|sprayer|tanker"
+    r"|tractor-\d|[\d.:,\s]*(m|m²|ha|km/h|cm|s|EUR|l|kB|MB|%|(h\s\d+\s)?min)?"
+    r"|Three tractors .*|The field is called .*|.* 9 cm across\.|[\d/.: ]+ · office · .*",
+    re.DOTALL,
+)
+"""What may stand outside of brackets: figures, names (some of them nasty), and sentences that only the test has."""
+INNERMOST = re.compile("⟦[^⟦⟧]*⟧")
+READ_TEXTS = """() => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+  while (walker.nextNode()) {
+    const node = walker.currentNode, text = node.textContent.trim(), parent = node.parentElement;
+    if (!text || parent.closest('script, style, noscript, pre, code, kbd, textarea, svg, iframe')) continue;
+    if (parent.closest('option, details') || parent.offsetParent !== null) found.push(text);
+  }
+  for (const name of ['aria-label', 'title', 'alt', 'placeholder'])
+    found.push(...[...document.querySelectorAll(`[${name}]`)].map((node) => node.getAttribute(name)).filter(Boolean));
+  return [...new Set(found)];
+}"""
 
 
 @pytest.mark.slow
@@ -98,15 +127,6 @@ def test_the_guide_is_accessible(watched: WatchedPage, path: str) -> None:
     page.set_viewport_size(WIDE)
 
 
-PRINTED = {
-    "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File", "Save"]),
-    "/plan": ("text=Earlier plans", ["Plan a field", "Working width, m"], ["Run the plan", "Choose File", "Overview"]),
-    "/farm": ("[name='tractors.1.file']", ["Tractors", "Fuel per litre"], ["Save the farm", "Remove this tractor"]),
-    "/library": ("li.shelf", ["Library", "north field"], ["Rename", "Choose File"]),
-}
-"""What a page has on paper, and what it has on the screen alone."""
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "path", [pytest.param(path, marks=pytest.mark.matrix if place % 2 else ()) for place, path in enumerate(PRINTED)]
@@ -141,31 +161,6 @@ def list_text_places(page: PageObject) -> list[tuple[float, float]]:
 
     page.extract_text(visitor_text=collect)
     return places
-
-
-WAIT_MS, LEAST_TEXTS = 150, 12
-DATA = re.compile(
-    r"[\W\d_]*|Headland|English|Deutsch|Español|Français|日本語|m, ha|ft, acres|office|ok|u|hl_…|AgOpenGPS|rain"
-    r"|\S+\.(toml|csv|json|html|geojson|zip|svg|png|m3u8)|ISOXML .*|GeoJSON|Shapefile|KML|GPX|omega|switch-back"
-    r"|(row-by-row|col-by-col|split-field|interleaved)(-optimised)?|.*<img src=x.*|(. )?[Nn]orth field(, till)?"
-    r"|iwamizawa|hill|(Yanmar )?EG105|eg105|run-\d|example|farm|bale|Fendt 724|cultivator|drill|sprayer|tanker"
-    r"|tractor-\d|[\d.:,\s]*(m|m²|ha|km/h|cm|s|EUR|l|kB|MB|%|(h\s\d+\s)?min)?"
-    r"|Three tractors .*|The field is called .*|.* 9 cm across\.|[\d/.: ]+ · office · .*",
-    re.DOTALL,
-)
-"""What may stand outside of brackets: figures, names (some of them nasty), and sentences that only the test has."""
-INNERMOST = re.compile("⟦[^⟦⟧]*⟧")
-READ_TEXTS = """() => {
-  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
-  while (walker.nextNode()) {
-    const node = walker.currentNode, text = node.textContent.trim(), parent = node.parentElement;
-    if (!text || parent.closest('script, style, noscript, pre, code, kbd, textarea, svg, iframe')) continue;
-    if (parent.closest('option, details') || parent.offsetParent !== null) found.push(text);
-  }
-  for (const name of ['aria-label', 'title', 'alt', 'placeholder'])
-    found.push(...[...document.querySelectorAll(`[${name}]`)].map((node) => node.getAttribute(name)).filter(Boolean));
-  return [...new Set(found)];
-}"""
 
 
 def is_known(text: str) -> bool:

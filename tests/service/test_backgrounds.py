@@ -43,6 +43,26 @@ from tests.service.tiles import Answer, answer_png, paint_tile, serve_tiles, wri
 
 TILE = Tile(16, 33601, 21613)
 TEMPLATE = "https://tiles.example/{z}/{x}/{y}.png"
+PNG = {"content-type": "image/png"}
+HEADER = b"IHDR" + struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)
+BOMB = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + HEADER + struct.pack(">I", zlib.crc32(HEADER)) + bytes(1_000)
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg"><script/></svg>'
+NO_TILES = (
+    ((200, PNG, b"<!doctype html><script>alert(1)</script>" + b" " * 600), "something other than a PNG"),
+    ((200, {"content-type": "image/svg+xml"}, SVG), "something other than a PNG"),
+    ((200, PNG, paint_tile(0, 0) + bytes(2 * MOST_TILE_BYTES)), "larger than 2 MB"),
+    ((200, PNG, paint_tile(0, 0, 1_300)), "1300 x 1300 pixels"),
+    ((302, {"location": "http://127.0.0.1:1/secret"}, b""), "status 302"),
+    ((200, PNG | {"content-encoding": "gzip"}, b"\x1f\x8b" + bytes(100)), "compressed pictures"),
+    ((200, PNG, paint_tile(0, 0)[:20]), "something other than a PNG"),
+    ((200, PNG, BOMB), "pixels|something other"),
+)
+IMPOSSIBLE_PLACES = (
+    "crs=EPSG:32631&easting=500000", "longitude=4", "longitude=4&latitude=52&crs=EPSG:32631",
+    "longitude=181&latitude=0", "longitude=0&latitude=89", "crs=EPSG:999999&easting=0&northing=0",
+    "crs=/etc/passwd&easting=0&northing=0", "crs=EPSG:32631&easting=nan&northing=0",
+    "crs=EPSG:32631&easting=9e7&northing=-9e7",
+)  # fmt: skip
 
 
 def make_settings(folder: Path, background: str | Path, **more: object) -> ServiceSettings:
@@ -178,22 +198,6 @@ def test_a_tile_is_fetched_once_kept_over_a_restart_and_renewed_when_it_is_old(t
         host.answer = lambda _: (500, {}, b"")
         assert read_again() == renewed
     assert read_again() == renewed, "kept tiles do without the server"
-
-
-PNG = {"content-type": "image/png"}
-HEADER = b"IHDR" + struct.pack(">IIBBBBB", 60_000, 60_000, 8, 2, 0, 0, 0)
-BOMB = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + HEADER + struct.pack(">I", zlib.crc32(HEADER)) + bytes(1_000)
-SVG = b'<svg xmlns="http://www.w3.org/2000/svg"><script/></svg>'
-NO_TILES = (
-    ((200, PNG, b"<!doctype html><script>alert(1)</script>" + b" " * 600), "something other than a PNG"),
-    ((200, {"content-type": "image/svg+xml"}, SVG), "something other than a PNG"),
-    ((200, PNG, paint_tile(0, 0) + bytes(2 * MOST_TILE_BYTES)), "larger than 2 MB"),
-    ((200, PNG, paint_tile(0, 0, 1_300)), "1300 x 1300 pixels"),
-    ((302, {"location": "http://127.0.0.1:1/secret"}, b""), "status 302"),
-    ((200, PNG | {"content-encoding": "gzip"}, b"\x1f\x8b" + bytes(100)), "compressed pictures"),
-    ((200, PNG, paint_tile(0, 0)[:20]), "something other than a PNG"),
-    ((200, PNG, BOMB), "pixels|something other"),
-)
 
 
 @pytest.mark.parametrize(("answer", "said"), NO_TILES)
@@ -357,14 +361,6 @@ def test_nobody_sees_tiles_without_the_right_to_read(tmp_path: Path) -> None:
             assert client.get("/api/v1/background/tiles/20/0/0").status_code == 204, "finer than the address has"
             assert client.get("/api/v1/background?host=other.example").status_code == 422
             assert host.paths == ["/1/0/0.png"]
-
-
-IMPOSSIBLE_PLACES = (
-    "crs=EPSG:32631&easting=500000", "longitude=4", "longitude=4&latitude=52&crs=EPSG:32631",
-    "longitude=181&latitude=0", "longitude=0&latitude=89", "crs=EPSG:999999&easting=0&northing=0",
-    "crs=/etc/passwd&easting=0&northing=0", "crs=EPSG:32631&easting=nan&northing=0",
-    "crs=EPSG:32631&easting=9e7&northing=-9e7",
-)  # fmt: skip
 
 
 def test_places_that_cannot_be_are_refused(tmp_path: Path) -> None:

@@ -23,6 +23,8 @@ from tests.service.databases import KINDS
 Parts = dict[str, bytes]
 Damage = Callable[[Parts, Path], Parts]
 
+NEWER = "UPDATE alembic_version SET version_num = '9999'"
+
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Parts:
@@ -116,7 +118,6 @@ def adding(name: str) -> Damage:
     return lambda parts, _: naming(parts | {name: b"x"}, name)
 
 
-NEWER = "UPDATE alembic_version SET version_num = '9999'"
 DAMAGES: dict[str, tuple[Damage, str]] = {
     "no manifest": (
         lambda parts, _: without(parts, MANIFEST_FILE),

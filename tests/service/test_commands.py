@@ -28,6 +28,26 @@ from tests.service.databases import KINDS, database
 
 WORKER = ["worker", "--database", "postgresql://127.0.0.1:1/x"]
 COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
+SMALL_DEMONSTRATION = """
+import sys
+from planner.cli import robots
+from planner.cli.main import main
+robots.DEMO_FIELD, robots.DEMO_WIDTH_M = "small.geojson", 6.0
+sys.argv = ["headland", "demo", "fleet", "--no-browser"]
+main()
+"""
+TWO = """
+import sys, time
+from planner.cli import robots
+from planner.cli.main import main
+robots.HEADLAND_COMMAND = (sys.executable, "-c", "import time; time.sleep(120)")
+def shown(folder, stack, *_):
+    print(folder, *(stack.enter_context(robots._run_headland_command(())).pid for _ in range(2)), flush=True)
+    time.sleep(120)
+robots._run_demo = shown
+sys.argv = ["headland", "demo", "fleet"]
+main()
+"""
 
 
 def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], plain: Store, tmp_path: Path) -> None:
@@ -180,16 +200,6 @@ def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
         assert [line for line in process.stderr.read().splitlines() if not line.startswith("Compiling")] == []
 
 
-SMALL_DEMONSTRATION = """
-import sys
-from planner.cli import robots
-from planner.cli.main import main
-robots.DEMO_FIELD, robots.DEMO_WIDTH_M = "small.geojson", 6.0
-sys.argv = ["headland", "demo", "fleet", "--no-browser"]
-main()
-"""
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks at processes as Linux shows them")
 def test_the_demonstration_ends_with_all_its_processes_and_shows_its_token_to_nobody_else(tmp_path: Path) -> None:
@@ -211,20 +221,6 @@ def test_the_demonstration_ends_with_all_its_processes_and_shows_its_token_to_no
         said = demo.stderr.read()
         assert [line for line in said.splitlines() if not line.startswith("Compiling")] == [], said
     assert started_in(tmp_path) == {}
-
-
-TWO = """
-import sys, time
-from planner.cli import robots
-from planner.cli.main import main
-robots.HEADLAND_COMMAND = (sys.executable, "-c", "import time; time.sleep(120)")
-def shown(folder, stack, *_):
-    print(folder, *(stack.enter_context(robots._run_headland_command(())).pid for _ in range(2)), flush=True)
-    time.sleep(120)
-robots._run_demo = shown
-sys.argv = ["headland", "demo", "fleet"]
-main()
-"""
 
 
 @pytest.mark.skipif(os.name != "posix", reason="ends it by a signal")

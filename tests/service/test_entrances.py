@@ -17,6 +17,8 @@ from tests.service.fleets import SPEED, SimulatedFleet
 from tests.service.test_neighbours import NORTH, RULES, Ground, alarms, lane
 from vehicle.missions.plan import ENTER, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 
+IN_AND_OUT = ((0.0, 30.0), (0.0, 60.0), (20.0, 60.0))
+
 
 def through_entrance(plan: FleetPlan, *, first: str = ENTER, last: str = LEAVE) -> FleetPlan:
     """A plan whose first and last legs lead in and out."""
@@ -26,9 +28,6 @@ def through_entrance(plan: FleetPlan, *, first: str = ENTER, last: str = LEAVE) 
     mission = Mission(tuple(legs))
     course = TimedMission(mission, plan.timed_missions[0].leg_seconds)
     return replace(plan, saved=replace(plan.saved, plan=Plan((mission,))), timed_missions=(course,))
-
-
-IN_AND_OUT = ((0.0, 30.0), (0.0, 60.0), (20.0, 60.0))
 
 
 def test_one_that_waits_at_its_entrance_is_a_machine_in_the_way_of_another_fleet() -> None:

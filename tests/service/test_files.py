@@ -28,9 +28,10 @@ LOG = "time_s,easting_m,northing_m,steering_deg,speed_mps\n" + "".join(
     f"{row / 10:.1f},{row / 7:.3f},0.0,0.0,1.4\n" for row in range(400)
 )
 
-
 HERE_M = [(500_000.0, 5_650_000.0), (500_045.0, 5_650_000.0), (500_045.0, 5_650_080.0), (500_000.0, 5_650_080.0)]
 """A rectangle of 0.36 ha on the middle of UTM zone 32, metres: 9 degrees east, 51 degrees north."""
+
+Plans = tuple[TestClient, dict[str, str], str]
 
 
 def upload(client: TestClient, path: str, token: dict[str, str], file: str, content: bytes, **form: str) -> Any:
@@ -288,9 +289,6 @@ def test_a_part_of_a_form_that_is_not_known_is_refused_and_only_a_known_token_ma
     for header in ({}, {"Authorization": "Bearer hl_nobody"}, {"Authorization": "Basic eDp5"}):
         assert upload(client, "fields", header, "x.geojson", much).status_code == 401
     assert upload(client, "fields", token, "x.geojson", much, csr="").status_code == 422
-
-
-Plans = tuple[TestClient, dict[str, str], str]
 
 
 @pytest.fixture(scope="module")

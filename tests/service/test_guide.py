@@ -18,6 +18,10 @@ from tests.service.web_proxies import GUIDE, ask_over_tls, connect_over_tls, has
 ROOT = GUIDE.parents[1]
 PAGES = (*sorted(GUIDE.glob("*.md")), ROOT / "README.md", ROOT / "SECURITY.md")
 UPLOAD = 3 * 2**20  # more than nginx and Caddy take without a word
+PROXIES = [
+    pytest.param(run_nginx, marks=pytest.mark.skipif(not has_nginx(), reason="nginx is not installed")),
+    pytest.param(run_caddy, marks=pytest.mark.skipif(not has_caddy(), reason="Caddy is not installed")),
+]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -78,12 +82,6 @@ def upstream() -> Iterator[int]:
 def ask(port: int, method: str, path: str, body: bytes | None = None, **headers: str) -> int:
     """The status of an answer over HTTPS, with a Host as a browser sends it."""
     return ask_over_tls(connect_over_tls(port), method, path, body, headers)
-
-
-PROXIES = [
-    pytest.param(run_nginx, marks=pytest.mark.skipif(not has_nginx(), reason="nginx is not installed")),
-    pytest.param(run_caddy, marks=pytest.mark.skipif(not has_caddy(), reason="Caddy is not installed")),
-]
 
 
 @pytest.mark.parametrize("run", PROXIES)

@@ -45,6 +45,13 @@ from tests.service.liars import (
 from tests.service.test_neighbours import NORTH, SOUTH, Ground, alarms, lane
 
 FROZEN = [freeze("easting_m"), freeze("northing_m")]
+FLOATING = (
+    (-1.0, -64.332, 2.794), (-0.8, -64.309, 2.792), (-0.5, -64.304, 2.759), (-0.2, -64.353, 2.747),
+    (0.0, -64.408, 2.689), (0.2, -64.344, 2.661), (0.5, -64.062, 2.627), (0.7, -63.888, 2.592),
+    (0.9, -63.744, 2.553), (1.1, -63.639, 2.537), (1.3, -63.513, 2.484), (1.5, -63.366, 2.474),
+)  # fmt: skip
+"""Seconds and metres of a fix that goes away by a leap, smoothed, and 0.3 s later back as corrections return."""
+NORTH_RAD = 0.5 * math.pi
 
 
 def test_who_says_it_stands_while_its_positions_go_on_drives_on_and_its_area_grows() -> None:
@@ -124,14 +131,6 @@ def test_a_receiver_that_froze_is_doubted_within_two_seconds_and_its_robot_held_
     assert scene.state.doubt is None and scene.robots[0].speed_mps == SPEED_MPS
     assert all(alarm.over for alarm in manager.alarms.list_alarms())
     assert ("anna", "looked") in [(event.who, event.what) for _, event in scene.fleets[0].events]
-
-
-FLOATING = (
-    (-1.0, -64.332, 2.794), (-0.8, -64.309, 2.792), (-0.5, -64.304, 2.759), (-0.2, -64.353, 2.747),
-    (0.0, -64.408, 2.689), (0.2, -64.344, 2.661), (0.5, -64.062, 2.627), (0.7, -63.888, 2.592),
-    (0.9, -63.744, 2.553), (1.1, -63.639, 2.537), (1.3, -63.513, 2.484), (1.5, -63.366, 2.474),
-)  # fmt: skip
-"""Seconds and metres of a fix that goes away by a leap, smoothed, and 0.3 s later back as corrections return."""
 
 
 def test_one_that_stands_as_its_fix_leaps_away_and_back_is_not_doubted() -> None:
@@ -419,9 +418,6 @@ def test_every_pair_of_lies_raises_a_critical_alarm(scene: str) -> None:
         if not any(lies.is_critical(code) and code != "refused" for code in seen):
             missed.append(names)
     assert missed == []
-
-
-NORTH_RAD = 0.5 * math.pi
 
 
 def start_manager() -> FleetManager:

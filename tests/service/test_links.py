@@ -41,6 +41,18 @@ from vehicle.identification.logs.reader import read_log
 
 TOLD = TypeAdapter(outgoing.OutboundMessage)
 OF_KIND = {model.model_fields["kind"].default: model for model in outgoing.list_outbound_messages()}
+JUNK = st.one_of(
+    st.text(max_size=40),
+    st.binary(max_size=40),
+    st.recursive(
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+        max_leaves=6,
+    ).map(json.dumps),
+    st.fixed_dictionaries(
+        {}, optional={key: st.none() | st.floats() | st.text(max_size=4) for key in state(0) if key != "sequence"}
+    ).map(lambda wrong: json.dumps(state(10**9) | wrong | {"leg": -1})),
+)
 
 
 @dataclass
@@ -346,20 +358,6 @@ def test_whose_token_is_revoked_is_turned_out_and_what_it_leased_is_free(service
             operator.receive_json()
         assert end.value.code == 1008
         assert until(other, "tick") and service.fleet.manager.lease_holders.get(0) is None
-
-
-JUNK = st.one_of(
-    st.text(max_size=40),
-    st.binary(max_size=40),
-    st.recursive(
-        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
-        lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
-        max_leaves=6,
-    ).map(json.dumps),
-    st.fixed_dictionaries(
-        {}, optional={key: st.none() | st.floats() | st.text(max_size=4) for key in state(0) if key != "sequence"}
-    ).map(lambda wrong: json.dumps(state(10**9) | wrong | {"leg": -1})),
-)
 
 
 @pytest.mark.parametrize("text", ["a\x00b", "line\nline", "\x7f"])

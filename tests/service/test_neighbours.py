@@ -34,8 +34,12 @@ from vehicle.sim.path_conflicts import compute_outline_distances
 RULES = FleetRules()
 BRAKES_MPS2 = 0.7
 
-
 Place = tuple[float, float]
+
+NORTH, SOUTH = ((0.0, 0.0), (0.0, 60.0)), ((0.0, 60.0), (0.0, 0.0))
+WEST_ZONE, EAST_ZONE = (
+    Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(12.0, 55.0) for crs in ("EPSG:32632", "EPSG:32633")
+)
 
 
 def lane(*ends: Place, crs: str | None = None, origin: Place = (1000.0, 2000.0)) -> FleetPlan:
@@ -127,9 +131,6 @@ class Ground:
         return float(compute_outline_distances(near, there.convert_poses(far), *models)[0])
 
 
-NORTH, SOUTH = ((0.0, 0.0), (0.0, 60.0)), ((0.0, 60.0), (0.0, 0.0))
-
-
 def alarms(fleet: Rolling) -> list[str]:
     return [alarm.sentence for alarm in fleet.manager.alarms.list_alarms()]
 
@@ -171,11 +172,6 @@ def test_fields_so_far_apart_know_each_other(apart_m: float, known: bool) -> Non
     assert bool(ground.hood.list_neighbours("a")) == bool(ground.hood.list_neighbours("b")) == known
     shifted = Ground(lane(*NORTH), lane(*NORTH, origin=(1000.0 + apart_m, 2000.0)))
     assert bool(shifted.hood.list_neighbours("a")) == known
-
-
-WEST_ZONE, EAST_ZONE = (
-    Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(12.0, 55.0) for crs in ("EPSG:32632", "EPSG:32633")
-)
 
 
 @pytest.mark.parametrize(("apart_m", "known"), [(40.0, True), (60.0, False)])

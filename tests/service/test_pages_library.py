@@ -22,6 +22,16 @@ from tests.service.watching import WIDE, WatchedPage, needs_browser, until, watc
 pytestmark = [needs_browser, pytest.mark.slow]
 Service = tuple[WatchedPage, FastAPI]
 
+MAST_FIELD = {
+    "type": "FeatureCollection",
+    "features": [
+        {"type": "Feature", "properties": {"name": "mast field"}, "geometry": {
+            "type": "Polygon", "coordinates": [[[0, 0], [90, 0], [90, 120], [0, 120], [0, 0]]]}},
+        {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": {
+            "type": "Point", "coordinates": [40, 60]}},
+    ],
+}  # fmt: skip
+
 
 @pytest.fixture
 def service(browser: Browser, tmp_path: Path) -> Iterator[Service]:
@@ -260,17 +270,6 @@ def test_a_plan_begins_with_the_tractors_and_the_width_of_its_farm(service: Serv
     request = app.state.store.list_jobs("plan")[0].request
     assert request["width"] == 4 and "tractors" not in request
     watched.well()
-
-
-MAST_FIELD = {
-    "type": "FeatureCollection",
-    "features": [
-        {"type": "Feature", "properties": {"name": "mast field"}, "geometry": {
-            "type": "Polygon", "coordinates": [[[0, 0], [90, 0], [90, 120], [0, 120], [0, 0]]]}},
-        {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": {
-            "type": "Point", "coordinates": [40, 60]}},
-    ],
-}  # fmt: skip
 
 
 @pytest.mark.matrix

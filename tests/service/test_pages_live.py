@@ -12,6 +12,12 @@ from tests.service.watching import NARROW, WIDE, WatchedPage, evaluate_in_page, 
 
 pytestmark = [needs_browser, pytest.mark.slow]
 
+SMALL_WINDOW = ViewportSize(width=390, height=664)  # with the bars of a telephone's browser
+HOST = "http://camera.example:8080"
+PIXEL = bytes.fromhex(
+    "47494638396101000100800000ff000000000021f90400000000002c00000000010001000002024401003b"  # a GIF of one pixel
+)
+
 
 def test_a_fleet_is_watched_and_ordered(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/fleet/f1"), pages[1]
@@ -323,13 +329,6 @@ def test_names_of_a_chart_never_run_into_its_title(watched: WatchedPage) -> None
         for one, left, right, y in words:
             assert not any(o != one and abs(h - y) < 10 and a < right and b > left for o, a, b, h in words), words
     watched.well()
-
-
-SMALL_WINDOW = ViewportSize(width=390, height=664)  # with the bars of a telephone's browser
-HOST = "http://camera.example:8080"
-PIXEL = bytes.fromhex(
-    "47494638396101000100800000ff000000000021f90400000000002c00000000010001000002024401003b"  # a GIF of one pixel
-)
 
 
 @pytest.fixture

@@ -24,6 +24,7 @@ from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, unt
 pytestmark = [needs_browser, pytest.mark.slow]
 PREVIEW, EDITOR = "canvas[aria-label^='Map of the chosen field']", "canvas[aria-label^='Drawing of the field']"
 MIDDLE, ACCENT = {"width": 768, "height": 900}, (58, 101, 39)
+MAPS = {"/": 1, "/fleet/f1": 1, "/fleet/f1/tractor/2": 1, "/plan": 1, "/plan/old": 1, "/replay/f1": 1}
 
 
 class MapService:
@@ -321,9 +322,6 @@ def test_a_file_of_tiles_is_a_background_without_any_server(browser: Browser, tm
         colours = {read_pixel(page, PREVIEW, x, 150)[:2] for x in (12, 180, 350)}
         assert len(colours) > 1, "tiles of several colours"
         watched.well()
-
-
-MAPS = {"/": 1, "/fleet/f1": 1, "/fleet/f1/tractor/2": 1, "/plan": 1, "/plan/old": 1, "/replay/f1": 1}
 
 
 @pytest.mark.slow

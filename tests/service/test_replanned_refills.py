@@ -35,6 +35,8 @@ pytestmark = pytest.mark.slow
 WIDTH_M, LOAD_M2, STAND_S = 6.0, 900.0, 60.0
 TANK = Supply(LOAD_M2, 1.0, STAND_S)
 
+Made = tuple[FleetManager, ReplanProposal, SimulationRun]
+
 
 @pytest.fixture(scope="module", params=["headland", pytest.param("tender", marks=pytest.mark.matrix), "0,30"])
 def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
@@ -43,9 +45,6 @@ def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     made = plan_field(folder, "split-field", TANK, entrance=(0.0, 0.0), refill=request.param, width_m=WIDTH_M)
     assert made.plan.notes["refills"]
     return made
-
-
-Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 
 
 @pytest.fixture(scope="module", params=["early", pytest.param("late", marks=pytest.mark.matrix)])

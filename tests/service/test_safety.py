@@ -28,6 +28,8 @@ from planner.service.fleets.twin_routes import FINDING
 from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
 from vehicle.missions.plan import FollowOrder, LegGate, Mission
 
+BALE = ((-1.0, 15.0), (1.0, 15.0), (1.0, 16.0), (-1.0, 16.0))
+
 
 def live() -> tuple[FleetSession, FleetClient, FleetClient]:
     """A fleet with one tractor linked and one operator, whose outboxes nobody empties."""
@@ -195,9 +197,6 @@ def test_an_operator_drives_without_being_told_to_stand_until_somebody_pauses_it
         fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
     fleet.manager.operators.take_lease("anna", 0, False, fleet.now)
     fleet.manager.operators.send_command("anna", 0, 0.0, 1.0, fleet.now)
-
-
-BALE = ((-1.0, 15.0), (1.0, 15.0), (1.0, 16.0), (-1.0, 16.0))
 
 
 @pytest.mark.parametrize("order", ["pause_tractors", "mark_failed", "obstacle"])

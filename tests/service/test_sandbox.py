@@ -63,6 +63,29 @@ LONGEST_S = 120.0
 READ = "__import__('fields.documents.reader').documents.reader.read_field('own.geojson', local=True).area_ha"
 WEB = "'EPSG:4326', 'EPSG:3857'"
 PROJECT = f"__import__('fields.geometry.geodesy').geometry.geodesy.project(__import__('numpy').ones((1, 2)), {WEB})"
+OTHER_FILES = (
+    "open({canary!r}).read()", "os.listdir('/')", "os.listdir('..')", "open('../headland.db').read()",
+    "open('/etc/passwd').read()", "open('/proc/self/environ').read()", "open(f'/proc/{{parent}}/environ').read()",
+    "open(f'/proc/{{parent}}/mem', 'r+b')", "open('/proc/self/root/etc/passwd').read()", "os.listdir('/dev')",
+)  # fmt: skip
+WRITES = (
+    "open('new', 'w').write('a')", "open('own.geojson', 'a')", "os.unlink('own.geojson')", "os.mkdir('new')",
+    "os.rename('own.geojson', 'b')", "os.symlink('/etc/passwd', 'b')", "os.link('own.geojson', 'b')",
+    "os.chmod('own.geojson', 0o777)", "os.truncate('own.geojson', 0)", "open('../headland-was-here', 'w')",
+    "os.utime('own.geojson')", "os.memfd_create('a')",
+)  # fmt: skip
+PROCESSES = (
+    "os.fork()", "subprocess.run(['/bin/sh', '-c', 'id'])", "os.execv('/bin/sh', ['sh'])", "os.system('id') == 0",
+    "os.posix_spawn('/bin/sh', ['sh'], {{}})", "os.kill(parent, signal.SIGTERM)", "os.kill(parent, 0)",
+    "os.pidfd_open(parent)", "os.setpriority(os.PRIO_PROCESS, parent, 19)", "os.setuid(1)", "os.chroot('.')",
+    "__import__('resource').setrlimit(__import__('resource').RLIMIT_CPU, (1, 1))",
+    "__import__('fcntl').fcntl(0, __import__('fcntl').F_SETOWN, parent)",
+)  # fmt: skip
+CONNECTIONS = (
+    "socket.create_connection(('127.0.0.1', {port}), 2)", "socket.socket()", "socket.socketpair()",
+    "socket.socket(socket.AF_UNIX)", "socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)",
+    "__import__('urllib.request').request.urlopen('http://127.0.0.1:{port}/')",
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -109,31 +132,6 @@ def attempt(attempts: subprocess.Popen[str], here: Path) -> Attempt:
         return answer
 
     return start
-
-
-OTHER_FILES = (
-    "open({canary!r}).read()", "os.listdir('/')", "os.listdir('..')", "open('../headland.db').read()",
-    "open('/etc/passwd').read()", "open('/proc/self/environ').read()", "open(f'/proc/{{parent}}/environ').read()",
-    "open(f'/proc/{{parent}}/mem', 'r+b')", "open('/proc/self/root/etc/passwd').read()", "os.listdir('/dev')",
-)  # fmt: skip
-WRITES = (
-    "open('new', 'w').write('a')", "open('own.geojson', 'a')", "os.unlink('own.geojson')", "os.mkdir('new')",
-    "os.rename('own.geojson', 'b')", "os.symlink('/etc/passwd', 'b')", "os.link('own.geojson', 'b')",
-    "os.chmod('own.geojson', 0o777)", "os.truncate('own.geojson', 0)", "open('../headland-was-here', 'w')",
-    "os.utime('own.geojson')", "os.memfd_create('a')",
-)  # fmt: skip
-PROCESSES = (
-    "os.fork()", "subprocess.run(['/bin/sh', '-c', 'id'])", "os.execv('/bin/sh', ['sh'])", "os.system('id') == 0",
-    "os.posix_spawn('/bin/sh', ['sh'], {{}})", "os.kill(parent, signal.SIGTERM)", "os.kill(parent, 0)",
-    "os.pidfd_open(parent)", "os.setpriority(os.PRIO_PROCESS, parent, 19)", "os.setuid(1)", "os.chroot('.')",
-    "__import__('resource').setrlimit(__import__('resource').RLIMIT_CPU, (1, 1))",
-    "__import__('fcntl').fcntl(0, __import__('fcntl').F_SETOWN, parent)",
-)  # fmt: skip
-CONNECTIONS = (
-    "socket.create_connection(('127.0.0.1', {port}), 2)", "socket.socket()", "socket.socketpair()",
-    "socket.socket(socket.AF_UNIX)", "socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)",
-    "__import__('urllib.request').request.urlopen('http://127.0.0.1:{port}/')",
-)  # fmt: skip
 
 
 @pytest.mark.parametrize(

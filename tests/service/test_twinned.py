@@ -43,6 +43,9 @@ from vehicle.model.tractor_writer import format_tractor_toml
 from vehicle.twin.step_motion import TractorNoise
 
 WHOLE = FinishDistribution(planned_s=1000.0, p50_s=1100.0, p80_s=1200.0, p95_s=1400.0)
+VERDICT = "The tractor drives 10 % slower over ground than commanded."
+TWIN = "/api/v1/twins/f1/1"
+FRAME_S = 0.1
 
 
 class FixedTwins:
@@ -141,12 +144,6 @@ def test_a_tick_tells_the_probability_where_there_are_draws_and_a_deadline() -> 
     assert 0.5 < told["probability"] < build_tick_fleet(fleet.manager, 65.0, drawn)["probability"] < 1.0
     assert build_tick_fleet(fleet.manager, None, drawn)["probability"] is None
     assert build_tick_fleet(fleet.manager, 60.0, None)["probability"] is None
-
-
-VERDICT = "The tractor drives 10 % slower over ground than commanded."
-TWIN = "/api/v1/twins/f1/1"
-
-FRAME_S = 0.1
 
 
 class DoubtedFleet:

@@ -27,6 +27,12 @@ DEFAULTS: dict[str, dict[str, Any]] = {
     "tokens": {"fleet": None, "tractor": None, "expires": None},
 }
 """What later columns say of rows that are older than they are."""
+EACH = [
+    pytest.param(kind, revision, marks=() if (place + turn) % 2 == 0 else pytest.mark.matrix)
+    for place, revision in enumerate(EARLIER)
+    for turn, kind in enumerate(KINDS)
+]
+"""Every version on one database, in the matrix on the other too."""
 
 
 def expected(store: Store, name: str, row: dict[str, Any]) -> dict[str, Any]:
@@ -92,14 +98,6 @@ def test_there_is_an_example_of_every_version() -> None:
     scripts = ScriptDirectory(str(MIGRATIONS_FOLDER))
     versions = {each.revision for each in scripts.walk_revisions()}
     assert set(EARLIER) == versions == set(list_versions()) and scripts.get_current_head() == get_current_version()
-
-
-EACH = [
-    pytest.param(kind, revision, marks=() if (place + turn) % 2 == 0 else pytest.mark.matrix)
-    for place, revision in enumerate(EARLIER)
-    for turn, kind in enumerate(KINDS)
-]
-"""Every version on one database, in the matrix on the other too."""
 
 
 @pytest.mark.slow

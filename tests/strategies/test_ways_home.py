@@ -11,6 +11,9 @@ from vehicle.missions.plan import Leg, Mission
 
 Place = tuple[float, float]
 
+BESIDE = (0.0, 1.5), (-50.0, 1.5)
+"""A track in the other direction beside the one from (-50, 0) to (0, 0)."""
+
 
 def list_places(path: Any) -> np.ndarray:
     return np.column_stack([path.poses[name] for name in ("x", "y", "angle")])
@@ -32,10 +35,6 @@ def draw_way(*places: Place, waits: tuple[int, ...] = ()) -> Any:
         for number, (begin, end) in enumerate(pairwise(places))
     ]
     return WayBook(0.0).build_way(Mission(tuple(legs)))
-
-
-BESIDE = (0.0, 1.5), (-50.0, 1.5)
-"""A track in the other direction beside the one from (-50, 0) to (0, 0)."""
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,27 @@ import numpy as np
 from tests.truth.cases import KINDS, ColumnClock, Fault, Law, TruthCase
 from tests.truth.effects import NEUTRAL, Effects, scaled
 
+Rng = np.random.Generator
+
+EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
+              "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
+CLEAR_SHARE, FAINT_SHARE, PATCH_AT_M, PATCH_RADIUS_M = (1.0, 1.35), (0.3, 0.5), (-12.0, 12.0), (9.0, 16.0)
+FAINT = tuple(name for name in NEUTRAL if name not in ("side_slip", "grip_patch"))
+CLOSED = (
+    "steering_offset", "steering_gain", "steering_dead_time", "steering_lag", "steering_rate", "steering_deadband",
+    "steering_backlash", "antenna_right", "antenna_forward", "gnss_latency", "wheel_slip", "implement_slip",
+    "cross_slope_drift", "implement_side_draft", "heading_bias",
+)  # fmt: skip
+ONE_SIDED = ("steering_gain", "antenna_right", "heading_bias", "steering_offset")
+ONE_SPEED = ("understeer", "gnss_latency", "antenna_forward", "speed_lag")
+BEHIND_A_LATE_COLUMN = ("steering_offset", "steering_gain", "wheel_slip", "antenna_right")
+PAIRS = (
+    ("steering_offset", "antenna_right"), ("steering_gain", "wheel_slip"), ("antenna_forward", "speed_lag"),
+    ("steering_dead_time", "implement_slip"), ("steering_asymmetry", "heading_bias"), ("steering_rate", "understeer"),
+    ("steering_backlash", "gnss_latency"), ("cross_slope_drift", "steering_gain"), ("grip_patch", "steering_deadband"),
+    ("implement_side_draft", "steering_lag"), ("side_slip", "antenna_right"), ("grip_drift", "antenna_forward"),
+)  # fmt: skip
+
 
 class Either(NamedTuple):
     """A number so far to either side of a middle."""
@@ -18,7 +39,6 @@ class Either(NamedTuple):
     middle: float = 0.0
 
 
-Rng = np.random.Generator
 Row = TypeVar("Row")
 Number = float | tuple[float, float] | Either
 """A number of a table: as it is, from a range, or to either side."""
@@ -63,24 +83,6 @@ class Menu:
         return build_case(kind, 0, effects, **chosen | fields)
 
 
-EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
-              "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
-CLEAR_SHARE, FAINT_SHARE, PATCH_AT_M, PATCH_RADIUS_M = (1.0, 1.35), (0.3, 0.5), (-12.0, 12.0), (9.0, 16.0)
-FAINT = tuple(name for name in NEUTRAL if name not in ("side_slip", "grip_patch"))
-CLOSED = (
-    "steering_offset", "steering_gain", "steering_dead_time", "steering_lag", "steering_rate", "steering_deadband",
-    "steering_backlash", "antenna_right", "antenna_forward", "gnss_latency", "wheel_slip", "implement_slip",
-    "cross_slope_drift", "implement_side_draft", "heading_bias",
-)  # fmt: skip
-ONE_SIDED = ("steering_gain", "antenna_right", "heading_bias", "steering_offset")
-ONE_SPEED = ("understeer", "gnss_latency", "antenna_forward", "speed_lag")
-BEHIND_A_LATE_COLUMN = ("steering_offset", "steering_gain", "wheel_slip", "antenna_right")
-PAIRS = (
-    ("steering_offset", "antenna_right"), ("steering_gain", "wheel_slip"), ("antenna_forward", "speed_lag"),
-    ("steering_dead_time", "implement_slip"), ("steering_asymmetry", "heading_bias"), ("steering_rate", "understeer"),
-    ("steering_backlash", "gnss_latency"), ("cross_slope_drift", "steering_gain"), ("grip_patch", "steering_deadband"),
-    ("implement_side_draft", "steering_lag"), ("side_slip", "antenna_right"), ("grip_drift", "antenna_forward"),
-)  # fmt: skip
 COLUMN_PLANS: tuple[tuple[dict[str, Numbers], tuple[str, ...]], ...] = (
     ({"position": {"delay_s": (0.25, 0.45)}}, ()),
     ({"heading": {"delay_s": (0.25, 0.45)}}, ()),

@@ -73,6 +73,7 @@ OUTSIDE_CATALOGUE: dict[str, dict[str, tuple[float, float]]] = {
     "tyre_relaxation": {"length_m": (0.3, 1.5)},
     "wind_drift": {"speed_mps": (0.0, 0.05), "bearing_deg": (0.0, 60.0)},
 }
+PLACES = ("bearing_deg", "east_m", "north_m", "radius_m", "period_s")  # where an effect is, not how large
 
 
 def _take(table: Mapping[str, Mapping[str, tuple[float, float]]], place: int) -> dict[str, dict[str, float]]:
@@ -81,7 +82,6 @@ def _take(table: Mapping[str, Mapping[str, tuple[float, float]]], place: int) ->
 
 NEUTRAL, CLEAR_SIZES = _take(CATALOGUE, 0), _take(CATALOGUE, 1)
 OUTSIDE_NEUTRAL, OUTSIDE = _take(OUTSIDE_CATALOGUE, 0), _take(OUTSIDE_CATALOGUE, 1)
-PLACES = ("bearing_deg", "east_m", "north_m", "radius_m", "period_s")  # where an effect is, not how large
 
 
 def complete(effects: Effects) -> dict[str, dict[str, float]]:

@@ -10,6 +10,8 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 RADIUS_LAW, LOCK_DEG, MAP_SPEED_MPS = 118.4, 35.0, 5.0 / 3.6
+CIRCLES_RAD = np.radians([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0])
+"""Mean angles of the front wheels at which a machine drives circles to be calibrated."""
 
 
 class Curve(NamedTuple):
@@ -115,7 +117,3 @@ def measure_curvature(rows: Array, ahead_m: float) -> float:
 def mirror_curve(bends: Array, angles: Array) -> tuple[Array, Array]:
     """A curve of positive bends and angles continued to the left."""
     return np.concatenate([-bends[::-1], [0.0], bends]), np.concatenate([-angles[::-1], [0.0], angles])
-
-
-CIRCLES_RAD = np.radians([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0])
-"""Mean angles of the front wheels at which a machine drives circles to be calibrated."""

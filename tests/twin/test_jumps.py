@@ -37,6 +37,7 @@ from vehicle.twin.twin import PoseFix, Twin
 
 AT_S = 30.0
 OUT, STAYS = 20.0, math.inf
+FORWARD_MPS, SPIN = 2.0, 0.1
 
 
 def driven(
@@ -143,8 +144,6 @@ def test_a_jump_that_goes_back_counts_and_a_lasting_offset_does_not() -> None:
 
 
 # --- The filter of the twin: it predicts how an error of an instrument shows in its innovations ---
-
-FORWARD_MPS, SPIN = 2.0, 0.1
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,8 @@ from vehicle.fast_math import (
 AROUND = st.floats(-1.5 * SMALL_RAD, 1.5 * SMALL_RAD)
 TWO_BITS = 2.0**-52
 
-
 EDGES = [SMALL_RAD, math.nextafter(SMALL_RAD, 1.0), NEAR_RAD, math.nextafter(NEAR_RAD, 1.0)]
+RIGHT_ANGLES = st.integers(-900_000, 900_000).map(lambda count: count * math.pi / 4.0)
 
 
 @given(st.one_of(AROUND, st.floats(-1.5, 1.5), st.sampled_from([*EDGES, 1e-160, 0.0])))
@@ -38,9 +38,6 @@ def test_the_angle_of_a_slope_is_that_of_the_library(slope: float) -> None:
 
 def test_no_slope_has_the_share_of_a_small_one() -> None:
     assert compute_arctangent_ratio(0.0) == 1.0
-
-
-RIGHT_ANGLES = st.integers(-900_000, 900_000).map(lambda count: count * math.pi / 4.0)
 
 
 @given(st.one_of(st.floats(-10.0, 10.0), st.floats(-1.5e6, 1.5e6), RIGHT_ANGLES))

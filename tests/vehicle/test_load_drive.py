@@ -31,6 +31,11 @@ WEIGHT_N = MASS_KG * GRAVITY_MPS2
 REACH_M, SPACING_M = 200.0, 5.0
 Array = npt.NDArray[np.float64]
 
+PLOUGH = WorkLoad(
+    draft_n=(4000.0, 900.0, 150.0), implement_mass_kg=900.0, rolling_share=0.065, engine_power_w=77_000.0,
+    driveline_efficiency=0.86, mobility_number=40.0, centre_height_m=1.0,
+)  # fmt: skip
+
 
 def build_terrain(height: Callable[[Array, Array], Array]) -> Terrain:
     """A height as a function of x and y, within REACH_M of the origin."""
@@ -44,10 +49,6 @@ def tilt(to_east: float, to_north: float) -> Terrain:
 
 
 HILLS = build_terrain(lambda x, y: 3.0 * np.sin(x / 40.0) * np.cos(y / 30.0) + 0.02 * y)
-PLOUGH = WorkLoad(
-    draft_n=(4000.0, 900.0, 150.0), implement_mass_kg=900.0, rolling_share=0.065, engine_power_w=77_000.0,
-    driveline_efficiency=0.86, mobility_number=40.0, centre_height_m=1.0,
-)  # fmt: skip
 
 
 def build_line(*points: tuple[float, float], speed_mps: float = 2.0) -> Plan:

@@ -53,6 +53,14 @@ SPEED_MPS = 2.5
 NORTH = 0.5 * math.pi
 Array = npt.NDArray[np.float64]
 
+# On ground that is carried along, a replay keeps the speed on that ground through a change of direction, as a log
+# measures it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries
+# 1.25 m in a drive of 25 s; the two differ by up to 7 cm of that.
+CARRIED, CARRIED_M, CARRIED_RAD = ("discrepancy push_to_east", "discrepancy push_to_north"), 0.08, 0.01
+POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION and not entry.is_of_log_alone]
+# Guidance smooths headings over the 1.6 s that it remembers, a replay over the whole drive: 0.1 degrees of the command.
+REMEMBERED_RAD = {"heading_filter": 2e-3}
+
 
 def add_effect(tractor: Tractor, name: str, values: Mapping[str, float]) -> Tractor:
     """The tractor with one effect."""
@@ -149,13 +157,6 @@ def effects() -> dict[str, Tractor]:
 
 
 TRACTORS = effects()
-# On ground that is carried along, a replay keeps the speed on that ground through a change of direction, as a log
-# measures it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries
-# 1.25 m in a drive of 25 s; the two differ by up to 7 cm of that.
-CARRIED, CARRIED_M, CARRIED_RAD = ("discrepancy push_to_east", "discrepancy push_to_north"), 0.08, 0.01
-POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION and not entry.is_of_log_alone]
-# Guidance smooths headings over the 1.6 s that it remembers, a replay over the whole drive: 0.1 degrees of the command.
-REMEMBERED_RAD = {"heading_filter": 2e-3}
 
 
 @pytest.mark.slow

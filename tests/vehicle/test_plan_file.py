@@ -17,6 +17,13 @@ from vehicle.missions.plan_file import FORMAT_VERSION, SavedPlan, format_plan, p
 NUMBERS = st.floats(-1e6, 1e6)
 POINT = st.tuples(NUMBERS, NUMBERS)
 TASK = st.builds(LegTask, st.sampled_from(TASKS), st.none() | st.integers(0, 500), st.integers(0, 3))
+METRES = st.floats(allow_nan=False, allow_infinity=False)
+PLACES = st.floats(-1e8, 1e8)
+PLAIN = st.recursive(
+    st.none() | st.booleans() | st.integers() | METRES | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
+    max_leaves=6,
+)
 
 
 @st.composite
@@ -44,15 +51,6 @@ def plans(draw: st.DrawFn) -> Plan:
             led = Mission((replace(first, follow=FollowOrder(other, leg, draw(st.floats(1.0, 30.0)))), *rest))
             plan = replace(plan, missions=(led, plan.missions[1]) if tractor == 0 else (plan.missions[0], led))
     return plan
-
-
-METRES = st.floats(allow_nan=False, allow_infinity=False)
-PLACES = st.floats(-1e8, 1e8)
-PLAIN = st.recursive(
-    st.none() | st.booleans() | st.integers() | METRES | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=6,
-)
 
 
 @given(

@@ -16,6 +16,8 @@ from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.pymunk_bridge import READ_WIDTH, WRITE_WIDTH, EngineUnavailableError, PymunkEngine, create_body, lib
 from vehicle.sim.world import World, simulate
 
+FIELDS = pymunk.batch.BodyFields
+
 
 def gated(build: Any) -> Plan:
     """Three tractors side by side, each held behind its neighbour by a gate at every leg."""
@@ -119,9 +121,6 @@ def test_the_engine_reads_and_writes_what_the_ordinary_interface_does(
     lib.cpSpaceEachBody(space._space, setter, engine._data[1])
     assert [tuple(body.force) for body in made] == [(1.0, 2.0), (4.0, 5.0), (7.0, 8.0)]
     assert [body.torque for body in made] == [3.0, 6.0, 9.0]
-
-
-FIELDS = pymunk.batch.BodyFields
 
 
 @pytest.mark.parametrize(("name", "flags", "fault"), [

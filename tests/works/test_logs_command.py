@@ -9,6 +9,8 @@ import pytest
 
 from tests.works.conftest import STOP_S, TRACK_M, TRACKS
 
+FARM = '[[implements]]\nname = "mower"\nwidth_m = 6.0\n'
+
 
 def test_a_table_and_two_files_a_run(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
     status, out, err = headland("logs", "import", taskdata, "-o", tmp_path / "new" / "runs")
@@ -57,9 +59,6 @@ def test_diagnosis_says_that_such_logs_lack_steering(
     headland("logs", "import", taskdata, "-o", tmp_path / "runs")
     status, out, err = headland("diagnose", tmp_path / "runs" / "*.csv")
     assert status == 2 and out == "" and "has no column steering_command_deg or steering_deg" in err
-
-
-FARM = '[[implements]]\nname = "mower"\nwidth_m = 6.0\n'
 
 
 @pytest.mark.slow

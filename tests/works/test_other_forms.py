@@ -17,6 +17,10 @@ from tests.works.conftest import TRACKS, WIDTH_M, WORK_MPS, drive, lonlat
 from vehicle.identification.errors import LogError
 
 START = datetime(2017, 11, 29, 16, 21, 32)
+MAPPING = (
+    '[columns]\ntime = "Zeitpunkt"\nlongitude = "Lon"\nlatitude = "Lat"\nspeed_kmh = "Tempo"\nworks = "Arbeit"\n'
+    '[values]\nwidth_m = 6.0\nfield = "Lange Wiese"\n'
+)
 
 
 def write_points(folder: Path, encoding: str = "UTF-8", most: int = 1_000, **columns: np.ndarray) -> Path:
@@ -143,12 +147,6 @@ def csv_lines(mark: str = ",", comma: str = ".") -> str:
         cells = [f"{value:.9f}".replace(".", comma) for value in (lon, lat, 7.2)]
         lines.append(mark.join([stamp, *cells, "yes" if at_work else "no"]))
     return "\n".join(lines)
-
-
-MAPPING = (
-    '[columns]\ntime = "Zeitpunkt"\nlongitude = "Lon"\nlatitude = "Lat"\nspeed_kmh = "Tempo"\nworks = "Arbeit"\n'
-    '[values]\nwidth_m = 6.0\nfield = "Lange Wiese"\n'
-)
 
 
 @pytest.mark.parametrize(("mark", "comma"), [(",", "."), (";", ",")])

@@ -14,6 +14,10 @@ from vehicle.model.instruments import compute_guidance_pose
 from vehicle.records import FINISHED, REVERSING, STANDING, TURNING, WAITING, WORKING
 
 FULL_TURN_RAD = 2.0 * math.pi
+ARRIVAL_TOLERANCE_M = 0.08
+MIN_APPROACH_MPS = 0.12
+ALIGNMENT_TOLERANCE_RAD = math.radians(3.0)
+ALIGN_LIMIT_S = 6.0
 
 
 @compile_function
@@ -72,12 +76,6 @@ def find_target_point(
     x = points[segment, 0] + share * (points[segment + 1, 0] - points[segment, 0])  # type: ignore[index]
     y = points[segment, 1] + share * (points[segment + 1, 1] - points[segment, 1])  # type: ignore[index]
     return x, y
-
-
-ARRIVAL_TOLERANCE_M = 0.08
-MIN_APPROACH_MPS = 0.12
-ALIGNMENT_TOLERANCE_RAD = math.radians(3.0)
-ALIGN_LIMIT_S = 6.0
 
 
 @compile_function

@@ -16,6 +16,10 @@ from vehicle.model.validation_messages import describe_validation_errors
 MAX_WHEEL_ANGLE_DEG = 50.0  # mean of both wheels: no front axle turns further
 MAX_LENGTH_RATIO = 3.5
 CENTRE, OUTER_WHEEL = "centre", "outer-wheel"
+REQUIRED_KEYS = ("wheelbase_m", "width_m", "turning_radius_m")
+Number = Annotated[float, Field(strict=True)]
+
+FRONT_SHARE, TRACK_SHARE = 0.4, 0.8
 
 
 @dataclass(frozen=True)
@@ -55,9 +59,6 @@ QUANTITIES: Mapping[str, DatasheetQuantity] = {
     "antenna_forward_m": DatasheetQuantity("antenna ahead of the rear axle", "m", -3.0, 10.0, 0.0, 2.0, 1.1),
 }
 """Every number of a datasheet, by its key."""
-
-REQUIRED_KEYS = ("wheelbase_m", "width_m", "turning_radius_m")
-Number = Annotated[float, Field(strict=True)]
 
 
 class Datasheet(BaseModel):
@@ -184,9 +185,6 @@ def compute_smallest_radius_m(sheet: Datasheet) -> float:
     if sheet.radius_of == OUTER_WHEEL:
         return math.hypot(sheet.wheelbase_m, across + 0.5 * compute_wheel_spacing_m(sheet))
     return math.hypot(compute_antenna_forward_m(sheet), across)
-
-
-FRONT_SHARE, TRACK_SHARE = 0.4, 0.8
 
 
 def compute_wheel_spacing_m(sheet: Datasheet) -> float:

@@ -48,6 +48,8 @@ WEIGHT_FACTORS = (
     (float("inf"), 0.278, -3.115),
 )
 """Below an axle's weight (lbf): slope per 1000 lbf and constant of the weight factor."""
+OTHER_LIMIT = 0.8
+"""Of the load, on any soil: radial tyres of MAVS, the simulator of Mississippi State University (its Brixius class)."""
 
 
 @dataclass(frozen=True)
@@ -213,10 +215,6 @@ def _find_end(rows: tuple[Soil, ...], is_possible: Callable[[Soil], bool]) -> fl
         middle = 0.5 * (low + high)
         low, high = (middle, high) if is_possible(interpolate_soil(rows, middle)) else (low, middle)
     return high
-
-
-OTHER_LIMIT = 0.8
-"""Of the load, on any soil: radial tyres of MAVS, the simulator of Mississippi State University (its Brixius class)."""
 
 
 @dataclass(frozen=True)

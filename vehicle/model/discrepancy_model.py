@@ -14,6 +14,9 @@ from vehicle.errors import VehicleError
 
 FADE_SHARE = 0.1
 MAX_AMOUNT = 1e6  # in any unit: more is a typing error
+ANGLE, GRIP, PUSH = "an extra wheel angle", "a change of grip", "a push over the ground"
+DIRECTION, SIZE = "the direction of travel", "the size of the wheel angle"
+DIRECTION_AND_TIME = "the direction of travel and the driving time"
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,6 @@ class DiscrepancyTerm:
         return f"discrepancy_{self.id}"
 
 
-ANGLE, GRIP, PUSH = "an extra wheel angle", "a change of grip", "a push over the ground"
-DIRECTION, SIZE = "the direction of travel", "the size of the wheel angle"
-DIRECTION_AND_TIME = "the direction of travel and the driving time"
 DISCREPANCY_TERMS: tuple[DiscrepancyTerm, ...] = (
     DiscrepancyTerm("angle_by_speed", ANGLE, "speed", "deg per m/s", 0.5, math.radians(1.0)),
     DiscrepancyTerm("angle_by_square", ANGLE, "the square of speed", "deg per (m/s)2", 0.3, math.radians(1.0)),

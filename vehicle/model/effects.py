@@ -48,6 +48,8 @@ MAX_PLAUSIBLE_SLIP = 0.2
 Values = Mapping[str, float]
 Fields = dict[str, float]
 
+_STEERING_KEYS = {"steering_lag": "lag_s", "steering_rate": "rate_deg_per_s", "steering_deadband": "dead_band_deg"}
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -347,7 +349,6 @@ CATALOGUE: tuple[Effect, ...] = (
     ),
 )  # fmt: skip
 EFFECTS_BY_ID = {effect.id: effect for effect in CATALOGUE}
-_STEERING_KEYS = {"steering_lag": "lag_s", "steering_rate": "rate_deg_per_s", "steering_deadband": "dead_band_deg"}
 
 
 def get_effect(name: str) -> Effect:

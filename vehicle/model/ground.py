@@ -9,6 +9,15 @@ from vehicle.errors import VehicleError
 TYRE_MODELS = ("kinematic", "linear", "nonlinear")
 NO_LIMIT_DEG = 90.0
 STIFF_PER_DEG = 50.0  # "a very large constant value" (section 4.3): 0.01 degrees of slip carry half the load
+# Slope per degree and limit, front and rear, of the non-linear model, and slopes of the linear one; rolling resistance
+# and grip are assumed. The thesis gives no tyres for soil: those of section 4.3, which names no ground and which
+# chapter 6 uses, are taken for it.
+_TYRE_VALUES = {
+    "asphalt": ((0.15, 0.2), (5.0, 5.0), (0.15, 0.2), 0.02, 0.8),
+    "soil": ((0.005, 0.01), (5.0, 5.0), (0.005, 0.01), 0.06, 0.2),
+    "mud": ((0.03, 0.04), (2.0, 2.0), (0.0225, 0.03), 0.10, 0.4),
+}
+TYRE_GROUNDS = tuple(_TYRE_VALUES)
 
 
 class FrictionCurve(BaseModel):
@@ -81,17 +90,6 @@ def find_ground_index(name: str) -> int:
     if name not in names:
         raise VehicleError(f"The ground {name!r} is unknown; use one of: {', '.join(names)}.", parameter="ground")
     return names.index(name)
-
-
-# Slope per degree and limit, front and rear, of the non-linear model, and slopes of the linear one; rolling resistance
-# and grip are assumed. The thesis gives no tyres for soil: those of section 4.3, which names no ground and which
-# chapter 6 uses, are taken for it.
-_TYRE_VALUES = {
-    "asphalt": ((0.15, 0.2), (5.0, 5.0), (0.15, 0.2), 0.02, 0.8),
-    "soil": ((0.005, 0.01), (5.0, 5.0), (0.005, 0.01), 0.06, 0.2),
-    "mud": ((0.03, 0.04), (2.0, 2.0), (0.0225, 0.03), 0.10, 0.4),
-}
-TYRE_GROUNDS = tuple(_TYRE_VALUES)
 
 
 def get_tyres(ground: str, model: str, *, curve: FrictionCurve | None = ENGINE_CURVE) -> Tyres:

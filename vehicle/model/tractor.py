@@ -31,6 +31,8 @@ ROAD_WIDTH_M = 3.0  # of mounted and drawn implements on German roads, at most (
 FOLD_S = 30.0  # assumed: hydraulic, from the seat and without the locks that a road asks for
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+StrictNumber = Annotated[float, Field(strict=True)]  # a limit may be infinite
+Settings = Mapping[str, Mapping[str, float]]
 
 
 def _make_number_type(low: float, high: float, description: str = "") -> Any:
@@ -163,9 +165,6 @@ class PowerLaw(_FrozenModel):
             return math.inf
         factor, power = self.right if steering_deg > 0 else self.left
         return float(POWER_LAW_M / (factor * abs(steering_deg) ** power))
-
-
-StrictNumber = Annotated[float, Field(strict=True)]  # a limit may be infinite
 
 
 class EffectSetting(_FrozenModel):
@@ -399,9 +398,6 @@ def resolve_tractor(source: Tractor | str | Path) -> Tractor:
         raise VehicleError(
             f"The tractor {source.name!r} cannot be used: {describe_validation_errors(error, Tractor)}."
         ) from None
-
-
-Settings = Mapping[str, Mapping[str, float]]
 
 
 @dataclass(frozen=True)

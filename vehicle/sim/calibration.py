@@ -25,6 +25,10 @@ from vehicle.sim.pymunk_bridge import PymunkEngine, create_body, create_space
 
 CIRCLE_SPEED_MPS = 5.0 / KMH_PER_MPS  # speed of the thesis's experiments
 MEASURED_STEPS = 60  # the last second, when the circle has settled
+BASE_LOCK_DEG = 55.0  # more than any tractor, so that the base model reaches every measured radius
+TABLE_STEPS = 281  # a quarter of a degree apart at a lock of 35
+SETTLING_TIME_S = 20.0  # of a circle: longer changes its radius by less than a millionth
+SAMPLE_ANGLES_DEG = (1.0, 2.0, 4.0, 7.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 54.0)
 
 
 @dataclass(frozen=True)
@@ -60,12 +64,6 @@ def drive_circle_with_tables(
     velocity = last_rows[:, BODY_VELOCITY] + tractor.guide_m * spin[:, None] * aside
     radius_m = np.hypot(*velocity.T) / np.maximum(np.abs(spin), 1e-12)
     return SteeringCircle(antenna_path, float(radius_m.mean()))
-
-
-BASE_LOCK_DEG = 55.0  # more than any tractor, so that the base model reaches every measured radius
-TABLE_STEPS = 281  # a quarter of a degree apart at a lock of 35
-SETTLING_TIME_S = 20.0  # of a circle: longer changes its radius by less than a millionth
-SAMPLE_ANGLES_DEG = (1.0, 2.0, 4.0, 7.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0, 54.0)
 
 
 def build_identity_table(lock_deg: float) -> Floats:

@@ -20,6 +20,8 @@ from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.effect_terms import CREEP_MPS, apply_play, compute_ground_speed, read_delayed
 from vehicle.sim.load_terms import compute_pull, compute_slopes, limit_drive, note_overturning
 
+StepFunction = Callable[..., tuple[float, float, float]]
+
 
 @compile_function
 def compute_side_resistance(rolling: float, sliding: float, slope: float, limit: float) -> float:
@@ -77,9 +79,6 @@ def compute_rolling_resistance(forward: float, model: object, ground: object) ->
     """Rolling resistance (N) against a forward speed (m/s); it fades at standstill."""
     weight = model.mass * GRAVITY_MPS2  # type: ignore[attr-defined]
     return ground.rolling * weight * forward / (abs(forward) + CREEP_MPS)  # type: ignore[attr-defined, no-any-return]
-
-
-StepFunction = Callable[..., tuple[float, float, float]]
 
 
 @compile_function

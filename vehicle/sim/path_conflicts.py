@@ -30,6 +30,8 @@ EXTRA_CLEARANCE_M = 0.3  # added to the clearance, because poses of a path are s
 BLOCK_SIZE = 16  # poses under one enclosing circle, and circles under one larger one
 POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
 
+Approach = tuple[int, int, int, float]
+
 
 def build_poses(rows: Records) -> Records:
     """POSE records (...,) of x, y (m) and angle (rad), shape (..., 3)."""
@@ -159,9 +161,6 @@ def _scan_conflicts(  # type: ignore[no-untyped-def]
                         rows[count - 1, 2] = j
                     last = j
     return count
-
-
-Approach = tuple[int, int, int, float]
 
 
 def find_close_approaches(

@@ -25,6 +25,17 @@ from vehicle.sim.compile import list_contact_boxes
 
 MIN_SOLVER_ITERATIONS = 1  # each iteration costs time in every step, even without contacts
 FRICTION = 0.5  # any value would do: plans in which tractors touch are reported as collisions
+READ = (
+    pymunk.batch.BodyFields.POSITION
+    | pymunk.batch.BodyFields.ANGLE
+    | pymunk.batch.BodyFields.VELOCITY
+    | pymunk.batch.BodyFields.ANGULAR_VELOCITY
+)
+WRITE = pymunk.batch.BodyFields.FORCE | pymunk.batch.BodyFields.TORQUE
+TOUCH = pymunk.batch.ArbiterFields.BODY_A_ID | pymunk.batch.ArbiterFields.BODY_B_ID
+READ_WIDTH, WRITE_WIDTH, SLACK = BODY_WIDTH, 3, 16
+# Positions in the array of addresses for compiled code.
+STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SPACE, READ_DATA, WRITE_DATA, TOUCH_DATA = range(10)
 
 
 def create_space() -> pymunk.Space:
@@ -70,20 +81,6 @@ def _build_shape(body: pymunk.Body, rear: float, front: float, half: float) -> p
     shape = pymunk.Poly(body, [(rear, -half), (front, -half), (front, half), (rear, half)])
     shape.friction = FRICTION
     return shape
-
-
-READ = (
-    pymunk.batch.BodyFields.POSITION
-    | pymunk.batch.BodyFields.ANGLE
-    | pymunk.batch.BodyFields.VELOCITY
-    | pymunk.batch.BodyFields.ANGULAR_VELOCITY
-)
-WRITE = pymunk.batch.BodyFields.FORCE | pymunk.batch.BodyFields.TORQUE
-TOUCH = pymunk.batch.ArbiterFields.BODY_A_ID | pymunk.batch.ArbiterFields.BODY_B_ID
-READ_WIDTH, WRITE_WIDTH, SLACK = BODY_WIDTH, 3, 16
-
-# Positions in the array of addresses for compiled code.
-STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SPACE, READ_DATA, WRITE_DATA, TOUCH_DATA = range(10)
 
 
 class EngineUnavailableError(VehicleError):

@@ -43,6 +43,12 @@ from vehicle.sim.loop import (
 )
 from vehicle.sim.pymunk_bridge import ContactBoxes, EngineUnavailableError, PymunkEngine, create_body, create_space
 
+CHUNK_S = 600.0  # of simulated time between two calls of `progress`
+# Expected time of a run over that of its speeds, for which memory is reserved.
+EXPECTED_TIME_FACTOR, EXPECTED_TIME_MARGIN_S = 1.1, 60.0
+GROWTH_FACTOR = 1.5  # of the record where that is not enough
+STALL_S = 120.0  # without progress of any tractor: far longer than a change of gear
+
 
 def _check_heights(terrain: Terrain, points: Records) -> None:
     """Raise VehicleError if a path leads beyond the known heights, where the ground would only seem level."""
@@ -132,13 +138,6 @@ def _record_contacts(world: World, dt: float) -> None:
             world.contacts[-1, 0] += 1.0
 
     world.space.on_collision(None, None, begin=record_contact)
-
-
-CHUNK_S = 600.0  # of simulated time between two calls of `progress`
-# Expected time of a run over that of its speeds, for which memory is reserved.
-EXPECTED_TIME_FACTOR, EXPECTED_TIME_MARGIN_S = 1.1, 60.0
-GROWTH_FACTOR = 1.5  # of the record where that is not enough
-STALL_S = 120.0  # without progress of any tractor: far longer than a change of gear
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,15 @@ from vehicle.sim.pymunk_bridge import PymunkEngine, create_body, create_space
 # Columns of a trace: the pymunk body, then steering (rad) and values of the controller.
 TRACE_COLUMNS = ("x", "y", "angle", "vx", "vy", "spin", "steering", "command", "stage", "lateral", "leg", "done")
 
+POINT_SPACING_M = 0.1
+RUN_OUT_M = 6.0  # path after the measured part, so that braking is not measured
+STEERING_SIMULATORS = ("proposed", "traditional", "none", "unlatched")
+START_SPACING_M = 1000.0
+MAX_REAR_SLIP_DEG, MAX_GROWTH_DEG = 30.0, 0.5
+CONTROLLED_POINT_M = -0.6  # ahead of the centre of mass; not printed: with it Tables 3.3 and 4.3 come out closest
+UNLIMITED_M = 1000.0  # plans limit the lateral error of Eq. 2.5; the experiments do not, like the thesis
+STEP_LOOKAHEAD_M, WAVE_LOOKAHEAD_M, SLIP_LOOKAHEAD_M = 5.0, 5.0, 1.8
+
 
 @compile_function
 def run_trials(  # type: ignore[no-untyped-def]
@@ -90,10 +99,6 @@ def write_step(row, body, state) -> None:  # type: ignore[no-untyped-def]
     row[9], row[10], row[11] = state.lateral, float(state.leg - state.first_leg), float(state.done)
 
 
-POINT_SPACING_M = 0.1
-RUN_OUT_M = 6.0  # path after the measured part, so that braking is not measured
-
-
 def build_straight_mission(length_m: float, speed_mps: float, ground: str = "asphalt") -> Mission:
     """A straight path ahead."""
     return _build_mission(np.array([[0.0, 0.0], [0.0, length_m]]), speed_mps, ground)
@@ -123,10 +128,6 @@ def build_sine_mission(amplitude_m: float, omega: float, periods: float, speed_m
 
 def _build_mission(points: Floats, speed_mps: float, ground: str) -> Mission:
     return Mission((Leg(points, speed_mps, ground=ground, task=LegTask(SWATH)),))
-
-
-STEERING_SIMULATORS = ("proposed", "traditional", "none", "unlatched")
-START_SPACING_M = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,9 +291,6 @@ def _drive_program(
     ]
 
 
-MAX_REAR_SLIP_DEG, MAX_GROWTH_DEG = 30.0, 0.5
-
-
 def is_sideslip_settled(trace: Trace) -> bool:
     """Whether the side-slip of a drive with constant steering settles; otherwise the tractor oversteers.
 
@@ -314,11 +312,6 @@ def compute_settled_radius(trace: Trace, ahead_m: float) -> float:
         return math.nan
     radius = trace.compute_radius(ahead_m)
     return float(radius[-max(1, len(radius) // 8) :].mean())
-
-
-CONTROLLED_POINT_M = -0.6  # ahead of the centre of mass; not printed: with it Tables 3.3 and 4.3 come out closest
-UNLIMITED_M = 1000.0  # plans limit the lateral error of Eq. 2.5; the experiments do not, like the thesis
-STEP_LOOKAHEAD_M, WAVE_LOOKAHEAD_M, SLIP_LOOKAHEAD_M = 5.0, 5.0, 1.8
 
 
 def configure_tractor(

@@ -30,6 +30,12 @@ STRAIGHT_TIME_S, DRIVE_DURATION_S = 1.0, 60.0
 MEASURED_AHEAD_M = 0.6  # the point whose circle is measured: it reproduces the kinematic column of Table 4.1
 BEST_HYPOTHESIS = "speed sags and friction circle as small as the rear side limit, rolling resistance 0.0204, no curve"
 WAVE_DEG, WAVE_PERIOD_S, WAVE_SECONDS = 35.0, 20.0, 80.0  # assumed: Fig. 4.7 is lost
+STUDY_LIMITS_DEG = tuple(float(limit) for limit in range(1, 11))
+STUDY_SLOPES_PER_DEG = tuple(round(0.001 * step, 3) for step in range(1, 21))
+STUDY_STEERING_DEG, STUDY_DURATION_S, STUDY_RECORD_EVERY = 35.0, 40.0, 6
+AXLES = ("front", "rear")
+MASS_STEPS = 11
+MIN_AXLE_DISTANCE_M = 0.7  # the centre of mass stays this far from either axle
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,14 +161,6 @@ def try_hypotheses(tractor: Tractor) -> tuple[tuple[str, tuple[float, ...]], ...
         (words, tuple(drive.radius_m for drive in drive_fixed_steering(variant, tyres)))
         for words, variant, tyres in trials
     )
-
-
-STUDY_LIMITS_DEG = tuple(float(limit) for limit in range(1, 11))
-STUDY_SLOPES_PER_DEG = tuple(round(0.001 * step, 3) for step in range(1, 21))
-STUDY_STEERING_DEG, STUDY_DURATION_S, STUDY_RECORD_EVERY = 35.0, 40.0, 6
-AXLES = ("front", "rear")
-MASS_STEPS = 11
-MIN_AXLE_DISTANCE_M = 0.7  # the centre of mass stays this far from either axle
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,6 +34,20 @@ from vehicle.trials.drive import (
     follow_mission,
 )
 
+YARD_M, PASS_M, TURN_RADIUS_M, SPACING_M, YARD_RADIUS_M = 20.0, 167.0, 4.5, 3.0, 6.0
+REVERSE_MPS = 1.0
+FIRST_PASS, SECOND_PASS = 2, 6
+UNMEASURED_END_M = 3.0  # the last metres before a stop are not measured
+OFFSETS_CM = (-200, -150, -100, -50, 50, 100, 150, 200)
+SPEEDS_KMH = (3.0, 5.0)
+FIRST_PATH_M = 20.0
+SECOND_PATH_M = 28.0  # not printed: assumed
+MEASURED_LENGTH_M = 15.0
+AMPLITUDE_M = 5.0
+OMEGAS = (1 / 5, 1 / 4, 1 / 3)
+HALF_PERIOD_M = 18.8  # section 4.4
+PERIODS = 2.0
+
 
 class ErrorSizes(NamedTuple):
     """Largest and mean lateral error (m or cm) and heading error (degrees)."""
@@ -105,12 +119,6 @@ def find_slewing(trace: Trace) -> Booleans:
     return np.asarray(trace.get_column("stage") == SLEW)
 
 
-YARD_M, PASS_M, TURN_RADIUS_M, SPACING_M, YARD_RADIUS_M = 20.0, 167.0, 4.5, 3.0, 6.0
-REVERSE_MPS = 1.0
-FIRST_PASS, SECOND_PASS = 2, 6
-UNMEASURED_END_M = 3.0  # the last metres before a stop are not measured
-
-
 @dataclass(frozen=True, eq=False)
 class NavigationPasses:
     """The navigation drive, and the errors (cm) of both passes."""
@@ -165,13 +173,6 @@ def _measure_pass(mission: Mission, trace: Trace, leg: int) -> ErrorSizes:
 def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Floats:
     angles = np.radians(np.linspace(start_deg, end_deg, max(3, round(abs(end_deg - start_deg) / 3.0)) + 1))
     return np.stack([centre[0] + radius * np.cos(angles), centre[1] + radius * np.sin(angles)], axis=1)
-
-
-OFFSETS_CM = (-200, -150, -100, -50, 50, 100, 150, 200)
-SPEEDS_KMH = (3.0, 5.0)
-FIRST_PATH_M = 20.0
-SECOND_PATH_M = 28.0  # not printed: assumed
-MEASURED_LENGTH_M = 15.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -233,12 +234,6 @@ def measure_weaving_m(tractor: Tractor, offset_cm: int, *, limit_m: float) -> fl
     trace = follow_mission(tested, path, seconds=180.0, jump=(0.1, 0.01 * offset_cm))
     late = trace.time_s > 120.0
     return float(np.abs(trace.compute_path()[late, 0] - 0.01 * offset_cm).max())
-
-
-AMPLITUDE_M = 5.0
-OMEGAS = (1 / 5, 1 / 4, 1 / 3)
-HALF_PERIOD_M = 18.8  # section 4.4
-PERIODS = 2.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,6 +92,34 @@ class PoseFilter:
 
 
 @compile_function
+def _predict_shifts(shifts, sizes, step, nominal, cosine, sine, working, rear, crab) -> None:  # type: ignore[no-untyped-def]
+    """Predict the deviations by effects (see `predict_filter`): what a filter predicts, and what each effect adds."""
+    f, r, turned, distance_m = nominal[0], nominal[1], nominal[2], nominal[3]
+    east, north = f * cosine + r * sine, f * sine - r * cosine
+    for k in range(len(shifts)):
+        shifts[k] = step @ shifts[k]
+        bend = ahead = 0.0
+        if k == OFFSET:
+            bend = distance_m
+        elif k == GAIN or (k == LEFT_GAIN and turned > 0.0):
+            bend = turned
+        elif k == LATE_TURN:
+            bend = -nominal[4]
+        elif k == DRAFT:
+            bend = distance_m * working
+        elif k == WHEEL_SLIP:
+            ahead = -1.0
+        elif k == TOOL_SLIP:
+            ahead = -working
+        aside = distance_m * (sine if k == SLOPE_EAST else -cosine if k == SLOPE_NORTH else 0.0)
+        bend, ahead, aside = bend * sizes[k], ahead * sizes[k], aside * sizes[k]
+        lever = rear - crab if k == DRAFT else rear
+        shifts[k, 0] += ahead * east - 0.5 * bend * north - lever * bend * sine + aside * sine
+        shifts[k, 1] += ahead * north + 0.5 * bend * east + lever * bend * cosine - aside * cosine
+        shifts[k, 2] += bend
+
+
+@compile_function
 def predict_filter(  # type: ignore[no-untyped-def]
     estimate, covariance, parameters, angle, nominal, dt, moves_pose, working, rear, crab, shifts, sizes
 ) -> None:
@@ -147,27 +175,7 @@ def predict_filter(  # type: ignore[no-untyped-def]
     covariance[COMMAND_DELAY_NOW, COMMAND_DELAY_NOW] += COMMAND_DELAY_SIGMA**2 * (
         1.0 - persistence_now * persistence_now
     )
-    for k in range(len(shifts)):
-        shifts[k] = step @ shifts[k]
-        bend = ahead = 0.0
-        if k == OFFSET:
-            bend = distance_m
-        elif k == GAIN or (k == LEFT_GAIN and turned > 0.0):
-            bend = turned
-        elif k == LATE_TURN:
-            bend = -nominal[4]
-        elif k == DRAFT:
-            bend = distance_m * working
-        elif k == WHEEL_SLIP:
-            ahead = -1.0
-        elif k == TOOL_SLIP:
-            ahead = -working
-        aside = distance_m * (sine if k == SLOPE_EAST else -cosine if k == SLOPE_NORTH else 0.0)
-        bend, ahead, aside = bend * sizes[k], ahead * sizes[k], aside * sizes[k]
-        lever = rear - crab if k == DRAFT else rear
-        shifts[k, 0] += ahead * east - 0.5 * bend * north - lever * bend * sine + aside * sine
-        shifts[k, 1] += ahead * north + 0.5 * bend * east + lever * bend * cosine - aside * cosine
-        shifts[k, 2] += bend
+    _predict_shifts(shifts, sizes, step, nominal, cosine, sine, working, rear, crab)
 
 
 @compile_function

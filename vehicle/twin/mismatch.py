@@ -34,6 +34,16 @@ RESTART_SIGMA_M = 100.0  # uncertainty of the place before the first fix after a
 MAX_RETURN_SHARE = 0.5  # of a jump: largest remaining distance after one that goes back
 MAX_JUMPS = 1000
 _FLAT_LOG_DENSITY = math.log(JUMP_PROBABILITY) - 2.0 * math.log(JUMP_SPREAD_SIGMAS)
+FALSE_ALARM_S = 200.0 * HOUR_S  # mean driving time between false alarms, at least, if the noise is as given
+SIZE_FACTORS = np.array([-2.0, -0.7, 0.7, 2.0])  # of the typical size: both signs, small and large
+WIDENING_FACTOR = 1.5  # of innovations that are only too large
+MIN_FIXES_IN_A_ROW = 3
+# The effect of each shift of vehicle.twin.kalman_filter, in the order of its columns there.
+SHIFT_EFFECTS = (
+    "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "wheel_slip",
+    "cross_slope_drift", "cross_slope_drift", "implement_side_draft", "implement_slip",
+    "heading_bias", "antenna_forward", "antenna_right", "gnss_latency",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -108,18 +118,6 @@ class JumpDetector:
     def _append_jump(self, jump: PositionJump) -> None:
         self.jumps.append(jump)
         del self.jumps[:-MAX_JUMPS]
-
-
-FALSE_ALARM_S = 200.0 * HOUR_S  # mean driving time between false alarms, at least, if the noise is as given
-SIZE_FACTORS = np.array([-2.0, -0.7, 0.7, 2.0])  # of the typical size: both signs, small and large
-WIDENING_FACTOR = 1.5  # of innovations that are only too large
-MIN_FIXES_IN_A_ROW = 3
-# The effect of each shift of vehicle.twin.kalman_filter, in the order of its columns there.
-SHIFT_EFFECTS = (
-    "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "wheel_slip",
-    "cross_slope_drift", "cross_slope_drift", "implement_side_draft", "implement_slip",
-    "heading_bias", "antenna_forward", "antenna_right", "gnss_latency",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)

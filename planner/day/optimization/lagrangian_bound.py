@@ -146,6 +146,18 @@ def _build_route_memory(problem: DayProblem) -> _RouteMemory:
 
 
 @compile_function
+def _count_visits(predecessor: Whole, end: int) -> Array:
+    """Visits of every field (count,) by the route to a state `end`; none if it is negative."""
+    _, count, masks = predecessor.shape
+    visits = np.zeros(count)
+    while end >= 0:
+        last = end // masks % count
+        visits[last] += 1.0
+        end = predecessor[end // masks // count, last, end % masks]
+    return visits
+
+
+@compile_function
 def _find_best_route(
     travel_s: Whole,
     start_s: Whole,
@@ -205,9 +217,4 @@ def _find_best_route(
                     if done < times and longer < cost[done, field, new_mask]:
                         cost[done, field, new_mask] = longer
                         predecessor[done, field, new_mask] = state
-    visits = np.zeros(count)
-    while end >= 0:
-        last = end // masks % count
-        visits[last] += 1.0
-        end = predecessor[end // masks // count, last, end % masks]
-    return worth, visits, steps
+    return worth, _count_visits(predecessor, end), steps

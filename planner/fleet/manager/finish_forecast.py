@@ -14,6 +14,9 @@ from planner.fleet.model.tractor_state import TractorState, is_passed
 NORMAL = NormalDist()
 NORMAL_SCORES = tuple(NORMAL.inv_cdf(share) for share in (0.80, 0.95))
 RESULT_KEYS = ("time_s", "p50_s", "p80_s", "p95_s")
+PRIOR_DRIVING_S = 120.0  # of driving at the planned pace that an estimate starts from
+MAX_PACE, MIN_PACE = 4.0, 0.5
+LegPlace = tuple[int, float]
 
 
 @dataclass(frozen=True)
@@ -58,11 +61,6 @@ def read_finish_distribution(result: Mapping[str, Any], plan_file: str) -> Finis
             figures_s = [float(value) for value in values if value]
             return FinishDistribution(*figures_s) if len(figures_s) == len(RESULT_KEYS) else None
     return None
-
-
-PRIOR_DRIVING_S = 120.0  # of driving at the planned pace that an estimate starts from
-MAX_PACE, MIN_PACE = 4.0, 0.5
-LegPlace = tuple[int, float]
 
 
 def forecast_finish_s(

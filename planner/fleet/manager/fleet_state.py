@@ -22,6 +22,15 @@ MOST_OBSTACLES, MOST_PER_REPORTER, MOST_OUTLINE_POINTS = 100, 20, 200
 SAME_PLACE_M = 0.5  # by which an obstacle that is reported again may have moved
 Ring = tuple[tuple[float, float], ...]
 
+COVERAGE_STEP_M = 1.0
+MOST_COVERAGE_POINTS = 20_000  # per tractor: 20 km of track
+CoveragePoint = tuple[float, float] | None
+"""A place in metres of the plan; None where the implement was lifted."""
+
+READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
+DOUBT_CODE = "contradiction"  # of the alarm of a tractor in doubt
+FLEET_MANAGER = "centre"
+
 
 @dataclass(frozen=True)
 class FleetObstacle:
@@ -107,17 +116,6 @@ def _build_valid_polygon(ring: Ring) -> shapely.Polygon | None:
     """The polygon of a ring; None if its corners do not make one."""
     shape = shapely.Polygon(ring) if len(ring) > 2 else None
     return shape if shape is not None and shape.is_valid else None
-
-
-COVERAGE_STEP_M = 1.0
-MOST_COVERAGE_POINTS = 20_000  # per tractor: 20 km of track
-CoveragePoint = tuple[float, float] | None
-"""A place in metres of the plan; None where the implement was lifted."""
-
-
-READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
-DOUBT_CODE = "contradiction"  # of the alarm of a tractor in doubt
-FLEET_MANAGER = "centre"
 
 
 def join_fleet_names(names: Sequence[str]) -> str:

@@ -39,6 +39,8 @@ from vehicle.missions.plan_file import SavedPlan
 Array = npt.NDArray[np.float64]
 WGS84 = "EPSG:4326"
 FIT_SAMPLES = 5  # sample places along each side of a ground
+NEAR_M = 50.0
+LOOKOUT_M = 5.0  # beyond what two could close in the predicted time
 
 
 class IncomparablePlacesError(ValueError):
@@ -105,10 +107,6 @@ def _convert_places(source: SavedPlan, target: SavedPlan, places: Array) -> Arra
         return converted
     except FieldError as fault:
         raise IncomparablePlacesError(f"The places of two plans cannot be compared: {fault}") from None
-
-
-NEAR_M = 50.0
-LOOKOUT_M = 5.0  # beyond what two could close in the predicted time
 
 
 def are_grounds_near(source: FleetPlan, target: FleetPlan) -> bool:

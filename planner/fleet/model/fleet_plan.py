@@ -35,6 +35,8 @@ CLEARANCE_SHARE = 0.8  # of the clearance that the plan itself keeps: what is ne
 SHORTEST_LEG_S = 0.05
 LONGEST_STANDS_S = DAY_S  # of one tractor of a plan, all its refills
 Ring = tuple[tuple[float, float], ...]
+TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
+"""Timed missions, when each tractor is done (s), and the least distance of two (m)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,10 +157,6 @@ def _check_coordinate_range(saved: SavedPlan) -> None:
             "are allowed: give origin_m and points in metres of the field.",
             parameter="plan",
         )
-
-
-TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
-"""Timed missions, when each tractor is done (s), and the least distance of two (m)."""
 
 
 def describe_timing(plan: FleetPlan) -> dict[str, Any]:

@@ -12,6 +12,13 @@ from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from vehicle.missions.plan import Leg, LegGate
 
+MOVING_MPS = 0.05  # slower tractors count as standing
+AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
+BY_HAND = frozenset({MANUAL, REMOTE})
+ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
+POSITIONS, SPEED, PROGRESS = "positions", "speed", "progress"
+"""Witnesses of the motion of a tractor, see planner.fleet.safety.credible_motion."""
+
 
 @dataclass(frozen=True)
 class TractorOrder:
@@ -29,12 +36,6 @@ class FleetEvent:
     who: str
     what: str
     data: dict[str, Any] = field(default_factory=dict)
-
-
-MOVING_MPS = 0.05  # slower tractors count as standing
-AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
-BY_HAND = frozenset({MANUAL, REMOTE})
-ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
 
 
 class Hold(StrEnum):
@@ -94,10 +95,6 @@ class TractorReport(NamedTuple):
     def velocity_mps(self) -> float:
         """Speed with the sign of its direction."""
         return math.copysign(self.speed_mps, self.shuttle) if self.shuttle else self.speed_mps
-
-
-POSITIONS, SPEED, PROGRESS = "positions", "speed", "progress"
-"""Witnesses of the motion of a tractor, see planner.fleet.safety.credible_motion."""
 
 
 @dataclass

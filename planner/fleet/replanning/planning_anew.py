@@ -45,6 +45,9 @@ OBSTACLE_MARGIN_M = 0.5
 MENTIONED_M = 0.5  # of track that stays unworked
 CLOSED_TEXT = "The entrance is blocked by {causes}: tractors on the field stay there, and none can come in."
 
+_DrivenPlan = tuple[ComposedPlan, list[tuple[Leg, ...]], SimulationRun]
+"""A plan that was driven from where all tractors are, with all legs, those that are kept among them."""
+
 
 @dataclass(frozen=True, eq=False)
 class ReplanProposal:
@@ -86,10 +89,6 @@ class _TakenGround:
     def name_causes(self, place: shapely.Geometry) -> str:
         """What is there where a place touches it: ``tractor 1 and an obstacle``; "" for a place that does not."""
         return " and ".join(cause for cause, shape in self.shapes.items() if shapely.intersects(shape, place))
-
-
-_DrivenPlan = tuple[ComposedPlan, list[tuple[Leg, ...]], SimulationRun]
-"""A plan that was driven from where all tractors are, with all legs, those that are kept among them."""
 
 
 def continue_remaining_work(remaining: RemainingWork) -> ReplanProposal:

@@ -27,6 +27,7 @@ ORDER_DELAY_S = 0.5  # from the order to a report of one that has heard it, over
 REPORT_GAP_S = 0.25  # between two reports of a tractor that reports without a break
 NOT_BY_HAND = frozenset({Hold.HALTED, Hold.TOO_NEAR, Hold.FENCE, Hold.OBSTACLE})
 """Holds under which a driver in the seat must stop too."""
+PLACE_TOLERANCE_M = 2.0  # of a place on a leg
 
 
 def note_standing(state: TractorState, now: float, rules: FleetRules) -> None:
@@ -105,9 +106,6 @@ def _is_braking(report: TractorReport, motion: DisobeyingMotion, rules: FleetRul
     lost_mps = 0.25 * rules.deceleration_mps2 * rules.times * motion.observed_s
     is_slower = motion.observed_s > 0.0 and report.speed_mps <= motion.speed_mps - lost_mps
     return report.mode == STOPPED or report.speed_command_mps == 0.0 or is_slower
-
-
-PLACE_TOLERANCE_M = 2.0  # of a place on a leg
 
 
 def find_impossible_place_reason(report: TractorReport, state: TractorState) -> str | None:

@@ -24,6 +24,12 @@ ROUNDING_M = 0.01  # rounding, of distances that must not become smaller
 PREDICTION_ERROR_M = 0.15  # of poses predicted along legs
 CONTACT_M = 0.05  # a distance that counts as contact
 
+AnyArray = npt.NDArray[Any]
+TractorKey = tuple[str, int]
+"""Id of a fleet, and the number of its tractor from 0."""
+NearPair = tuple[int, int | TractorKey]
+"""A tractor, and another one of its fleet or of a neighbouring fleet."""
+
 
 class TwinPredictions:
     """Predictions of the twins, in metres of the plan at the guided point; these here know no tractor."""
@@ -154,15 +160,6 @@ def place_outline(boxes: shapely.MultiPolygon, pose: Array) -> shapely.Geometry:
     x, y, heading = pose.tolist()
     cos, sin = math.cos(heading), math.sin(heading)
     return shapely.unary_union(shapely.affinity.affine_transform(boxes, [cos, -sin, sin, cos, x, y]))
-
-
-AnyArray = npt.NDArray[Any]
-TractorKey = tuple[str, int]
-"""Id of a fleet, and the number of its tractor from 0."""
-
-
-NearPair = tuple[int, int | TractorKey]
-"""A tractor, and another one of its fleet or of a neighbouring fleet."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Any
 
 MOST_FRAMES = 500
 WELCOME = "welcome"
+TRACTOR, CONTROL = "tractor", "control"
 
 
 class FrameOutbox:
@@ -66,9 +67,6 @@ class FrameOutbox:
             await self._filled.wait()
         last, self._last = self._last, None
         return last
-
-
-TRACTOR, CONTROL = "tractor", "control"
 
 
 @dataclass(eq=False)

@@ -33,6 +33,8 @@ LEAP_DELAY_S, LEAP_SHOWN_S = 5.0, 60.0  # after which a jump of the fix is shown
 
 Array = npt.NDArray[np.float64]
 
+USUAL_TRACTOR = "eg105"
+
 
 class FleetTwins(TwinPredictions):
     """The twins of a fleet. Their clock is the simulated one, `times` as fast as real time, from `begin_s` on (seconds
@@ -181,9 +183,6 @@ class FleetTwins(TwinPredictions):
         """Restart a twin with this tractor file at its next report."""
         self.tractors[number] = tractor
         self.items[number] = None
-
-
-USUAL_TRACTOR = "eg105"
 
 
 def warm_up() -> None:

@@ -31,6 +31,8 @@ SETTLED_S, SPREAD_S = 5.0, 0.5
 TOLERANCE_S = 1.0  # of a jump that shows that a clock was set
 UNKNOWN_S = 3600.0  # greatest age assumed for a state of unknown age
 LATEST_ECHO_S = 600.0  # of a heartbeat that this service may have sent
+FUTURE_TOLERANCE_S = 0.5  # by which a client's clock may be ahead of the service's
+ORDER_AGE_S = 2.0  # age up to which an order to resume is carried out
 
 
 @dataclass(frozen=True)
@@ -109,10 +111,6 @@ def describe_offset(offset_s: float) -> str:
     """The error of a clock as text: 1:00:03 ahead."""
     text = str(timedelta(seconds=round(abs(offset_s)))).replace(",", "")
     return f"{text} {'behind' if offset_s > 0.0 else 'ahead'}"
-
-
-FUTURE_TOLERANCE_S = 0.5  # by which a client's clock may be ahead of the service's
-ORDER_AGE_S = 2.0  # age up to which an order to resume is carried out
 
 
 class CommandFreshness:

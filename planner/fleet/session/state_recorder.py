@@ -20,6 +20,9 @@ COMMAND_COLUMNS = ROW_COLUMNS.index("speed_command_mps"), ROW_COLUMNS.index("ste
 FRAME_GAP_S = 0.4  # between two frames, beyond which the commands in between are unknown
 StateRow = list[Any]
 
+MOST_WAITING_STATES = 3000  # states per tractor that wait for a database: five minutes at 10 Hz
+MOST_SEQUENCES_AHEAD = 10_000_000  # by which a sequence may be ahead of the last: eleven days at 10 Hz
+
 
 def build_row(state: StateFrame, since_s: float) -> StateRow:
     """A state as a row; its time is of the simulated clock, from the start of the recording on."""
@@ -39,10 +42,6 @@ def build_row(state: StateFrame, since_s: float) -> StateRow:
         round(state.leg_m, 3),
         state.mode,
     ]
-
-
-MOST_WAITING_STATES = 3000  # states per tractor that wait for a database: five minutes at 10 Hz
-MOST_SEQUENCES_AHEAD = 10_000_000  # by which a sequence may be ahead of the last: eleven days at 10 Hz
 
 
 class StateRecorder:

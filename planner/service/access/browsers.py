@@ -45,6 +45,8 @@ SECURITY_HEADERS = {
 }
 STANDARD_PORT = {"http": 80, "https": 443}
 SAME_SITE_FETCHES = ("same-origin", "none")
+LOGIN_COOKIE = "headland_login"
+LOGIN_PATH = "/login"
 
 
 def build_page_policy(video_origins: Sequence[str]) -> str:
@@ -108,10 +110,6 @@ def _parse_address(url: str, host: str | None = None) -> tuple[str, int]:
         return parts.hostname or "", parts.port or STANDARD_PORT[scheme]
     except (ValueError, KeyError):
         return "", -1 if host is None else -2
-
-
-LOGIN_COOKIE = "headland_login"
-LOGIN_PATH = "/login"
 
 
 class BrowserLogins:

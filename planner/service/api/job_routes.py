@@ -74,6 +74,18 @@ RESULT_ANSWER = document_file(
 )
 INLINE_MEDIA_TYPES = ("text/html", "image/png")
 
+FormKind = Literal["day", "farm"]
+KeyName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Position = Annotated[int, Field(ge=0, le=999)]
+ValueText = Annotated[str, Field(max_length=LIMITS.longest_value_chars)]
+WholeNumber = Annotated[int, Field(ge=-(10**9), le=10**9)]
+PlainValue = bool | WholeNumber | float | ValueText | Annotated[list[ValueText], Field(max_length=100)]
+
+KIND_BY_TYPE: dict[Any, Literal["check", "list", "number", "text"]] = {
+    bool: "check", list[str]: "list", float: "number", int: "number", str: "text",
+}  # fmt: skip
+"""What an option without choices takes, by its type."""
+
 
 @plans_router.get(
     "/plans/{id}/results/{name}/export",
@@ -274,18 +286,6 @@ async def estimate_plan(
     work = estimator.estimate(name_client(request.scope), values, inputs, at_once=at_once)
     return EstimateInfo(**await wait_while_connected(wait_for_disconnect(request.receive), work))
 
-
-FormKind = Literal["day", "farm"]
-KeyName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
-Position = Annotated[int, Field(ge=0, le=999)]
-ValueText = Annotated[str, Field(max_length=LIMITS.longest_value_chars)]
-WholeNumber = Annotated[int, Field(ge=-(10**9), le=10**9)]
-PlainValue = bool | WholeNumber | float | ValueText | Annotated[list[ValueText], Field(max_length=100)]
-
-KIND_BY_TYPE: dict[Any, Literal["check", "list", "number", "text"]] = {
-    bool: "check", list[str]: "list", float: "number", int: "number", str: "text",
-}  # fmt: skip
-"""What an option without choices takes, by its type."""
 
 form_router = ApiRouter(prefix="/forms", tags=["forms"])
 

@@ -50,6 +50,22 @@ DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
 FloatArray = npt.NDArray[np.float64]
 MOST_TILE_BYTES = 2 * MEGABYTE_BYTES
 MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
+EXAMPLE = "https://tiles.example/{z}/{x}/{y}.png"
+NAMES = {
+    "z": "zoom", "x": "column", "y": "row", "-y": "row_from_south",
+    "tilematrix": "zoom", "tilecol": "column", "tilerow": "row",
+    "bbox": "bounds", "bbox-epsg-3857": "bounds", "width": "width", "height": "width",
+}  # fmt: skip
+"""What stands in braces, in small letters, and what it becomes; the words of XYZ, TMS, WMTS and WMS."""
+BRACES = re.compile(r"\{([^{}]*)\}")
+LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
+HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
+CACHE_FOLDER = "background-tiles"
+USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
+CONNECT_TIMEOUT_S, TILE_TIMEOUT_S = 5.0, 15.0
+PAUSE_S = 20.0
+"""Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
+NOTHING_STATUSES = (HTTPStatus.NO_CONTENT, HTTPStatus.NOT_FOUND)
 
 
 @dataclass(frozen=True)
@@ -164,24 +180,6 @@ def identify_tile(content: bytes) -> str:
             f"{LIMITS.most_side_px} x {LIMITS.most_side_px}."
         )
     return MEDIA_BY_FORMAT[name]
-
-
-EXAMPLE = "https://tiles.example/{z}/{x}/{y}.png"
-NAMES = {
-    "z": "zoom", "x": "column", "y": "row", "-y": "row_from_south",
-    "tilematrix": "zoom", "tilecol": "column", "tilerow": "row",
-    "bbox": "bounds", "bbox-epsg-3857": "bounds", "width": "width", "height": "width",
-}  # fmt: skip
-"""What stands in braces, in small letters, and what it becomes; the words of XYZ, TMS, WMTS and WMS."""
-BRACES = re.compile(r"\{([^{}]*)\}")
-LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
-HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
-CACHE_FOLDER = "background-tiles"
-USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
-CONNECT_TIMEOUT_S, TILE_TIMEOUT_S = 5.0, 15.0
-PAUSE_S = 20.0
-"""Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
-NOTHING_STATUSES = (HTTPStatus.NO_CONTENT, HTTPStatus.NOT_FOUND)
 
 
 @dataclass(frozen=True)

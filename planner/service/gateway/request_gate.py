@@ -44,6 +44,18 @@ UNCOUNTED_BYTES = 64 * KILOBYTE_BYTES  # of each body; orders to fleets are no l
 GrowShare = Callable[[int], bool]
 """Takes as much of a budget as a body of this size, in bytes, needs; False, and nothing is taken, without room."""
 
+FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
+LARGE_BODY_KEY = "x-headland-large"
+"""Key in the `openapi_extra` of a route whose body may be as large as an upload."""
+API_PATH = "/api/"
+STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
+MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
+BODIES_FULL = (
+    "Too many large bodies are under way; wait until yours, or those of others, are through, then send it again."
+)
+BODIES_RETRY = {"retry-after": "5", "connection": "close"}
+MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
+
 
 class BodyBudget:
     """Bytes of bodies that are under way, of all clients and of each."""
@@ -79,19 +91,6 @@ class BodyBudget:
         finally:
             self._by_client[client] -= share_bytes
             self._by_client += Counter()  # clients without a body are forgotten
-
-
-FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
-LARGE_BODY_KEY = "x-headland-large"
-"""Key in the `openapi_extra` of a route whose body may be as large as an upload."""
-API_PATH = "/api/"
-STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
-MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
-BODIES_FULL = (
-    "Too many large bodies are under way; wait until yours, or those of others, are through, then send it again."
-)
-BODIES_RETRY = {"retry-after": "5", "connection": "close"}
-MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
 
 
 async def refuse_unknown_query(connection: HTTPConnection) -> None:

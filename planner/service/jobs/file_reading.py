@@ -44,6 +44,8 @@ LONGEST_WAIT_S = 120.0
 
 _WaitingPiece = tuple[float, "Future[Any]", Callable[[], Any]]
 
+SHOWN_LOGS = 3  # in the name of a job
+
 
 class FairQueue:
     """Does work in a few threads of its own, at most one piece at a time for each client, the clients in turn.
@@ -232,9 +234,6 @@ def compute_reading_memory_limit_bytes() -> int:
     except (AttributeError, ValueError, OSError):
         return LIMITS.most_memory_bytes
     return max(LIMITS.least_memory_bytes, min(LIMITS.most_memory_bytes, total_bytes // 8))
-
-
-SHOWN_LOGS = 3  # in the name of a job
 
 
 async def submit_job(

@@ -39,6 +39,15 @@ PLAN_OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *
 Seed = Annotated[int, Field(ge=0, le=MAX_SEED, description=PLAN_OPTIONS["seed"].help)]
 ReportProgress = Callable[[int, int, str], None]
 
+DAY_FILE = "day/day.toml"
+EXAMPLE_FARM = "example"  # the name of the example farm in a day file
+PATH_CHARACTERS = "/\\:\0"
+
+InputFiles = dict[str, str]
+"""Files of a request: the path of each in the job's folder, and the SHA-256 of its bytes."""
+ListNames = Callable[[Mapping[str, Any]], Iterator[tuple[str, str]]]
+"""Lists kind and name of the files that a TOML file names."""
+
 
 class JobRequest(BaseModel):
     """A request for a job. Unknown names, infinity and NaN are refused."""
@@ -151,18 +160,6 @@ class JobContext:
 
 JobFunction = Callable[[JobContext], Sequence[ResultFile]]
 """Runs a job and returns its results; raises HeadlandError."""
-
-
-DAY_FILE = "day/day.toml"
-EXAMPLE_FARM = "example"  # the name of the example farm in a day file
-PATH_CHARACTERS = "/\\:\0"
-
-InputFiles = dict[str, str]
-"""Files of a request: the path of each in the job's folder, and the SHA-256 of its bytes."""
-
-
-ListNames = Callable[[Mapping[str, Any]], Iterator[tuple[str, str]]]
-"""Lists kind and name of the files that a TOML file names."""
 
 
 class InputCollector:

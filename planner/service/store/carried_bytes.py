@@ -38,6 +38,7 @@ from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
 
 CONNECT_S, READ_S = 5, 60  # of a store that is asked: the service has other work too
 _OPTIONS = {"s3": {"config_kwargs": {"connect_timeout": CONNECT_S, "read_timeout": READ_S}}}
+MOST_FETCHED = 50  # at a time, so that what else is due does not wait for long
 
 
 class ResultPlace:
@@ -129,9 +130,6 @@ def check_result_place(settings: ServiceSettings) -> None:
 
 def _shorten(error: Exception) -> str:
     return shorten_error(f"{type(error).__name__}: {error}").rstrip(".")
-
-
-MOST_FETCHED = 50  # at a time, so that what else is due does not wait for long
 
 
 class CarryingJobStore(JobStore):

@@ -24,6 +24,16 @@ from planner.service.store.token_table import TOKEN_PREFIX, has_expired, hash_to
 PERIOD_S = 1.0
 TIMEOUT_S, STALE_S = 2.0 * PERIOD_S, 5.0 * PERIOD_S
 """How long others wait for the database, and until what it said last is old."""
+SHORTEST_PERIOD_S = PERIOD_S / 5
+UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
+UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
+EXPIRED_TOKEN = "This token expired at {expires}; make a new one with headland token new."
+REVOKED_LINK_TOKEN = "The token of this link was revoked; link again with another one."
+REVOKED_UNTIL_RESTART = (
+    "The token {name!r} is refused from now on, but only until a restart, as nothing can be stored now; revoke it "
+    "again once the database and the disk can be used."
+)
+EXPIRED_LINK_TOKEN = "The token of this link has expired; link again with another one."
 
 
 class DatabaseThread:
@@ -107,18 +117,6 @@ class DatabaseWatch(DatabaseThread):
         self.note_success()
         self.last_write_s = self._clock() - begun_at
         return True
-
-
-SHORTEST_PERIOD_S = PERIOD_S / 5
-UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
-UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
-EXPIRED_TOKEN = "This token expired at {expires}; make a new one with headland token new."
-REVOKED_LINK_TOKEN = "The token of this link was revoked; link again with another one."
-REVOKED_UNTIL_RESTART = (
-    "The token {name!r} is refused from now on, but only until a restart, as nothing can be stored now; revoke it "
-    "again once the database and the disk can be used."
-)
-EXPIRED_LINK_TOKEN = "The token of this link has expired; link again with another one."
 
 
 class TokenCache(DatabaseThread):

@@ -49,6 +49,7 @@ MEDIA_BY_SUFFIX = {
 }
 """Of uploads and of results of jobs; all others are bytes."""
 BYTES = "application/octet-stream"
+MOST_EVENTS = 1000
 
 
 def choose_article(kind: str) -> str:
@@ -163,9 +164,6 @@ class FileStore(StorePart):
     def delete_file(self, kind: str, name: str) -> None:
         """Delete a file; jobs that use it keep their copy. Raises NotFoundError."""
         self.database.change_rows(sa.delete(FileRow).where(FileRow.id == self.get_file(kind, name).id))
-
-
-MOST_EVENTS = 1000
 
 
 class Store(TokenStore, FileStore, ServedJobStore):

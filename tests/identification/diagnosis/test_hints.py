@@ -49,6 +49,9 @@ RNG = np.random.default_rng(5)
 BLOCKS = 60
 clean = lru_cache(maxsize=1)(lambda: build_problem(seed=1))
 
+SPREAD = FREEDOM / (FREEDOM - 2.0)
+DRAWS = 8
+
 
 def fit_base(problem: Problem) -> Fit:
     model = tuple(list_nuisances(problem.data))
@@ -139,8 +142,6 @@ def test_every_quantity_has_words() -> None:
 # --- The noise floor is the error of draws from the noise model itself; what is above it is unexplained ---
 
 problem = lru_cache(maxsize=1)(build_problem)
-SPREAD = FREEDOM / (FREEDOM - 2.0)
-DRAWS = 8
 
 
 def mean_squares(pieces: Pieces, horizon: float) -> Array:

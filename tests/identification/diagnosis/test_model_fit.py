@@ -25,6 +25,7 @@ from vehicle.model.tractor import Settings
 
 PROGRAMMES = ("steps", "shuffled-bends", "there-and-back")
 NOISE = {"east": 0.008, "north": 0.008, "heading": 0.002}
+WIDTH = 2.0
 
 
 def drive(settings: Settings, seed: int = 4) -> DriveDataset:
@@ -83,8 +84,6 @@ def test_a_fit_has_no_slope_left_and_more_evidence_than_none() -> None:
 
 
 # --- The linear problem beside a fit, against ordinary Bayesian regression worked out from the whole table ---
-
-WIDTH = 2.0
 
 
 def draw_problem(seed: int = 1) -> tuple[Linearisation, np.ndarray, np.ndarray]:

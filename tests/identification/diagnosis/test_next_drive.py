@@ -30,6 +30,7 @@ from vehicle.model.tractor import load_tractor
 
 UNDERSTEER = {"understeer": {"deg_per_mps2": 3.0}}
 BY_ID = {programme.id: programme for programme in DRIVE_PROGRAMMES}
+PIECES = ((2.0, 10.0, 1.0, 0.0), (3.0, -5.0, 0.5, 1.0))
 
 
 def build_linear_trial(columns: np.ndarray) -> Any:
@@ -151,8 +152,6 @@ def test_a_drive_has_the_columns_and_the_noise_of_the_logs() -> None:
 
 
 # --- Drives that nobody has made: commands by hand, and a circle that is logged as it is driven ---
-
-PIECES = ((2.0, 10.0, 1.0, 0.0), (3.0, -5.0, 0.5, 1.0))
 
 
 def test_a_drive_has_the_commands_of_its_pieces() -> None:

@@ -26,6 +26,7 @@ from vehicle.model.tractor import Tractor, load_tractor
 
 FILE_ANTENNA_M = 1.1
 TURNS = (3.0, -3.0, 12.0, -12.0, 20.0, -20.0, 6.0, -16.0, 0.0)
+COMPASS_DEG = 4.0
 
 
 def list_drives(hold_s: float = 5.0) -> tuple[Drive, ...]:
@@ -66,9 +67,6 @@ def find_kind(vehicle: Jointed, file_antenna_m: float, sensed: bool = True) -> s
 def test_front_wheels_with_a_displaced_antenna_are_no_other_vehicle(base_m: float, off_m: float, sensed: bool) -> None:
     antenna_m = 0.5 * base_m
     assert find_kind(Jointed(FRONT, base_m, antenna_m + off_m), antenna_m, sensed) is None
-
-
-COMPASS_DEG = 4.0
 
 
 def turn_compass(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:

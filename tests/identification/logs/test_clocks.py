@@ -19,6 +19,8 @@ from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 
 STEP_S, PACE_MPS = 0.1, 1.4
+PACES = stairs(*[(14.0, 1.2), (17.0, 1.8), (11.0, 0.9)] * 5)
+WEAVE = drive("weave", 180.0, triangle(12.0, 14.0), PACES)
 
 
 def drive_straight(
@@ -115,9 +117,6 @@ def test_stamps_in_whole_seconds_are_spread_where_positions_advance_evenly() -> 
 
 
 # --- Positions on a clock of their own are found by kinematics, and no controller in the loop looks like one ---
-
-PACES = stairs(*[(14.0, 1.2), (17.0, 1.8), (11.0, 0.9)] * 5)
-WEAVE = drive("weave", 180.0, triangle(12.0, 14.0), PACES)
 
 
 def shift_clock(frame: pd.DataFrame, rate: float, names: tuple[str, ...]) -> pd.DataFrame:

@@ -21,6 +21,8 @@ POSITION, BENT = ("easting_m", "northing_m"), ("right", "left", "steps")
 onsets = st.floats(12.0, 34.0)
 lengths = st.one_of(st.none(), st.floats(10.0, 20.0))
 
+AXES = ("easting_m", "northing_m")
+
 
 def found(frame):  # type: ignore[no-untyped-def]
     """The faults of a log: id, and times since its start."""
@@ -279,8 +281,6 @@ def test_means_of_a_heading_that_stands_while_the_course_turns() -> None:
 
 
 # --- Positions that jump once and stay there: told with run, time and size, and what follows is as good as before ---
-
-AXES = ("easting_m", "northing_m")
 
 
 def displace(frame: pd.DataFrame, from_s: float, east_m: float, north_m: float) -> pd.DataFrame:

@@ -30,6 +30,13 @@ from vehicle.identification.logs.readings import LogConvention
 from vehicle.identification.logs.schema import Columns, Mask
 
 ROUND = joined(circle(0.1), circle(-0.1), circle(0.05))
+LAP = joined(circle(0.03, 30.0), circle(-0.03, 30.0, bearing_deg=np.degrees(1.35)))
+SPAN = slice(120, 170)
+NAMES = {"steering_deg": "steering_command_deg", "steering_command_deg": "steering_deg"}
+FIX = LogConvention.STEERING_SWAPPED
+SETS = (*((name, rate_hz) for name in ("three_speeds", "mixed", "closed") for rate_hz in (5.0, 10.0)),
+        ("one_sided", 10.0), ("ordered_angles", 10.0))  # fmt: skip
+COMMAND, WHEEL = "steering_command_deg", "steering_deg"
 
 
 @pytest.mark.parametrize("off_deg", [0.0, 25.0, 60.0])
@@ -90,9 +97,6 @@ def test_a_wrong_gear_is_no_course() -> None:
 
 
 # --- Headings that turn round between two rows are left out where path and gear say which side is wrong ---
-
-LAP = joined(circle(0.03, 30.0), circle(-0.03, 30.0, bearing_deg=np.degrees(1.35)))
-SPAN = slice(120, 170)
 
 
 def turn_round(frame: pd.DataFrame, rows: slice) -> pd.DataFrame:
@@ -157,9 +161,6 @@ def test_where_the_gear_is_not_logged_nothing_is_left_out_and_the_refusal_names_
 
 # --- Steering columns under each other's names are refused with the fix; right names are never doubted ---
 
-NAMES = {"steering_deg": "steering_command_deg", "steering_command_deg": "steering_deg"}
-FIX = LogConvention.STEERING_SWAPPED
-
 
 def is_doubted(frame: pd.DataFrame) -> bool:
     return find_swapped_steering(build_log(frame, frame.attrs["name"], check=False)) is not None
@@ -203,10 +204,6 @@ def test_swapped_logs_of_few_steps_are_told(programme: str, rate_hz: float) -> N
     assert not any(is_doubted(frame) for frame in frames)
 
 
-SETS = (*((name, rate_hz) for name in ("three_speeds", "mixed", "closed") for rate_hz in (5.0, 10.0)),
-        ("one_sided", 10.0), ("ordered_angles", 10.0))  # fmt: skip
-
-
 @pytest.mark.matrix
 @pytest.mark.parametrize(("programme", "rate_hz"), SETS)
 def test_any_set_of_swapped_logs_is_told(programme: str, rate_hz: float) -> None:
@@ -215,9 +212,6 @@ def test_any_set_of_swapped_logs_is_told(programme: str, rate_hz: float) -> None
         frames = make_third_logs(TruthCase("clean", seed, programme=programme, rate_hz=rate_hz))
         assert any(is_doubted(frame.rename(columns=NAMES)) for frame in frames)
         assert not any(is_doubted(frame) for frame in frames)
-
-
-COMMAND, WHEEL = "steering_command_deg", "steering_deg"
 
 
 def move(frame: pd.DataFrame, column: str, rows: int) -> pd.DataFrame:

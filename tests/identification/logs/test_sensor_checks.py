@@ -29,6 +29,12 @@ from vehicle.identification.logs.sensor_checks import (
 from vehicle.model.effects import get_effect
 
 WEAVE = drive("weave", 180.0, triangle(12.0, 14.0), 1.6)
+ROWS = drive(
+    "rows", 190.0, stairs(*[(18.0, 0.0), (9.0, 30.0), (18.0, 0.0), (9.0, -30.0)] * 4), 1.6,
+    stairs(*[(18.0, 1.0), (9.0, 0.0)] * 8),
+)  # fmt: skip
+LINES = (straight(90.0, seconds=40.0), straight(270.0, seconds=40.0))
+PACES = drive("paces", 60.0, stairs((60.0, 0.0)), stairs((20.0, 1.0), (20.0, 1.6), (20.0, 2.2)))
 
 
 def log_of(one: Drive, seed: int = 5, **effects: dict[str, float]) -> pd.DataFrame:
@@ -176,12 +182,6 @@ def test_columns_may_stand_still_where_the_tractor_does_nothing_else() -> None:
     assert all(read(frame).corrections == () for frame in runs().values())
 
 
-ROWS = drive(
-    "rows", 190.0, stairs(*[(18.0, 0.0), (9.0, 30.0), (18.0, 0.0), (9.0, -30.0)] * 4), 1.6,
-    stairs(*[(18.0, 1.0), (9.0, 0.0)] * 8),
-)  # fmt: skip
-
-
 def test_an_implement_switch_the_wrong_way_round_is_told() -> None:
     frame = log_of(ROWS)
     assert read(frame).corrections == ()
@@ -206,9 +206,6 @@ def test_what_was_set_right_stays_as_it_is() -> None:
 
 
 # --- A commanded speed that was not driven is told and taken out; slip and honest commands are left alone ---
-
-LINES = (straight(90.0, seconds=40.0), straight(270.0, seconds=40.0))
-PACES = drive("paces", 60.0, stairs((60.0, 0.0)), stairs((20.0, 1.0), (20.0, 1.6), (20.0, 2.2)))
 
 
 def frames_of(*drives: Drive, **effects: dict[str, float]) -> list[pd.DataFrame]:

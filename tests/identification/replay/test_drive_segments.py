@@ -17,6 +17,9 @@ from vehicle.identification.logs.series import denoise_angles, estimate_angle_no
 from vehicle.identification.replay.drive_segments import build_dataset, compute_course_offset, find_compared_rows
 from vehicle.records import DT_S
 
+NOISY_TIME = np.arange(0.0, 60.0, 0.1)
+TIME = np.arange(0.0, 30.0, 0.1)
+
 
 def test_columns_are_in_si_from_the_origin_of_the_set() -> None:
     frame = circle(0.0, bearing_deg=90.0)
@@ -101,9 +104,6 @@ def test_wheel_angles_between_two_commands_that_differ_say_what_the_last_of_them
     assert find_compared_rows(every, every, command).all()
 
 
-NOISY_TIME = np.arange(0.0, 60.0, 0.1)
-
-
 # --- A measured signal loses the noise of its sensor and keeps its steps, its bends and the play that it opens ---
 
 
@@ -171,8 +171,6 @@ def test_play_reads_alike_at_every_noise_of_the_sensor(name: str, size: float) -
 
 
 # --- Headings of which only the antenna's path is known: circles in closed form, and any path of a rear axle ---
-
-TIME = np.arange(0.0, 30.0, 0.1)
 
 
 @pytest.mark.parametrize("ahead", [1.1, 0.3, -0.8])

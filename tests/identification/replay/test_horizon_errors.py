@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -29,6 +28,9 @@ from vehicle.identification.replay.horizon_errors import (
 from vehicle.identification.replay.simulation import replay_segment, simulate_instruments, simulate_logged_values
 
 TIME = np.arange(100) / 10.0
+TIMES = np.array([0.0, 19.9, 20.0, 39.9, 40.0, 65.0])
+TWO = np.array([-1.0, 1.0])
+ZERO = np.zeros(2)
 
 
 def list_pieces(time: Array, horizon: float) -> list[tuple[int, int]]:
@@ -110,9 +112,6 @@ def test_errors_count_in_units_of_the_floor() -> None:
     assert list(compute_horizon_errors(whole)) == [5.0], "no piece of one second was driven"
 
 
-TIMES = np.array([0.0, 19.9, 20.0, 39.9, 40.0, 65.0])
-
-
 def test_halves_take_turns() -> None:
     assert compute_half_numbers(TIMES).tolist() == [0, 0, 1, 1, 0, 1]
 
@@ -122,10 +121,6 @@ def test_no_piece_of_a_horizon_lies_in_two_windows() -> None:
 
 
 # --- Rigid fits in closed form ---
-
-Array = npt.NDArray[np.float64]
-TWO = np.array([-1.0, 1.0])
-ZERO = np.zeros(2)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))

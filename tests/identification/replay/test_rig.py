@@ -31,6 +31,8 @@ from vehicle.records import DT_S
 
 EG105 = load_tractor("eg105")
 LEVER = EG105.antenna_forward_m - EG105.rear_axle_m
+OFFSET, BIAS = {"steering_offset": {"angle_deg": 1.0}}, {"heading_bias": {"angle_deg": 2.0}}
+LATE = {"steering_dead_time": {"time_s": 0.3}}
 
 
 def straight(seconds: float = 10.0) -> DriveSegment:
@@ -207,10 +209,6 @@ def test_at_the_measured_speed_it_is_driven_until_there_is_no_number() -> None:
     assert np.isfinite(states[:40]).all() and np.isnan(states[-1, X_COLUMN])
     short = replace(one, grids={name: values[:1] for name, values in one.grids.items()})
     assert replay_segment(rig(), short, {}, True, True)[0, X_COLUMN] == one.grids["east"][0]
-
-
-OFFSET, BIAS = {"steering_offset": {"angle_deg": 1.0}}, {"heading_bias": {"angle_deg": 2.0}}
-LATE = {"steering_dead_time": {"time_s": 0.3}}
 
 
 def test_a_sensor_cuts_off_what_lies_before_it() -> None:

@@ -28,6 +28,21 @@ from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
 
 BASE = dict.fromkeys(CHAINS, "base")
+STEERING: list[Settings] = [
+    {}, {"steering_dead_time": {"time_s": 0.3}}, {"steering_dead_time": {"time_s": 0.125}},
+    {"steering_lag": {"time_s": 0.4}}, {"steering_rate": {"rate_deg_per_s": 7.0}},
+    {"steering_deadband": {"angle_deg": 1.2}},
+    {"steering_dead_time": {"time_s": 0.2}, "steering_lag": {"time_s": 0.3}, "steering_rate": {"rate_deg_per_s": 9.0}},
+]  # fmt: skip
+PATH: list[Settings] = [
+    {}, {"steering_offset": {"angle_deg": 2.0}}, {"steering_gain": {"ratio": 1.1}},
+    {"steering_asymmetry": {"ratio": 1.2}}, {"steering_backlash": {"angle_deg": 2.0}},
+    {"understeer": {"deg_per_mps2": 2.0}}, {"side_slip": {"limit_g": 0.08}},
+    {"implement_side_draft": {"curvature_per_m": 0.01}}, {"cross_slope_drift": {"ratio": 0.04, "bearing_deg": 60.0}},
+    {"speed_scale": {"ratio": 1.06}}, {"clock_offset_speed": {"time_s": 0.2}},
+    {"clock_offset_steering": {"time_s": 0.2}},
+]  # fmt: skip
+LATE_STEPS = 1.8  # of the simulation: the body and the sum of its turns are a longer step behind
 
 
 @lru_cache
@@ -42,24 +57,6 @@ def spread(own: Simulator, settings: Settings) -> dict[str, Array]:
     return {name: np.full(own.data.path_starts[-1], known[name]) for name in changed}
 
 
-STEERING: list[Settings] = [
-    {}, {"steering_dead_time": {"time_s": 0.3}}, {"steering_dead_time": {"time_s": 0.125}},
-    {"steering_lag": {"time_s": 0.4}}, {"steering_rate": {"rate_deg_per_s": 7.0}},
-    {"steering_deadband": {"angle_deg": 1.2}},
-    {"steering_dead_time": {"time_s": 0.2}, "steering_lag": {"time_s": 0.3}, "steering_rate": {"rate_deg_per_s": 9.0}},
-]  # fmt: skip
-
-
-PATH: list[Settings] = [
-    {}, {"steering_offset": {"angle_deg": 2.0}}, {"steering_gain": {"ratio": 1.1}},
-    {"steering_asymmetry": {"ratio": 1.2}}, {"steering_backlash": {"angle_deg": 2.0}},
-    {"understeer": {"deg_per_mps2": 2.0}}, {"side_slip": {"limit_g": 0.08}},
-    {"implement_side_draft": {"curvature_per_m": 0.01}}, {"cross_slope_drift": {"ratio": 0.04, "bearing_deg": 60.0}},
-    {"speed_scale": {"ratio": 1.06}}, {"clock_offset_speed": {"time_s": 0.2}},
-    {"clock_offset_steering": {"time_s": 0.2}},
-]  # fmt: skip
-
-
 @pytest.mark.parametrize("settings", [*STEERING, *PATH])
 def test_an_effect_all_the_time_is_its_fields_at_every_step(settings: Settings) -> None:
     own = simulator("steps")
@@ -69,9 +66,6 @@ def test_an_effect_all_the_time_is_its_fields_at_every_step(settings: Settings) 
         assert np.array_equal(one, other)
     shown, seen = whole.simulate({}, BASE), Simulator(own.data, rig()).simulate(fields, BASE)
     assert all(np.array_equal(shown[name], seen[name]) for name in shown)
-
-
-LATE_STEPS = 1.8  # of the simulation: the body and the sum of its turns are a longer step behind
 
 
 @pytest.mark.parametrize("settings", PATH)

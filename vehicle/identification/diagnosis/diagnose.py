@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,8 +175,6 @@ class _Composer:
         curves = [*named, *(str(one.hypothesis) for one in self.verdicts)]  # the first name, or the clearest verdict
         patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
         odd_runs = {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
-        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in one.hypothesis.terms]
-        certain = {*named, *(one.id for one in equivalents)}
         diagnosis = Diagnosis(
             names=dataset.names,
             rows_used=dataset.rows,
@@ -191,16 +189,10 @@ class _Composer:
             findings=tuple(findings),
             named=named,
             unexplained_share=unexplained_share,
-            depends_on=tuple(dict.fromkeys(f"{one.effect} that depends on {one.regressor}" for one in terms))
-            if unexplained_share > 0.0
-            else (),
+            depends_on=self._list_dependences() if unexplained_share > 0.0 else (),
             next_drive=choose_next_drive(problem, result.fit, self._list_pairs()),
             tractor=extended,
-            calibration={
-                name: dict(setting.value)
-                for name, setting in extended.effects.items()
-                if name not in certain and name not in self.tractor.effects
-            },
+            calibration=self._list_uncertain_values(extended, {*named, *(one.id for one in equivalents)}),
             curve=build_residual_plot(problem, result.base, result.fit, curves[0]) if curves else None,
             pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
             along_judged=dataset.has_speed,
@@ -221,6 +213,19 @@ class _Composer:
             *describe_file_corrections(self.tractor, diagnosis),
         )
         return replace(diagnosis, notes=notes)
+
+    def _list_uncertain_values(self, extended: Tractor, certain: Set[str]) -> dict[str, dict[str, float]]:
+        """Values by effect that the extended file has beside those of the old file and of effects that are certain."""
+        return {
+            name: dict(setting.value)
+            for name, setting in extended.effects.items()
+            if name not in certain and name not in self.tractor.effects
+        }
+
+    def _list_dependences(self) -> tuple[str, ...]:
+        """What the saved laws change, and what that depends on, each once."""
+        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in one.hypothesis.terms]
+        return tuple(dict.fromkeys(f"{one.effect} that depends on {one.regressor}" for one in terms))
 
     def _list_pairs(self) -> list[CompetingPair]:
         """What the next drive is to separate: alternatives of an equivalent set, or something likely from nothing."""

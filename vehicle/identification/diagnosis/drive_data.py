@@ -31,6 +31,11 @@ POSE_CELLS, SENSOR_CELLS = round(WINDOW_S / POSE_CELL_S), round(WINDOW_S / SENSO
 FEWEST_WINDOWS = 3
 LEAST_CELL_SHARE = 0.2  # of the cells of a window that hold a position
 CRAWL_MPS = 2.0 * STANDSTILL_MPS  # windows driven more slowly on average say nothing
+PIECE_S = 4.0 * WINDOW_S  # long enough for what lasts, such as a lag of the speed
+# 27 minutes: a model of a dozen amounts needs some ten of such driving, and half as many leave the verdicts of the
+# sample sets as they are. Errors before and after are those of all driving.
+MOST_PIECES = 40
+SCALES = {"wheel": math.radians(5.0), "speed": 0.5, "working": 0.5}  # usual changes in a piece with a bend or a start
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +130,6 @@ def _list_windows(segment: DriveSegment) -> list[float]:
         if rows.any() and cells >= LEAST_CELL_SHARE * POSE_CELLS:
             starts += [float(start)] if float(np.abs(segment.speed[rows]).mean()) > CRAWL_MPS else []
     return starts
-
-
-PIECE_S = 4.0 * WINDOW_S  # long enough for what lasts, such as a lag of the speed
-# 27 minutes: a model of a dozen amounts needs some ten of such driving, and half as many leave the verdicts of the
-# sample sets as they are. Errors before and after are those of all driving.
-MOST_PIECES = 40
-SCALES = {"wheel": math.radians(5.0), "speed": 0.5, "working": 0.5}  # usual changes in a piece with a bend or a start
 
 
 def choose_informative_parts(dataset: DriveDataset) -> DriveDataset:

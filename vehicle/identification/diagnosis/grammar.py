@@ -51,7 +51,6 @@ LAW_WORDS = {
     "by_place": "the place",
 }
 
-
 # Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
 TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
     "steering_offset@by_speed": ("angle_by_speed",),
@@ -62,6 +61,18 @@ TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
     "steering_gain@by_direction": ("grip_to_east", "grip_to_north"),
     "push": ("push_to_east", "push_to_north"),
 }
+
+# What the base model is known not to know, in every model with a small prior: tyres relax and creep, a wheel sensor is
+# a little off, speeds follow a little later, a ramp is steeper. Standard deviations from truths made by other hands.
+NUISANCES: Mapping[str, tuple[str, float]] = {
+    "speed_lag": ("speed_lag", 0.25),
+    "ramp": ("ramp", 3.0),
+    "relaxation": ("relaxation", 0.15),
+    "crab": ("crab", 0.006),
+    "wheel_scale": ("wheel_scale", 0.005),
+    "lateness": ("latency", 0.02 * 60.0),
+}
+MOST_NUISANCE_WIDTHS = 2.5
 
 
 @dataclass(frozen=True)
@@ -280,19 +291,6 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     push = tuple(Coordinate(((name, 1.0),), 0.075, -math.inf, math.inf) for name in ("push_east", "push_north"))
     hypotheses.append(Hypothesis("push", CONSTANT, push, PENALTIES["law"], 0.01))
     return hypotheses
-
-
-# What the base model is known not to know, in every model with a small prior: tyres relax and creep, a wheel sensor is
-# a little off, speeds follow a little later, a ramp is steeper. Standard deviations from truths made by other hands.
-NUISANCES: Mapping[str, tuple[str, float]] = {
-    "speed_lag": ("speed_lag", 0.25),
-    "ramp": ("ramp", 3.0),
-    "relaxation": ("relaxation", 0.15),
-    "crab": ("crab", 0.006),
-    "wheel_scale": ("wheel_scale", 0.005),
-    "lateness": ("latency", 0.02 * 60.0),
-}
-MOST_NUISANCE_WIDTHS = 2.5
 
 
 def list_nuisances(data: DriveData) -> list[Hypothesis]:

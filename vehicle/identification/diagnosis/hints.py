@@ -87,36 +87,7 @@ WHERE_WORDS = {
 }
 CHANNEL_WORDS = {"pose": ("position", "the positions"), "wheel": ("steering", "the wheel angle"),
                  "speed": ("speed", "the speed")}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Change:
-    """What an error may look like: words, the field of the model, a usual size of it, and the least that is told, as
-    root mean squares in the unit of the field; `instrument` or `block` shows it, `keys` are what it may depend on."""
-
-    words: str
-    field: str
-    width: float
-    least: float
-    instrument: str | None
-    block: str | None
-    keys: tuple[str, ...]
-
-
 GROUND_KEYS = ("speed", "implement", "minutes", "to_east", "to_north", "east", "north", "lateral")
-# The least sizes are half more than the largest in eleven clean sets of three truths by other hands.
-CHANGES = (
-    Change("an extra wheel angle", "offset", 0.75 * DEG, 0.2 * DEG, None, PATH, GROUND_KEYS),
-    Change("a change of grip", "bend", 0.1, 0.03, None, PATH, (*GROUND_KEYS, "angle")),
-    Change("an error of the headings", "heading_bias", DEG, 0.45 * DEG, "heading", None,
-           ("speed", "minutes", "to_east", "to_north", "east", "north", "lateral", "turning")),
-    Change("an antenna displaced lengthwise", "shift_forward", 0.2, 0.02, "position", None,
-           ("accelerating", "lateral", "turning")),
-    Change("an antenna displaced sideways", "shift_right", 0.2, 0.02, "position", None,
-           ("lateral", "turning", "minutes", "east", "north")),
-    Change("a change of the distance driven", "speed_scale", 0.03, 0.005, "speed", None,
-           ("speed", "angle", "implement", "minutes", "to_east", "to_north", "east", "north")),
-)  # fmt: skip
 # Words where the noise of a pose is too loud, by what its loudest part does.
 LOUD_POSE = {
     "position": Hint(None, "position", None, "The positions wander within seconds while headings and wheel angles "
@@ -134,6 +105,41 @@ LOUD_SENSOR = {
     "speed": Hint("speed", "speed", None, "The speed follows its command otherwise than any drive line that is known: "
                   "look at what slows the tractor."),
 }  # fmt: skip
+
+MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
+DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
+Rng = np.random.Generator
+Model = Sequence[tuple[Hypothesis, Array]]
+LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
+
+
+@dataclass(frozen=True)
+class Change:
+    """What an error may look like: words, the field of the model, a usual size of it, and the least that is told, as
+    root mean squares in the unit of the field; `instrument` or `block` shows it, `keys` are what it may depend on."""
+
+    words: str
+    field: str
+    width: float
+    least: float
+    instrument: str | None
+    block: str | None
+    keys: tuple[str, ...]
+
+
+# The least sizes are half more than the largest in eleven clean sets of three truths by other hands.
+CHANGES = (
+    Change("an extra wheel angle", "offset", 0.75 * DEG, 0.2 * DEG, None, PATH, GROUND_KEYS),
+    Change("a change of grip", "bend", 0.1, 0.03, None, PATH, (*GROUND_KEYS, "angle")),
+    Change("an error of the headings", "heading_bias", DEG, 0.45 * DEG, "heading", None,
+           ("speed", "minutes", "to_east", "to_north", "east", "north", "lateral", "turning")),
+    Change("an antenna displaced lengthwise", "shift_forward", 0.2, 0.02, "position", None,
+           ("accelerating", "lateral", "turning")),
+    Change("an antenna displaced sideways", "shift_right", 0.2, 0.02, "position", None,
+           ("lateral", "turning", "minutes", "east", "north")),
+    Change("a change of the distance driven", "speed_scale", 0.03, 0.005, "speed", None,
+           ("speed", "angle", "implement", "minutes", "to_east", "to_north", "east", "north")),
+)  # fmt: skip
 
 
 def find_hints(problem: Problem, fit: Fit, judgements: Sequence[Judgement]) -> tuple[Hint, ...]:
@@ -264,12 +270,6 @@ def compare_thirds(values: Array, squares: Array) -> float:
 
 
 # --- the noise floor: what a model without faults would still miss ---
-
-MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
-DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
-Rng = np.random.Generator
-Model = Sequence[tuple[Hypothesis, Array]]
-LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
 
 
 def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> Pieces:

@@ -37,6 +37,9 @@ NOISE_ITERATIONS = 40
 Residuals = dict[str, Array]
 Model = tuple[Hypothesis, ...]
 
+# Effects of the steering system act by thresholds: their cost has many minima, and both signs are tried.
+RUGGED_CHAINS = frozenset({"steering"})
+
 
 @dataclass(frozen=True, eq=False)
 class Fit:
@@ -324,10 +327,6 @@ def _solve_inside(
         if not free.any():
             break
     return step
-
-
-# Effects of the steering system act by thresholds: their cost has many minima, and both signs are tried.
-RUGGED_CHAINS = frozenset({"steering"})
 
 
 @dataclass(frozen=True)

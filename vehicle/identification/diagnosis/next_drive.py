@@ -34,6 +34,10 @@ Alternative = tuple[Hypothesis, Array]
 CompetingPair = tuple[Alternative, Alternative | None]
 """Two hypotheses that explain the logs equally well, with their amounts; None stands for neither."""
 
+PROGRAMME_PACE_MPS = 1.4  # 5 km/h, the speed of the thesis's experiments
+ProgrammePiece = tuple[float, float, float, float]
+ProgrammePieces = tuple[ProgrammePiece, ...]
+
 
 def choose_next_drive(problem: Problem, fit: Fit, competitors: Sequence[CompetingPair]) -> NextDrive | None:
     """The drive that decides between most pairs, and of several that which separates most per second.
@@ -123,11 +127,6 @@ def build_trial(problem: Problem, programme: DriveProgramme) -> Problem:
     trial.bases.arrays |= {f"by_run:{run}": nowhere for run in range(problem.data.runs)}
     trial.set_noise(problem.get_noise())
     return trial
-
-
-PROGRAMME_PACE_MPS = 1.4  # 5 km/h, the speed of the thesis's experiments
-ProgrammePiece = tuple[float, float, float, float]
-ProgrammePieces = tuple[ProgrammePiece, ...]
 
 
 @dataclass(frozen=True)

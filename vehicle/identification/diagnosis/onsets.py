@@ -68,6 +68,8 @@ Channel = tuple[Array, Array]
 """What an entry of MEASURES reads in a run (k,), NaN where nothing is known: how far it is beyond what is allowed, and
 the nats per second that speak for "as before" where it is not."""
 
+PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely
+
 
 @dataclass(frozen=True)
 class OnsetSpan:
@@ -251,7 +253,6 @@ def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows
     return STEERING_STUCK if has_run else STEERING_LOOSE
 
 
-PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely
 MEASURES = {
     _measure_wheel: WHEEL_NOISE_DEG, _measure_swing: WHEEL_NOISE_DEG, _measure_path: WHEEL_NOISE_DEG,
     _measure_place: POSITION_NOISE_M,

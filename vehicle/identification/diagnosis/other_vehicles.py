@@ -60,6 +60,22 @@ TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor un
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))
 COMMANDED = tuple(itertools.product((0.0, 0.15, 0.3, 0.5), (6.0, 10.0, 16.0, 30.0), (0.1, 0.3, 0.6)))
+_JOINT_WORDS = (
+    "These logs look like a vehicle that bends in its middle (articulated): its heading changes by {:.2f} degrees per "
+    "degree of the steering angle at any speed; the model steers its front wheels, so causes between the wheels and "
+    "the positions are not named."
+)
+_COURSE_WORDS = " If it does not bend, heading_deg is the course of the antenna: leave that column out."
+_REAR_WORDS = (
+    "These logs look like a vehicle that steers its rear wheels: the axle that does not move sideways is {0:.1f} m "
+    "further ahead than the rear axle of the tractor file, where its front axle is; the model steers its front wheels, "
+    "so neither the place of the antenna nor a delay of the positions is named. If the front wheels steer, the antenna "
+    "is {0:.1f} m further back than the file says."
+)
+_FAKED_BY_REAR_WHEELS = frozenset(
+    {"antenna_forward", "gnss_latency", "position_delay", "heading_delay", "heading_filter", "clock_offset_position",
+     "clock_offset_heading"}
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,24 +152,6 @@ def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
         log if log.heading_deg is None or not is_course else log.correct_columns(COURSE_HEADING, heading_deg=None)
         for log in logs
     ]
-
-
-_JOINT_WORDS = (
-    "These logs look like a vehicle that bends in its middle (articulated): its heading changes by {:.2f} degrees per "
-    "degree of the steering angle at any speed; the model steers its front wheels, so causes between the wheels and "
-    "the positions are not named."
-)
-_COURSE_WORDS = " If it does not bend, heading_deg is the course of the antenna: leave that column out."
-_REAR_WORDS = (
-    "These logs look like a vehicle that steers its rear wheels: the axle that does not move sideways is {0:.1f} m "
-    "further ahead than the rear axle of the tractor file, where its front axle is; the model steers its front wheels, "
-    "so neither the place of the antenna nor a delay of the positions is named. If the front wheels steer, the antenna "
-    "is {0:.1f} m further back than the file says."
-)
-_FAKED_BY_REAR_WHEELS = frozenset(
-    {"antenna_forward", "gnss_latency", "position_delay", "heading_delay", "heading_filter", "clock_offset_position",
-     "clock_offset_heading"}
-)  # fmt: skip
 
 
 def measure_turning(logs: Sequence[Log]) -> TurningMeasure:

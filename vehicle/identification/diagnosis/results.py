@@ -20,6 +20,14 @@ ErrorsByHorizon = dict[float, HorizonError]
 ABOVE_FLOOR_FACTOR = 1.0 + ALIKE_SHARE  # chosen: times the noise floor that is still noise
 CONSTANT_LAW = "constant"
 
+COLUMN_WORDS = {
+    "position": "the position",
+    "heading": "the heading",
+    "speed": "the measured speed",
+    "steering": "the wheel angle",
+    "steering_command": "the steering command",
+}
+
 
 @dataclass(frozen=True)
 class ParameterLaw:
@@ -28,15 +36,6 @@ class ParameterLaw:
     kind: str
     values: dict[str, float]
     words: str
-
-
-COLUMN_WORDS = {
-    "position": "the position",
-    "heading": "the heading",
-    "speed": "the measured speed",
-    "steering": "the wheel angle",
-    "steering_command": "the steering command",
-}
 
 
 @dataclass(frozen=True)

@@ -43,6 +43,8 @@ LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other ru
 HALVES_WORDS = "Each half of the run was driven with what its other half shows."
 FILE_DIGITS = 6  # significant digits of a value in a file: far finer than any interval
 TRUSTED_SHARE = 0.005  # of the driving at either end of speeds and angles in which a discrepancy model is not trusted
+HARM_FACTOR = 1.05  # an error that changes by less than a twentieth is the same
+LEAST_HARM = np.array([5e-4, math.radians(0.03)])  # m and rad: smaller errors differ by the last digits of instruments
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,10 +196,6 @@ def _build_discrepancy(
         interval={name: (round_value(first), round_value(last)) for name, (first, last) in intervals.items()},
         logs=dataset.names,
     )
-
-
-HARM_FACTOR = 1.05  # an error that changes by less than a twentieth is the same
-LEAST_HARM = np.array([5e-4, math.radians(0.03)])  # m and rad: smaller errors differ by the last digits of instruments
 
 
 def measure_holdout(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> HoldoutResult:

@@ -40,6 +40,17 @@ MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
 
+Step = Callable[[], None]
+
+SPACING = 0.7  # of the radius between the centres that are tried
+FIRST_MOVE_M = 0.5 * PATCH_RADII_M[0]
+FINEST_MOVE_M = FIRST_MOVE_M / 8.0
+SMALLEST_RADIUS_M = 3.0
+MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
+LARGEST_PATCH_SHARE = 0.7  # of the driving: a circle that holds more is no place
+MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
+Circle = tuple[float, float, float]
+
 
 @dataclass(frozen=True, eq=False)
 class PredictiveComparison:
@@ -68,9 +79,6 @@ class SearchResult:
     fit: Fit
     base: Fit
     judgements: tuple[Judgement, ...]
-
-
-Step = Callable[[], None]
 
 
 @dataclass(eq=False)
@@ -247,16 +255,6 @@ def takes_over(comparison: PredictiveComparison, competitor: Hypothesis, hypothe
     if competitor.is_catalogued:
         return is_better or comparison.z < DOUBT_SIGMAS
     return is_better and comparison.z <= -DOUBT_SIGMAS
-
-
-SPACING = 0.7  # of the radius between the centres that are tried
-FIRST_MOVE_M = 0.5 * PATCH_RADII_M[0]
-FINEST_MOVE_M = FIRST_MOVE_M / 8.0
-SMALLEST_RADIUS_M = 3.0
-MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
-LARGEST_PATCH_SHARE = 0.7  # of the driving: a circle that holds more is no place
-MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
-Circle = tuple[float, float, float]
 
 
 def build_patch(circle: Circle) -> Hypothesis:

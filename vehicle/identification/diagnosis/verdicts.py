@@ -60,6 +60,31 @@ FAR_WIDTHS = MEASURED_SIGMAS  # an amount beyond says that the grammar does not 
 TIME_FIELDS = frozenset({"dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"})
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 
+Values = dict[str, float]
+LAW_SENTENCES = {
+    "by_speed": "{at_0:.2f}{unit} at a crawl and changes by {per_mps:+.3f}{unit} per m/s",
+    "by_angle": "{at_0:.2f}{unit} at 0 degrees and {at_27:.2f}{unit} at 27 degrees",
+    "by_implement": "{lifted:.2f}{unit} with the implement lifted and {working:.2f}{unit} with it working",
+    "over_minutes": "{start:.2f}{unit} at the start of a run and changes by {per_minute:+.3f}{unit} per minute",
+    BY_RUN: "{value:.2f}{unit} in {run} and {other:.2f}{unit} in the other runs",
+    "over_day": "{mean:.2f}{unit} on average and swings by {amplitude:.2f}{unit} over the day",
+    "by_side": "{right:.2f}{unit} to the right and {left:.2f}{unit} to the left",
+}
+LAW_VALUES: Mapping[str, Callable[[float, float, bool], Values]] = {
+    "by_speed": lambda at, amount, _: {"at_0": at, "per_mps": amount},
+    "by_angle": lambda at, amount, _: {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount},
+    "by_implement": lambda at, amount, _: {"lifted": at, "working": at + amount},
+    "over_minutes": lambda at, amount, _: {"start": at, "per_minute": amount},
+    "by_side": lambda at, amount, is_left: {"right": at + amount * (not is_left), "left": at + amount * is_left},
+}
+"""Numbers of a law, as in LOGS.md, by the value without it, the amount, and whether it is of the left side."""
+LEVELS = ("value", "other", "mean")
+OTHER_LAW_SENTENCE = "not the same in all directions ({amount:+.3f}{unit})"
+WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
+FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
+PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
+RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
+
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
@@ -226,32 +251,6 @@ def find_smallest_visible(problem: Problem, fit: Fit) -> dict[str, float]:
                 )
                 break
     return visible
-
-
-Values = dict[str, float]
-LAW_SENTENCES = {
-    "by_speed": "{at_0:.2f}{unit} at a crawl and changes by {per_mps:+.3f}{unit} per m/s",
-    "by_angle": "{at_0:.2f}{unit} at 0 degrees and {at_27:.2f}{unit} at 27 degrees",
-    "by_implement": "{lifted:.2f}{unit} with the implement lifted and {working:.2f}{unit} with it working",
-    "over_minutes": "{start:.2f}{unit} at the start of a run and changes by {per_minute:+.3f}{unit} per minute",
-    BY_RUN: "{value:.2f}{unit} in {run} and {other:.2f}{unit} in the other runs",
-    "over_day": "{mean:.2f}{unit} on average and swings by {amplitude:.2f}{unit} over the day",
-    "by_side": "{right:.2f}{unit} to the right and {left:.2f}{unit} to the left",
-}
-LAW_VALUES: Mapping[str, Callable[[float, float, bool], Values]] = {
-    "by_speed": lambda at, amount, _: {"at_0": at, "per_mps": amount},
-    "by_angle": lambda at, amount, _: {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount},
-    "by_implement": lambda at, amount, _: {"lifted": at, "working": at + amount},
-    "over_minutes": lambda at, amount, _: {"start": at, "per_minute": amount},
-    "by_side": lambda at, amount, is_left: {"right": at + amount * (not is_left), "left": at + amount * is_left},
-}
-"""Numbers of a law, as in LOGS.md, by the value without it, the amount, and whether it is of the left side."""
-LEVELS = ("value", "other", "mean")
-OTHER_LAW_SENTENCE = "not the same in all directions ({amount:+.3f}{unit})"
-WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
-FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
-PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
-RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,6 +61,10 @@ _PLACE_M, _BEYOND_M = 25.0, 10.0  # chosen: squares of the field; driving on the
 _GAINS = (0.5, 2.0)  # chosen: of an angle needed per angle measured
 _PASSES, _ROUNDS = 5, 3  # of a fit; of a search without, and with the step of the round before
 _MOST_PARTS = 400  # chosen: limits the time of long runs
+HEADING_JUMP = "heading_jump"
+_MOST_DEG = 180.0 - TURNED_DEG  # more is a heading that points backwards, less than CLEARLY_APART_DEG is its noise
+_JUMP_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
+_HEADING_NEAR_DEG = 1.5  # chosen: from the level of its side, beside a share of the jump
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,12 +354,6 @@ def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) ->
         if not _LEAST_SHARE < (float(np.median(residual[beyond])) - other) / (level - other) < _MOST_SHARE:
             return False
     return True
-
-
-HEADING_JUMP = "heading_jump"
-_MOST_DEG = 180.0 - TURNED_DEG  # more is a heading that points backwards, less than CLEARLY_APART_DEG is its noise
-_JUMP_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
-_HEADING_NEAR_DEG = 1.5  # chosen: from the level of its side, beside a share of the jump
 
 
 def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:

@@ -45,6 +45,14 @@ _LEAST_DRIFT_S = 0.3
 CLOCKS_FROM_S = 10.0 * WINDOW_S
 _NULL_ORDERS = 100  # chosen, other orders of the windows, all of which must gain less than the true one
 
+Drift = tuple[float, float]
+"""A lag (s) that grows evenly: at the start of the log, and per second."""
+
+_WINDOW_ROWS = 2 * FEWEST_EVENTS + 1  # chosen: the clock of a logger keeps its rate over so many rows
+# Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
+# so many steps comes after lost rows; more of those are no rate.
+_AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
+
 
 @dataclass(frozen=True, eq=False)
 class LagTable:
@@ -56,10 +64,6 @@ class LagTable:
     def select_windows(self, windows: Rows) -> LagTable:
         """The table of some windows."""
         return LagTable(self.middle_s[windows], self.losses[windows])
-
-
-Drift = tuple[float, float]
-"""A lag (s) that grows evenly: at the start of the log, and per second."""
 
 
 def correct_position_clock(log: Log) -> Log:
@@ -268,12 +272,6 @@ def _compute_line_loss(table: LagTable, drift: Drift) -> float:
 def _find_columns(lag: Array, count: int) -> Rows:
     """Return the columns of a table that lags (s) are nearest to."""
     return np.asarray(np.clip(np.round((lag + _SEARCH_S) / _FINE_S), 0, count - 1).astype(np.int64))
-
-
-_WINDOW_ROWS = 2 * FEWEST_EVENTS + 1  # chosen: the clock of a logger keeps its rate over so many rows
-# Chosen, of the mean step: usual steps within bundles, and the least one between two of them; a bundle that is late by
-# so many steps comes after lost rows; more of those are no rate.
-_AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
 
 
 def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:

@@ -49,6 +49,20 @@ LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lo
 # four do beside a standstill of six.
 _CALM_SHARE = 0.15
 
+Span = tuple[int, int]  # first and last index of the rows in use
+
+# Chosen, m and m/s2: no clod moves an antenna so far from the middle of its neighbours, and no tractor accelerates so.
+_LEAST_ASIDE_M, _LARGEST_ACCELERATION_MPS2 = 0.5 * JUMP_M, 3.0
+# Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
+# Rayleigh distribution, because a fix may be lost for most of a log.
+_LEAST_NOISES = 8.0
+_MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _CALM_SHARE))
+_SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
+_WANDER_S = 0.5 * READING_S  # in which a tractor turns and brakes little, and a receiver without a fix moves far
+
+POSITION_JUMP = "position_jump"
+_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     """Return the faults of positions, heading, speed and wheel angle of the log `name`, in units of the contract."""
@@ -128,9 +142,6 @@ def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Rows]:
     return rows
 
 
-Span = tuple[int, int]  # first and last index of the rows in use
-
-
 # --- one value again and again -----------------------------------------------------------------------------------
 
 
@@ -183,15 +194,6 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
 
 # --- a fix that is lost ------------------------------------------------------------------------------------------
 
-# Chosen, m and m/s2: no clod moves an antenna so far from the middle of its neighbours, and no tractor accelerates so.
-_LEAST_ASIDE_M, _LARGEST_ACCELERATION_MPS2 = 0.5 * JUMP_M, 3.0
-# Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
-# Rayleigh distribution, because a fix may be lost for most of a log.
-_LEAST_NOISES = 8.0
-_MEDIAN_OF_QUANTILE = math.sqrt(math.log(0.5) / math.log(1.0 - _CALM_SHARE))
-_SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
-_WANDER_S = 0.5 * READING_S  # in which a tractor turns and brakes little, and a receiver without a fix moves far
-
 
 def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
     """Return rows in groups of those that are near each other in time."""
@@ -226,10 +228,6 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
         shown = driven[:, lag:-lag] - middle
         far &= np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))) > limit  # in either gear
     return np.asarray(fresh[lag:-lag][far])
-
-
-POSITION_JUMP = "position_jump"
-_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
 def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[ColumnFault]]:

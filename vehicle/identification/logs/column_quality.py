@@ -46,6 +46,15 @@ from vehicle.identification.logs.thresholds import (
 
 _LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
 _AT_COMMAND_S = 8.0  # chosen: wheels that stand straight by chance do not for so long
+_POSITION_COLUMNS = ("easting_m", "northing_m")
+COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared
+# Chosen: good positions give the course over 5 s more precisely; larger steps are directions of field rows.
+COARSE_HEADING_DEG = (1.5, 45.0)
+_STEP_TOLERANCE = 0.02  # of a step, by which values may miss it
+_UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
+STANDING_M = 10.0 * POSITION_NOISE_M  # spread of positions of a tractor that stands
+_WANDER_M = 5.0  # of a log whose own speed says that it stands: a receiver without corrections wanders this far
+_SAME = 2e-3  # chosen, s and m: one digit of rounding; no drive repeats another one this closely
 
 
 def drop_constant_columns(log: Log) -> Log:
@@ -186,9 +195,6 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     return FreshColumns(converted, fresh, tuple(doubts), place_rows)
 
 
-_POSITION_COLUMNS = ("easting_m", "northing_m")
-
-
 def _find_fresh_rows(values: Array) -> Rows | None:
     """Return the indices at which values (c, k) were measured; None where they are not held between measurements."""
     if values.shape[1] < FEWEST_EVENTS:
@@ -213,13 +219,6 @@ def _describe_held_values(what_held: str, instrument: str, every_s: float, time:
         f"{what_held} only every {every_s:.2g} s while rows are {row_step_s:.2g} s apart: {instrument} is slower "
         "than the log; repeated values are not used"
     )
-
-
-COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared
-# Chosen: good positions give the course over 5 s more precisely; larger steps are directions of field rows.
-COARSE_HEADING_DEG = (1.5, 45.0)
-_STEP_TOLERANCE = 0.02  # of a step, by which values may miss it
-_UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
 
 
 def drop_coarse_columns(log: Log) -> Log:
@@ -287,11 +286,6 @@ def _is_multiple_of_step(values: Array, step: float) -> bool:
     """Whether values (k,) are whole numbers of steps apart; a single value is."""
     steps = np.diff(np.unique(np.round(values, DIGITS))) / step
     return bool((np.abs(steps - np.round(steps)) < _STEP_TOLERANCE).all())
-
-
-STANDING_M = 10.0 * POSITION_NOISE_M  # spread of positions of a tractor that stands
-_WANDER_M = 5.0  # of a log whose own speed says that it stands: a receiver without corrections wanders this far
-_SAME = 2e-3  # chosen, s and m: one digit of rounding; no drive repeats another one this closely
 
 
 def is_parked(log: Log) -> bool:

@@ -44,6 +44,12 @@ _WRAP_RAD = 3.0
 _LARGEST_CHANGE_RAD = 7.0
 _LEAST_TURN_DEG2 = 20 * 5.0**2  # chosen: 20 chords that turn by 5 degrees, where noise turns them by 1
 _ALIKE_SHARES = (0.75, 1.67)  # of a commanded speed to the measured one in the same unit
+_AHEAD_S = 0.3  # chosen: within which wheels move towards a command
+_GAP_DEG = 0.7  # chosen: rows with larger gaps show who follows whom
+# Chosen, correlations of movement with the gap before it: from which a column follows, and up to which it does not.
+_FOLLOWS, _FOLLOWS_MORE = 0.6, 0.2
+_STEEPEST_ROWS = 2  # chosen: one may be an outlier
+_STEEPER = 1.5  # chosen: times the steepest movement of the column that follows
 
 
 def find_convention_errors(
@@ -232,14 +238,6 @@ def _check_implement(log: Log) -> list[Suspicion]:
         return []
     why = f"it is 1 in {100.0 * turns:.0f} % of the turns and 0 on {100.0 * rows:.0f} % of the straight rows between"
     return [Suspicion(LogConvention.IMPLEMENT_REVERSED, why)]
-
-
-_AHEAD_S = 0.3  # chosen: within which wheels move towards a command
-_GAP_DEG = 0.7  # chosen: rows with larger gaps show who follows whom
-# Chosen, correlations of movement with the gap before it: from which a column follows, and up to which it does not.
-_FOLLOWS, _FOLLOWS_MORE = 0.6, 0.2
-_STEEPEST_ROWS = 2  # chosen: one may be an outlier
-_STEEPER = 1.5  # chosen: times the steepest movement of the column that follows
 
 
 # --- steering columns under each other's names: wheels move towards their command, at the rate of a valve; commands

@@ -51,6 +51,16 @@ COURSE_HEADING = (
 )
 _OR_COURSE = ", or leave heading_deg out if it is the course over ground"
 _FOLLOWING_SHARE = 0.65  # chosen: short legs between changes of gear misjudge a quarter of the bends
+# Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
+# convention is wrong when another one fits better than any effect could explain.
+HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
+MOST_LEVER_M = 3.0  # largest distance of an antenna from the rear axle
+# From the angle of a convention: the largest heading_bias of the catalogue.
+_NEAR_DEG = get_effect("heading_bias").size.high
+# Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
+_UTM_EAST_M, _UTM_NORTH_M = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
+
+HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
 
 
 def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
@@ -156,16 +166,6 @@ def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspic
     suspected = "shuttle is 1 (the default without that column) where the tractor drives in reverse"
     why = f"heading and course are opposite, first near line {find_file_line(rows)}"
     return Suspicion(None, why, suspected, f"write -1 in those rows{other_reading}")
-
-
-# Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
-# convention is wrong when another one fits better than any effect could explain.
-HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
-MOST_LEVER_M = 3.0  # largest distance of an antenna from the rear axle
-# From the angle of a convention: the largest heading_bias of the catalogue.
-_NEAR_DEG = get_effect("heading_bias").size.high
-# Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
-_UTM_EAST_M, _UTM_NORTH_M = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
 
 
 def find_direction_errors(log: Log, other_logs: Sequence[Log] = ()) -> list[Suspicion]:
@@ -335,9 +335,6 @@ def _build_mirrored_heading_suspicion(own: _HeadingSums, sums: _HeadingSums) -> 
         f"heading_deg runs counter-clockwise from {measured_zero_deg % 360.0:.0f} degrees",
         "write it clockwise from north",
     )
-
-
-HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
 
 
 def find_flipped_headings(columns: Columns) -> Rows:

@@ -30,6 +30,16 @@ from vehicle.identification.logs.thresholds import (
 
 _SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)  # long chords have less noise, short ones follow the bends of small fast vehicles
 _LEAST_STRAIGHTNESS = 0.93  # chord over two half chords: an arc of about 86 degrees
+CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
+_SAME_MPS = 0.02  # chosen: commands that differ by less are one
+_PARTS = 5  # chosen: of a run to look at
+_CHORDS_S, _NOISE_LENGTHS = (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
+_LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
+LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
+# Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
+PACE_CHANGE_MPS = 0.35
+# Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
+_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, MAJORITY, 1.5 * READING_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +101,6 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
     chord = first + second
     chords = PathChords(row, span, np.arctan2(chord[:, 0], chord[:, 1]), halves / span, 2.0 * turn / halves)
     return chords, float(np.quantile(length / halves, 0.1))
-
-
-CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
-_SAME_MPS = 0.02  # chosen: commands that differ by less are one
-_PARTS = 5  # chosen: of a run to look at
 
 
 def _correlate(one: Array, other: Array) -> float:
@@ -198,15 +203,6 @@ def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
         return None
     correlation = float(angle @ curvature) / math.sqrt(float(angle @ angle) * float(curvature @ curvature) + 1e-30)
     return correlation <= -0.5 and float(np.mean(angle * curvature < 0.0)) >= MOST_SHARE
-
-
-_CHORDS_S, _NOISE_LENGTHS = (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
-_LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
-LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
-# Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
-PACE_CHANGE_MPS = 0.35
-# Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
-_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, MAJORITY, 1.5 * READING_S
 
 
 @dataclass(frozen=True, eq=False)

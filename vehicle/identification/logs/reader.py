@@ -70,6 +70,15 @@ SAMPLE_LOG = "sample"  # made as planner/guide/diagnosis.md says, with an effect
 _SHORT_SEGMENTS = f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
 _REPEATED = "positions repeat the row before"
 _LARGE_SHARE = 0.25  # chosen, of the rows of a log: so many are told with its name
+_FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
+_MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
+# What to do where a rule excludes most rows, by a word of the rule.
+_ADVICE = {
+    "missing": "fill the column, or remove it if it is optional",
+    "position jumps": "give positions in metres and times in seconds",
+}
+_POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
+_SPEED_FIXES = [{fix for both, *one in SPEED_UNITS for fix in (both, one[place])} for place in (0, 1)]
 
 
 def list_remarks(log: Log) -> list[str]:
@@ -133,17 +142,6 @@ def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
             counts[rule] = counts.get(rule, 0) + rows
     counts[_REPEATED] = sum(len(log.used) for log in logs) - rows_used - sum(counts.values())
     return dict(sorted(((rule, rows) for rule, rows in counts.items() if rows > 0), key=lambda pair: -pair[1]))
-
-
-_FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
-_MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
-# What to do where a rule excludes most rows, by a word of the rule.
-_ADVICE = {
-    "missing": "fill the column, or remove it if it is optional",
-    "position jumps": "give positions in metres and times in seconds",
-}
-_POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
-_SPEED_FIXES = [{fix for both, *one in SPEED_UNITS for fix in (both, one[place])} for place in (0, 1)]
 
 
 def read_log(

@@ -23,6 +23,8 @@ OPTIONAL_COLUMNS = (
     "heading_deg", "speed_mps", "speed_command_mps", "shuttle", "implement", "roll_deg", "pitch_deg", "elevation_m",
 )  # fmt: skip
 COLUMNS = NEEDED_COLUMNS + STEERING_COLUMNS + OPTIONAL_COLUMNS
+GAP_SAMPLES = 2.0 * GAP_STEPS  # half a second at the usual 10 Hz, bridged by a straight line
+SHORTEST_SEGMENT_S = PART_S  # one piece of the 5 s horizon, over which errors are compared
 
 
 @dataclass(frozen=True)
@@ -158,10 +160,6 @@ class Log:
         if len(rows):
             changed["gated"] = (*self.gated, GatedRows(rule, len(rows), find_file_line(rows)))
         return replace(self, used=used, segment=number_segments(self.time_s, used), **changed)
-
-
-GAP_SAMPLES = 2.0 * GAP_STEPS  # half a second at the usual 10 Hz, bridged by a straight line
-SHORTEST_SEGMENT_S = PART_S  # one piece of the 5 s horizon, over which errors are compared
 
 
 def list_gap_rows(last_before: int, first_after: int, count: int) -> Rows:

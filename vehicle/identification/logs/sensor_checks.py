@@ -45,6 +45,8 @@ _LEAST_SENSOR_FACTOR = 1.25
 _SAME_SHARE = 0.03  # by which factors of parts may differ
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 
+_STEADY_S = 2.0 * LASTING_S  # of constant command: longer than any drive line takes to follow
+
 
 def correct_sensors(log: Log) -> Log:
     """Return the log with sensor errors corrected, and a sentence for each in `corrections`."""
@@ -194,9 +196,6 @@ def _correlate_with_bends(log: Log) -> float:
     ):
         return 1.0
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
-
-
-_STEADY_S = 2.0 * LASTING_S  # of constant command: longer than any drive line takes to follow
 
 
 def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:

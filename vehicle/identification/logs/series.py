@@ -21,6 +21,10 @@ WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last
 WINDOW_GROWTH = 1.5  # chosen: ratio of the widths of windows
 # Chosen: closer values are equal up to rounding, larger differences are no last digit.
 DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
+DIGITS = 9  # decimals used: below them is rounding of the computation
+# Chosen, times the least change: smaller changes may be those of the last digit.
+_CLEAR_CHANGE_FACTOR = 3.0
+_LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
 
 
 def select_timed_rows(columns: Mapping[str, Array], *names: str) -> Rows:
@@ -104,12 +108,6 @@ def turn_path(path: Array, turned: Array) -> Array:
     out[1:, 0] += np.cumsum(steps[:, 0] * cosine - steps[:, 1] * sine)
     out[1:, 1] += np.cumsum(steps[:, 0] * sine + steps[:, 1] * cosine)
     return out
-
-
-DIGITS = 9  # decimals used: below them is rounding of the computation
-# Chosen, times the least change: smaller changes may be those of the last digit.
-_CLEAR_CHANGE_FACTOR = 3.0
-_LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
 
 
 class Changes(NamedTuple):

@@ -52,6 +52,16 @@ _LEAST_SPEED_MPS = 1.0  # chosen: a pace that no sensor shows at rest
 _COURSE_APART_DEG = 20.0
 _STOPPED_MPS = 0.5 * MOVING_MPS  # a pace that is a halt
 
+_Shown = tuple[int, int, int] | None
+
+STEERING_LOOSE, STEERING_STUCK = "steering_loose", "steering_stuck"
+STEERING_WORDS = {
+    STEERING_LOOSE: "the wheels do not follow the steering commands",
+    STEERING_STUCK: "the wheels run to one side and stay there whatever is commanded",
+}
+
+Span = tuple[int, int]  # first and last reading
+
 
 @dataclass(frozen=True, eq=False)
 class _Blocks:
@@ -135,8 +145,6 @@ def _list_still_blocks(means: Array, time: Array, limit: float, least_s: float) 
 
 
 # --- what contradicts a column that stands: each returns its first and last block, and the first that shows it --------
-
-_Shown = tuple[int, int, int] | None
 
 
 def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
@@ -257,15 +265,6 @@ STILL_READINGS = {
     "wheel": StillReading(WHEEL_SENSOR_FROZEN, "steering_deg repeats one value while the tractor steers on"),
 }  # fmt: skip
 """A fault of a further column is one more entry, and what contradicts it one more case of RawMotion."""
-
-
-STEERING_LOOSE, STEERING_STUCK = "steering_loose", "steering_stuck"
-STEERING_WORDS = {
-    STEERING_LOOSE: "the wheels do not follow the steering commands",
-    STEERING_STUCK: "the wheels run to one side and stay there whatever is commanded",
-}
-
-Span = tuple[int, int]  # first and last reading
 
 
 def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault]:

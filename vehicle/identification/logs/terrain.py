@@ -38,6 +38,11 @@ SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor driv
 _LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
 # Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
 _EXPECTED_SENSOR, _EXPECTED_GROUND = 0.1, 0.15
+STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
+_LEAST_GAIN = FEW_SHARE  # of the speed per slope: less is a centimetre per second on a slope of 10 %
+_COMPASS_ERROR_RAD = 0.004  # a quarter of a degree, the drift of a heading from run to run
+_LEAST_DRIFT = 0.03  # m/m per slope; tyres give way by about a tenth of the slope, soil by more
+_OTHER_PLACE = "so heights or positions are of another place or in another coordinate system"
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,10 +226,6 @@ def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -
     return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > MEASURED_SIGMAS * error[1] else 0.0
 
 
-STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
-_LEAST_GAIN = FEW_SHARE  # of the speed per slope: less is a centimetre per second on a slope of 10 %
-
-
 @dataclass(frozen=True, eq=False)
 class GradeSpeed:
     """Share of the commanded speed that is driven on the grade, per row of each log; empty where it is not used."""
@@ -313,11 +314,6 @@ def _compute_block_rms(values: Array, block: Array) -> float:
     owners = np.unique(block, return_inverse=True)[1]
     means = np.bincount(owners, values) / np.bincount(owners)
     return float(np.sqrt(np.mean(means**2)))
-
-
-_COMPASS_ERROR_RAD = 0.004  # a quarter of a degree, the drift of a heading from run to run
-_LEAST_DRIFT = 0.03  # m/m per slope; tyres give way by about a tenth of the slope, soil by more
-_OTHER_PLACE = "so heights or positions are of another place or in another coordinate system"
 
 
 @dataclass(frozen=True, eq=False)

@@ -55,8 +55,13 @@ _DRIVING_MPS = 0.5
 COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
 _MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
 
-
 Antenna = tuple[float, float]
+
+_STANDING_S = 2.0 * GRID_S  # chosen: wheels that follow a command move by more than noise meanwhile
+WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
+_WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
+HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # over which errors are compared: from a moment to a short swath at 5 km/h
+WINDOW_S = HORIZONS_S[-1]  # so that no error piece lies in two windows
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +158,6 @@ class DriveDataset:
     def has_speed(self) -> bool:
         """Whether all speeds were measured."""
         return all(segment.speed_measured for segment in self.segments)
-
-
-_STANDING_S = 2.0 * GRID_S  # chosen: wheels that follow a command move by more than noise meanwhile
-WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
-_WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
 
 def measure_wheel_lag(segments: Sequence[DriveSegment]) -> float:
@@ -326,10 +326,6 @@ def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str,
             is_held = name in ("command", "target", "working")
             grids[name] = values[nearest] if is_held else np.interp(grid, time, values)
     return grids
-
-
-HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # over which errors are compared: from a moment to a short swath at 5 km/h
-WINDOW_S = HORIZONS_S[-1]  # so that no error piece lies in two windows
 
 
 def compute_half_numbers(seconds: Array) -> npt.NDArray[np.int64]:

@@ -18,6 +18,13 @@ from vehicle.model.tractor import Settings
 
 HEADING_TRUST_RAD = 0.035  # 2 degrees, what a compass may be off
 POSITION_TRUST_M = 0.01  # a centimetre, what a receiver with corrections is off
+LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
+FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
+ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
+Pieces = Mapping[float, Array]
+"""By horizon (s) a row per piece (p, 6): its run, its middle (s since the start of its segment), squares of the errors
+across and along (m2) and of the heading (rad2; nan without one) summed over its rows, and its rows."""
+PieceBounds = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 
 
 @compile_function
@@ -100,15 +107,6 @@ def write_anchored_errors(starts, ends, east, north, heading, x, y, angle, out) 
             out[k, 1] = off_east * heading_cosine[k] + off_north * heading_sine[k]
             heading_error = heading[k] - angle[k] - turn
             out[k, 2] = heading_error - 2.0 * math.pi * round_number(heading_error / (2.0 * math.pi))
-
-
-LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
-FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
-ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
-Pieces = Mapping[float, Array]
-"""By horizon (s) a row per piece (p, 6): its run, its middle (s since the start of its segment), squares of the errors
-across and along (m2) and of the heading (rad2; nan without one) summed over its rows, and its rows."""
-PieceBounds = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
 
 
 @dataclass(frozen=True)

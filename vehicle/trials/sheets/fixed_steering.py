@@ -69,6 +69,10 @@ SHOWN_S = 30.0
 MIN_DRIVE_S, MAX_DRIVE_S, MAX_SPEED_KMH = 20.0, 3600.0, 30.0
 SHOWN_RADII, WIDEST_SHOWN_M = 3.0, 100.0
 MAX_CIRCLE_RADIUS_M = 1e6  # a radius beyond this is no circle
+CRITERION = (
+    f"Oversteer: the slip of the rear axle exceeds {MAX_REAR_SLIP_DEG:g} degrees, or its mean over the last quarter of "
+    f"{STUDY_DURATION_S:g} s is more than {MAX_GROWTH_DEG:g} degrees larger than over the quarter before."
+)
 
 
 def build_circles_sheet(tractor: Tractor) -> ExperimentSheet:
@@ -230,12 +234,6 @@ def build_changing_sheet(tractor: Tractor) -> ExperimentSheet:
         ),
     )
     return ExperimentSheet("changing", "Continuously changing steering (section 4.3.2)", words, (), panels)
-
-
-CRITERION = (
-    f"Oversteer: the slip of the rear axle exceeds {MAX_REAR_SLIP_DEG:g} degrees, or its mean over the last quarter of "
-    f"{STUDY_DURATION_S:g} s is more than {MAX_GROWTH_DEG:g} degrees larger than over the quarter before."
-)
 
 
 def build_tyres_sheet(tractor: Tractor) -> ExperimentSheet:

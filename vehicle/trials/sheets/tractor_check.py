@@ -41,6 +41,13 @@ PATH_LENGTH_M, SETTLING_M = 100.0, 20.0
 RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
 APPROACH_LENGTH_M, EXIT_LENGTH_M, MAX_DRIVE_S = 15.0, 25.0, 600.0
 ARC_POINTS = 91
+CIRCLE_TOLERANCE_SHARE, ACKERMANN_TOLERANCE_SHARE = 0.01, 0.35
+MAX_WEAVING_CM, MAX_SETTLING_M, MAX_OVERSHOOT_CM, MAX_DEVIATION_M = 5.0, 30.0, 50.0, 1.0
+RADIUS_ADVICE = "look at [radius]"
+AXLE_ADVICE = "look at [radius], max_steering_deg, front_axle_m and rear_axle_m: one of them does not fit the others"
+GUIDANCE_ADVICE = "look at [guidance] and at steering.rate_deg_per_s"
+TURN_ADVICE = "look at steering.rate_deg_per_s and guidance.turn_lookahead_m, or drive turns slower"
+EXPECTED_COLOUR = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,15 +136,6 @@ def drive_half_circle(tractor: Tractor) -> HalfCircleTrial:
     driven_path = poses[:, :2] + tractor.guide_m * build_directions(poses[:, 2])
     distances_m = shapely.distance(shapely.points(driven_path), shapely.LineString(path))
     return HalfCircleTrial(radius, path, driven_path, float(distances_m.max()) if run.outcome == DONE else None)
-
-
-CIRCLE_TOLERANCE_SHARE, ACKERMANN_TOLERANCE_SHARE = 0.01, 0.35
-MAX_WEAVING_CM, MAX_SETTLING_M, MAX_OVERSHOOT_CM, MAX_DEVIATION_M = 5.0, 30.0, 50.0, 1.0
-RADIUS_ADVICE = "look at [radius]"
-AXLE_ADVICE = "look at [radius], max_steering_deg, front_axle_m and rear_axle_m: one of them does not fit the others"
-GUIDANCE_ADVICE = "look at [guidance] and at steering.rate_deg_per_s"
-TURN_ADVICE = "look at steering.rate_deg_per_s and guidance.turn_lookahead_m, or drive turns slower"
-EXPECTED_COLOUR = 4
 
 
 def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:

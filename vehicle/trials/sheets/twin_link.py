@@ -35,6 +35,16 @@ FIRST_STRAIGHT_M, CORNER_RADIUS_M, SECOND_STRAIGHT_M = 67.0, 10.0, 50.0
 EXTENSION_M = 5.0
 MASTER_HZ = 30  # divides the rates of the links below and their ages
 
+LAN_AGE_S = 0.05  # assumed: "a tiny communication latency"
+PRE_HZ, FIELD_HZ, FIELD_AGE_S = 10.0, 3.0, 0.3
+PRE_MPS, FIELD_MPS = 4.0 / KMH_PER_MPS, 3.2 / KMH_PER_MPS
+HIDDEN = {"steering_dead_time": 0.2, "wheel_slip": 0.05}
+RATES_HZ, AGES_S = (1.0, 2.0, 3.0, 5.0, 10.0), (0.0, 0.1, 0.3, 0.6, 1.0)
+TABLE_STRAIGHT_SHARE, TABLE_SAMPLE_HZ = 0.35, 5
+AGREEMENT_M = 0.05  # m: "under most cases the trajectory difference would not be higher than 5 cm"
+METHOD_NAMES = {THESIS: "thesis's method", PREDICT: "prediction"}
+NOTHING_PRINTED = "the thesis has no such method"
+
 
 @dataclass(frozen=True, eq=False)
 class MasterDrive:
@@ -138,17 +148,6 @@ def _measure_deviation(drive: MasterDrive, real: Floats, twin: Floats) -> LinkDe
     place, turned = twin[:, :2], twin[:, 2] - real[:, 3]
     apart, heading = np.hypot(*(place - real[:, 1:3]).T), np.arctan2(np.sin(turned), np.cos(turned))
     return LinkDeviation(real[:, 0], apart, heading, np.asarray(distance(points(place), line)), place)
-
-
-LAN_AGE_S = 0.05  # assumed: "a tiny communication latency"
-PRE_HZ, FIELD_HZ, FIELD_AGE_S = 10.0, 3.0, 0.3
-PRE_MPS, FIELD_MPS = 4.0 / KMH_PER_MPS, 3.2 / KMH_PER_MPS
-HIDDEN = {"steering_dead_time": 0.2, "wheel_slip": 0.05}
-RATES_HZ, AGES_S = (1.0, 2.0, 3.0, 5.0, 10.0), (0.0, 0.1, 0.3, 0.6, 1.0)
-TABLE_STRAIGHT_SHARE, TABLE_SAMPLE_HZ = 0.35, 5
-AGREEMENT_M = 0.05  # m: "under most cases the trajectory difference would not be higher than 5 cm"
-METHOD_NAMES = {THESIS: "thesis's method", PREDICT: "prediction"}
-NOTHING_PRINTED = "the thesis has no such method"
 
 
 def build_twin_sheet(master: Tractor, seed: int = 1) -> ExperimentSheet:
