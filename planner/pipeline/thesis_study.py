@@ -19,12 +19,8 @@ from reports.trials.report import FleetStudy, ThesisClaim, ThesisTableRow
 HEADLAND_M = 10.0
 CLEARANCE_M = 0.05  # the thesis keeps no clearance: its tractors must only not touch
 TRACTOR_COUNTS = (1, 3, 5, 7, 9, 11)
-ROW_BY_ROW, OPTIMISED_ROWS, COLUMN_BY_COLUMN, SPLIT_FIELD = (
-    "row-by-row",
-    "row-by-row-optimised",
-    "col-by-col",
-    "split-field",
-)
+ROW_BY_ROW, OPTIMISED_ROWS = "row-by-row", "row-by-row-optimised"
+COLUMN_BY_COLUMN, SPLIT_FIELD = "col-by-col", "split-field"
 INCONSISTENT_NOTE = (
     "the thesis prints the row of Table 6.3 (5 tractors) here; its Table 6.1 gives 25:30 for 3 in formation"
 )

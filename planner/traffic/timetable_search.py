@@ -318,11 +318,8 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, star
     entries, is_current = np.zeros((count, MAX_CHAIN + 2)), np.zeros(count, dtype=np.bool_)
     refused, refused_for = np.zeros(count, dtype=np.bool_), np.zeros((count, count), dtype=np.bool_)
     unsafe, tried = np.zeros((count, MAX_CHAIN + 1), dtype=np.bool_), np.zeros(count, dtype=np.bool_)
-    spans, state_after, reached = (
-        np.empty((max_spans, 2)),
-        np.empty(count, dtype=np.int64),
-        np.empty(count, dtype=np.int64),
-    )
+    spans = np.empty((max_spans, 2))
+    state_after, reached = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
     gates, gate_count = np.empty((64, 3)), np.int64(0)
     remaining = len(net.owner) - count
     for tractor in range(count):

@@ -113,11 +113,8 @@ def _add_three_arcs(ax, ay, ah, bx, by, bh, radius, hand, gear, out, count, kind
         mx, my = 0.5 * (cx + ex) - side * rise * uy, 0.5 * (cy + ey) + side * rise * ux
         near = math.atan2(-hand * (cx - mx), hand * (cy - my))
         far = math.atan2(-hand * (ex - mx), hand * (ey - my))
-        first_rad, middle_rad, last_rad = (
-            compute_turned_angle(hand, ah, near),
-            compute_turned_angle(-hand, near, far),
-            compute_turned_angle(hand, far, bh),
-        )
+        middle_rad = compute_turned_angle(-hand, near, far)
+        first_rad, last_rad = compute_turned_angle(hand, ah, near), compute_turned_angle(hand, far, bh)
         if gear < 0.0:
             # In reverse the middle arc bends the same way while the heading keeps turning.
             middle_rad = compute_turned_angle(hand, near, far)

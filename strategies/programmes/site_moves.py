@@ -93,10 +93,7 @@ class SiteMoves:
         stands the strips that wheels crush on the way in are charged like ground that is left.
         """
         site, field = self.site, self.site.layout.field
-        outline, spared_m = (
-            field.whole_boundary.exterior,
-            site.layout.headland_m + site.rules.tool_m,
-        )
+        outline, spared_m = field.whole_boundary.exterior, site.layout.headland_m + site.rules.tool_m
         s_per_m = 1.0 / site.rules.turn_speed_mps + site.wheels_s_per_m
         ways = [shapely.points(np.array(poses[:-1]).reshape(-1, 3)[:, :2]) for poses in (self.begins, self.ends)]
         begins, ends = (s_per_m * np.maximum(0.0, shapely.distance(places, outline) - spared_m) for places in ways)

@@ -163,10 +163,8 @@ def _is_wheel_angle_bypassed(log: Log) -> bool:
     All noise: it varies as much from row to row as over the log, which wheels do not, and more than the command. The
     heading, if there is one, shows the curvature with less noise than positions.
     """
-    by_sensor, by_command = (
-        compute_bends(replace(log, steering_command_deg=None)),
-        compute_bends(replace(log, steering_deg=None)),
-    )
+    by_sensor = compute_bends(replace(log, steering_command_deg=None))
+    by_command = compute_bends(replace(log, steering_deg=None))
     chords = compute_path_chords(log)
     if by_sensor is None or by_command is None or len(by_command[0]) < 2 * FEWEST_LINE_CHORDS:
         return False
