@@ -87,12 +87,7 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.many_fields import (
-        compare_ways,
-        list_headland_questions,
-        list_headland_requests,
-        share_obstacles,
-    )
+    from planner.pipeline.many_fields import compare_ways, list_headland_requests, share_obstacles
     from reports.plan.headland_report import (
         build_headland_table,
         format_headland_csv,
@@ -116,18 +111,16 @@ def compare_headlands(
         for order in map(given.build_order, share_obstacles(requests))
         for request in list_headland_requests(order.request, *choices)
     ]
-    farm = given.choice
-    questions = list_headland_questions(orders, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files: dict[str | Path, str] = {}
     for name in dict.fromkeys(request.field for request in requests):
-        input_files |= list_input_files({"field": name, "farm": farm.farm})
+        input_files |= list_input_files({"field": name, "farm": given.values["farm"]})
     check_output_paths((html, ".html"), input_files=input_files)
     warm_up()
     with (
-        executor_choice.open_executor(len(questions)) as executor,
+        executor_choice.open_executor(len(orders)) as executor,
         create_progress_callback("Comparing headlands") as progress,
     ):
-        comparison = compare_ways(questions, executor, progress, render_refusal)
+        comparison = compare_ways(orders, executor, progress, render_refusal, with_maps=html is not None)
     comparison = replace(comparison, operations_per_year=operations_per_year)
     reasons = {row.refusal for row in comparison.rows}
     if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:  # whatever the way

@@ -85,6 +85,7 @@ class WorkOrder:
     `done` is what is worked already, as it is or by its source (planner.pipeline.going_on). The machines of a saved
     plan among it go on from where they stand, but for those `without` (numbers from 1); with `from_road` they come in
     from outside. Of the layouts that the field could have `layout` is taken, if it is one of them, else the quickest.
+    With `simulates_all` plans that cannot win are driven as well.
     """
 
     request: PlanRequest
@@ -100,6 +101,7 @@ class WorkOrder:
     without: tuple[int, ...] = ()
     from_road: bool = False
     layout: PlannedLayout | None = None
+    simulates_all: bool = False
 
     @property
     def begins_on_field(self) -> bool:

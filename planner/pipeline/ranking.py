@@ -12,6 +12,8 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.layout.swaths import Layout
+from fields.terrain.elevation_grid import ElevationGrid
+from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
 from fields.units import MINUTE_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
@@ -189,7 +191,8 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         currency=terms.prices.currency,
         prices_assumed=not are_prices_given(request, context.cost_terms),
         money_sentences=(mark_text(f"The cost covers {describe_prices(terms)}."),),
-        cut_off_m2=field.cut_off_m2,
+        cut_off=locate_cut_off_ground(field),
+        **_measure_slopes(context),
         pull=context.pull,
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
@@ -267,6 +270,19 @@ def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
         return None
     place = shapely.point_on_surface(max(field.cut_off_parts, key=lambda part: part.area))
     return locate_piece(field, field.cut_off_m2, place.x, place.y)
+
+
+def _measure_slopes(context: PlanningContext) -> dict[str, Any]:
+    """Slope across the swaths and share of them that may erode, by their names in PlanRanking; none without heights."""
+    terrain = context.physics.terrain
+    if terrain is None:
+        return {}
+    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+    lines = [swath.points_m for swath in context.layout.swaths]
+    return {
+        "cross_slope_pct": 100.0 * measure_cross_slope(lines, grid),
+        "erosion_share": measure_fall_line_share(lines, grid),
+    }
 
 
 def export_request(context: PlanningContext) -> dict[str, Any]:

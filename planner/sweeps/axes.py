@@ -13,7 +13,7 @@ from typing import Any
 from fields.geometry.arithmetic import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import convert_time_to_text, write_clock
-from planner.request.options import OptionHelp, RequestOption, list_options
+from planner.request.options import RequestOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 
@@ -26,12 +26,11 @@ _TEXTS = ("tractors", *_CLOCKS, "tractor", "soil", "draft")
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
 """Parameters that change no estimate, or what is chosen and not what is planned."""
 HEADLAND_ORDER = RequestOption(
-    "headland_order",
-    "headland_order",
-    str,
-    None,
     "When the headland is worked: first, last.",
-    OptionHelp("", WORK, choices=HEADLAND_ORDERS),
+    WORK,
+    "headland_order",
+    choices=HEADLAND_ORDERS,
+    parameter="headland_order",
 )
 
 
@@ -62,7 +61,7 @@ def list_swept_options() -> tuple[RequestOption, ...]:
         for option in list_options(PlanRequest)
         if option.value is None
         and option.parameter not in _UNSWEPT
-        and (option.type in (int, float) or option.rules.choices or option.parameter in _TEXTS)
+        and (option.type in (int, float) or option.choices or option.parameter in _TEXTS)
     ]
     return (*found, HEADLAND_ORDER)
 
@@ -100,11 +99,10 @@ def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
     written = tuple(dict.fromkeys(parts))
     if not written:
         raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
-    unknown = next((value for value in written if option.rules.choices and value not in option.rules.choices), None)
+    unknown = next((value for value in written if option.choices and value not in option.choices), None)
     if unknown is not None:
         raise RequestError(
-            f"{shorten_value(str(unknown))} is no {option.name.replace('_', ' ')}; use "
-            f"{', '.join(option.rules.choices)}.",
+            f"{shorten_value(str(unknown))} is no {option.name.replace('_', ' ')}; use {', '.join(option.choices)}.",
             parameter=option.parameter,
         )
     if len(written) > MOST_VALUES:

@@ -19,7 +19,7 @@ from planner.evaluation.preparation import check_machine_and_soil, prepare_conte
 from planner.evaluation.site import recall
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import collect_answers, create_executor, iter_completed
-from planner.pipeline.many_fields import hash_question
+from planner.pipeline.many_fields import hash_order
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
@@ -57,7 +57,7 @@ class EstimateTask:
     def hash(self) -> str:
         """What the answer depends on."""
         requests = ";".join(repr(order) for order in self.orders)
-        return sha256(f"{hash_question(self.reference)}{requests}".encode()).hexdigest()
+        return sha256(f"{hash_order(self.reference)}{requests}".encode()).hexdigest()
 
 
 def build_tasks(axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]], WorkOrder]) -> list[EstimateTask]:
