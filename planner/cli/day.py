@@ -16,7 +16,13 @@ from planner.cli.common.options import (
     create_group,
     inject_request_options,
 )
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import (
+    check_cache_folder,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 
@@ -99,8 +105,7 @@ def plan_day_file(
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes)
     samples, seed = options["samples"], options["seed"]
     check_day_options(samples, certainty)
-    if cache is not None and cache.exists() and not cache.is_dir():
-        raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
+    check_cache_folder(cache)
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)

@@ -30,13 +30,19 @@ from planner.cli.common.options import (
     read_given_options,
     render_refusal,
 )
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import (
+    check_cache_folder,
+    check_output_paths,
+    list_input_files,
+    render_requested,
+    write_before_printing,
+)
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
-from planner.request.options import RequestOption
-from planner.request.plan_request import PLAN_OPTIONS
+from planner.request.options import PlanOption
+from planner.request.plan_options import PLAN_OPTIONS
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
@@ -112,8 +118,7 @@ def sweep(
     )
 
     form, executor_choice = AnswerForm(json, csv), ExecutorChoice(processes, cluster)
-    if cache is not None and cache.exists() and not cache.is_dir():
-        raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
+    check_cache_folder(cache)
     question = _read_question(
         context, fields or (), field_files or (), {**options, HEADLAND_ORDER.name: headland_order}
     )
@@ -215,7 +220,7 @@ class _Question:
         values = [(one.name, Path(value).stem if one.name in files else value) for one, value in self._list_fixed()]
         return f"{service.rstrip('/')}/#/plan?{build_query([('field', Path(name).stem + mark + part), *values])}"
 
-    def _list_fixed(self) -> Iterator[tuple[RequestOption, Any]]:
+    def _list_fixed(self) -> Iterator[tuple[PlanOption, Any]]:
         """The options that are given and stay, one that is repeated as often."""
         varied = {axis.option.name for axis in self.axes} | {"tractors"}
         for option in PLAN_OPTIONS:

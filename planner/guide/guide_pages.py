@@ -11,7 +11,7 @@ from itertools import groupby
 from typing import Any
 
 from planner.errors import RequestError, suggest_name
-from planner.request.options import RequestOption, list_options
+from planner.request.options import PlanOption, list_options
 from planner.request.plan_request import PlanRequest
 from vehicle.energy.draft import DraftRule, load_draft_rules
 
@@ -89,7 +89,7 @@ def _list_panels() -> list[str]:
     return list(dict.fromkeys(option.panel for option in list_options(PlanRequest)))
 
 
-def _build_option_row(option: RequestOption) -> str:
+def _build_option_row(option: PlanOption) -> str:
     cells = (
         f"`{_name_option(option.name)}`{' *' if option.from_farm else ''}",
         f"`{option.parameter}`",

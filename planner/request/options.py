@@ -44,7 +44,7 @@ class NumberLimits:
 
 
 @dataclass(frozen=True)
-class RequestOption:
+class PlanOption:
     """One option as it is asked for: in the annotation of its parameter what is said of it there, in `list_options`
     with all the rest.
 
@@ -78,13 +78,13 @@ class RequestOption:
 
 
 @cache
-def list_options(model: type) -> tuple[RequestOption, ...]:
+def list_options(model: type) -> tuple[PlanOption, ...]:
     """The options of a model, in the order of its parameters."""
-    options: list[RequestOption] = []
+    options: list[PlanOption] = []
     annotations = get_type_hints(model, include_extras=True)
     for parameter in fields(model):
         annotation, default = annotations[parameter.name], cast(Any, parameter.default)
-        said = find_annotation_metadata(annotation, RequestOption)
+        said = find_annotation_metadata(annotation, PlanOption)
         limits = find_annotation_metadata(annotation, NumberLimits)
         assert said is not None, f"{parameter.name} has no option"
         option = replace(said, name=said.name or strip_unit(parameter.name), parameter=parameter.name, limits=limits)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, PlanRequest
-from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, list_cost_figures
+from planner.risk.costs import CostTerms, choose_terms, describe_prices, list_cost_figures
 from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import (
     DEFAULT_SAMPLES,
@@ -204,13 +204,13 @@ def build_decision_criteria(
 
     Without `cost_terms` tractors are hired at the prices of the request. Raises RequestError for unreadable rain.
     """
-    asked = (request.deadline_s, request.rain, request.objective, request.budget)
-    if request.samples == 0 or (request.samples is None and all(each is None for each in asked)):
+    deciding = (request.deadline_s, request.rain, request.objective, request.budget)
+    if request.samples == 0 or (request.samples is None and all(each is None for each in deciding)):
         return None
     return DecisionCriteria(
         request,
         uncertainty or UncertaintySettings(),
-        cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor),
+        choose_terms(request, cost_terms),
         workday,
         None if request.rain is None else parse_rain(request.rain, request.start_s),
     )

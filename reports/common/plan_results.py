@@ -298,9 +298,7 @@ def choose_by_count(plans: Sequence[PlanResult], *, by_cost: bool = False) -> di
         of_count = [plan for plan in plans if plan.tractors == count]
         alike = [plan for plan in of_count if plan.keeps_clearance] or of_count
         least = min(alike, key=lambda plan: (get_value(plan), build_time_sort_key(plan)))
-        limits = [
-            (get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, attrgetter("ranked_s"))
-        ]
+        limits = [(get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, get_ranked_s)]
         equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]
         chosen[count] = min(equal, key=lambda plan: (build_quality_key(plan), build_time_sort_key(plan)))
     return chosen

@@ -16,13 +16,14 @@ from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, p
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     FIELD_AREA,
-    LEAST_COST,
     LENGTH,
     NO_VALUE,
+    format_assumed_money,
     format_duration,
     format_money,
     format_number,
     format_price,
+    format_risked_money,
     format_width,
     insert_non_breaking_spaces,
     is_us,
@@ -205,11 +206,7 @@ def list_many_sentences(records: Sequence[ComparisonRow]) -> list[str]:
     currency = Comparison(tuple(records)).currency
     sentences = []
     for total in sum_over_fields(records):
-        cost = format_money(total.paid_cost, currency)
-        cost = translate("{money} (assumed prices)", money=cost) if is_assumed else cost
-        if total.risked_cost >= LEAST_COST:
-            risked = format_money(total.risked_cost, currency)
-            cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
+        paid = format_assumed_money(format_money(total.paid_cost, currency), is_assumed)
         text = translate(
             "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % "
             "worked.",
@@ -218,7 +215,7 @@ def list_many_sentences(records: Sequence[ComparisonRow]) -> list[str]:
             fields=fields,
             area=FIELD_AREA.format(total.area_ha, 2),
             time=format_duration(total.end_s),
-            cost=cost,
+            cost=format_risked_money(paid, format_money(total.risked_cost, currency), total.risked_cost),
             rate=f"{format_money(FIELD_AREA.convert_rate(total.cost / total.area_ha), currency)}/{FIELD_AREA.unit}",
             worked=format_number(total.worked_pct, 1),
         )

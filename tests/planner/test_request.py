@@ -13,7 +13,8 @@ from planner.cli.field import field
 from planner.cli.plan import plan
 from planner.errors import RequestError, strip_unit
 from planner.request.options import list_options
-from planner.request.plan_request import PLAN_OPTIONS, PlanRequest
+from planner.request.plan_options import PLAN_OPTIONS
+from planner.request.plan_request import PlanRequest
 from planner.service.jobs.input_files import PLAN_JOB_MODEL
 
 OPTIONS = {option.name: option for option in PLAN_OPTIONS}

@@ -17,7 +17,8 @@ from typer.models import ArgumentInfo
 from planner.cli.common.terminal import print_remarks
 from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.option_texts import parse_widths
-from planner.request.plan_request import COMPUTING, OUTPUT, PLAN_OPTIONS, WORK, PlanRequest
+from planner.request.plan_options import PLAN_OPTIONS
+from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions

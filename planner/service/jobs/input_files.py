@@ -19,8 +19,9 @@ from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from planner.errors import mark_parameter, strip_unit
 from planner.request.option_checks import check_day_options, check_demo_options
-from planner.request.options import RequestOption
-from planner.request.plan_request import MAX_SEED, PLAN_OPTIONS
+from planner.request.options import PlanOption
+from planner.request.plan_options import PLAN_OPTIONS
+from planner.request.plan_request import MAX_SEED
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.settings import LIMITS
 from planner.service.store.job_queue import JobStore, ResultFile
@@ -53,7 +54,7 @@ class PlanJobRequest(JobRequest):
     """
 
 
-def _build_api_field(option: RequestOption) -> tuple[Any, Any]:
+def _build_api_field(option: PlanOption) -> tuple[Any, Any]:
     """Type and description of an option of a plan for pydantic.
 
     Limits and choices are shown only; the plan request itself refuses, in the sentences of the command line.
