@@ -59,10 +59,8 @@ def answer_order(
 
     With `with_map` the answer has a small map of the best plan.
     """
-    name, way = (
-        order.request.field_name,
-        ComparedWay(**pick_values(order.request, [each.name for each in fields(ComparedWay)])),
-    )
+    name = order.request.field_name
+    way = ComparedWay(**pick_values(order.request, [each.name for each in fields(ComparedWay)]))
     try:
         result = plan_order(order, executor=SerialExecutor())
     except HeadlandError as refusal:

@@ -38,7 +38,6 @@ from vehicle.sim.compile import compute_point_speeds
 from vehicle.sim.world import World
 
 MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
-GARBLED_MACHINES = f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
 BARE_KEY = "bare_tractor"  # among these the tractor without what soil and heights do to it, where they do anything
 SUPPLY_KEY = "supply"  # among these what the implement carries, value by value
 USED_KEY = "used"  # among these what tractors that stand on the field have used of that before the plan, in their order
@@ -203,7 +202,9 @@ def read_used(saved: SavedPlan) -> tuple[float, ...]:
         if not all(0.0 <= value < math.inf for value in used):
             raise ValueError
     except (TypeError, ValueError):
-        raise RequestError(GARBLED_MACHINES) from None
+        raise RequestError(
+            f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
+        ) from None
     return (*used, *[0.0] * (saved.plan.tractors - len(used)))
 
 
@@ -246,7 +247,9 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
         tractor, implement = (json.dumps(saved_machines[name]) for name in ("tractor", "implement"))
         return Tractor.model_validate_json(tractor), Implement.model_validate_json(implement)
     except (KeyError, TypeError, ValueError):
-        raise RequestError(GARBLED_MACHINES) from None
+        raise RequestError(
+            f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
+        ) from None
 
 
 def read_bare_tractor(saved: SavedPlan, request: PlanRequest) -> Tractor:
