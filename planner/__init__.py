@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from planner.pipeline.planning import PlanningResult, plan
     from planner.pipeline.thesis_study import study
     from planner.request.plan_request import PlanRequest
-    from planner.sweeps.frame import sweep
+    from planner.sweeps.sweep import sweep
 
 __all__ = [
     "HeadlandError",
@@ -56,7 +56,7 @@ _HOMES = {
     "pipeline.planning": ("PlanningResult", "plan"),
     "pipeline.thesis_study": ("study",),
     "request.plan_request": ("PlanRequest",),
-    "sweeps.frame": ("sweep",),
+    "sweeps.sweep": ("sweep",),
 }
 
 

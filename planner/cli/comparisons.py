@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -38,7 +39,8 @@ from reports.common.language import mark_text
 from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
-    from reports.plan.comparison import WayComparison
+    from planner.evaluation.work_order import WorkOrder
+    from reports.plan.comparison import Comparison
 
 MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = (
@@ -91,12 +93,7 @@ def compare_headlands(
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
-    from planner.pipeline.many_fields import (
-        compare_ways,
-        list_headland_questions,
-        list_headland_requests,
-        share_obstacles,
-    )
+    from planner.pipeline.many_fields import compare_ways, list_headland_requests, share_obstacles
     from reports.plan.headland_report import (
         build_headland_table,
         format_headland_csv,
@@ -120,14 +117,13 @@ def compare_headlands(
         for order in map(given.build_order, share_obstacles(requests))
         for request in list_headland_requests(order.request, *choices)
     ]
-    farm = given.choice
-    questions = list_headland_questions(orders, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files: dict[str | Path, str] = {}
     for name in dict.fromkeys(request.field for request in requests):
-        input_files |= list_input_files({"field": name, "farm": farm.farm})
+        input_files |= list_input_files({"field": name, "farm": given.values["farm"]})
     check_output_paths((html, ".html"), input_files=input_files)
+    compare = partial(compare_ways, with_maps=html is not None)
     comparison = replace(
-        _compare(compare_ways, questions, executor_choice, mark_text("Comparing headlands")),
+        _compare(compare, orders, executor_choice, mark_text("Comparing headlands")),
         operations_per_year=operations_per_year,
     )
     _check_any_way(comparison)
@@ -141,15 +137,15 @@ def compare_headlands(
 
 
 def _compare(
-    compare: Callable[..., WayComparison], questions: Sequence[object], executor_choice: ExecutorChoice, title: str
-) -> WayComparison:
-    """What is compared of some questions, while a bar with a title says how many are answered."""
+    compare: Callable[..., Comparison], orders: Sequence[WorkOrder], executor_choice: ExecutorChoice, title: str
+) -> Comparison:
+    """What is compared of some work orders, while a bar with a title says how many are answered."""
     warm_up()
-    with executor_choice.open_executor(len(questions)) as executor, create_progress_callback(title) as progress:
-        return compare(questions, executor, progress, render_refusal)
+    with executor_choice.open_executor(len(orders)) as executor, create_progress_callback(title) as progress:
+        return compare(orders, executor, progress, render_refusal)
 
 
-def _check_any_way(comparison: WayComparison) -> None:
+def _check_any_way(comparison: Comparison) -> None:
     """Raise RequestError if the only field is refused for one reason, whatever the way."""
     reasons = {row.refusal for row in comparison.rows}
     if len(comparison.fields) == 1 and len(reasons) == 1 and None not in reasons:

@@ -44,9 +44,9 @@ if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
     from planner.evaluation.work_order import WorkOrder
     from planner.pipeline.farm_inputs import GivenOptions
-    from planner.pipeline.many_fields import FieldQuestion, Record
+    from planner.pipeline.many_fields import Record
     from planner.pipeline.planning import PlanningResult
-    from reports.plan.many_fields import FieldRow
+    from reports.plan.comparison import ComparisonRow
 
 
 MOST_SHOWN_PLANS = 20
@@ -71,7 +71,7 @@ def plan_batch(
     A page is written before the table is printed, and after all of the CSV.
     """
     from planner.cli.common.progress import open_stage_bar
-    from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
+    from planner.pipeline.many_fields import hash_order, read_answer_file, share_obstacles
     from reports.plan.many_fields import (
         build_many_fields_screen,
         build_many_fields_table,
@@ -87,17 +87,14 @@ def plan_batch(
         input_files={name.rpartition("#")[0] or name: "a field" for name in (one.field for one in requests)},
     )
     earlier_lines = {} if checkpoint is None else read_answer_file(checkpoint)
-    every_plan, with_map = given.choice.simulate_all, html is not None
-    questions = [
-        FieldQuestion(given.build_order(one), one.width_m, every_plan, with_map) for one in share_obstacles(requests)
-    ]
-    keys = [hash_question(question.order, every_plan) for question in questions]
+    orders = list(map(given.build_order, share_obstacles(requests)))
+    keys, with_maps = list(map(hash_order, orders)), html is not None
     warm_up()
     if form.csv:
         typer.echo(format_many_csv_head(), nl=False)
     with open_stage_bar("Planning fields") as bar:
         show = _print_csv_rows if form.csv else lambda record: None
-        records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_lines, bar, show)
+        records = _collect_records(orders, keys, executor_choice, checkpoint, earlier_lines, bar, show, with_maps)
         if html is not None:
             write_results([(html, render_many_fields_page(records))])
         if not form.csv:
@@ -131,34 +128,35 @@ def _check_batch_options(
 
 
 def _collect_records(
-    questions: Sequence[FieldQuestion],
+    orders: Sequence[WorkOrder],
     keys: Sequence[str],
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
     earlier_lines: Mapping[str, Record],
     bar: StageBar,
-    print_record: Callable[[FieldRow], None],
-) -> list[FieldRow]:
-    """Answers as records in the order of the questions, each printed as soon as all before it are."""
+    print_record: Callable[[ComparisonRow], None],
+    with_maps: bool,
+) -> list[ComparisonRow]:
+    """Answers as records in the sequence of the orders, each printed as soon as all before it are."""
     from planner.pipeline import many_fields as many
 
-    finished: dict[int, FieldRow] = {}
+    finished: dict[int, ComparisonRow] = {}
     lines: dict[int, Record] = {}
-    for index, (key, question) in enumerate(zip(keys, questions, strict=True)):
+    for index, key in enumerate(keys):
         if many.has_checksum(earlier_lines.get(key, {})):
             record = many.restore_record(earlier_lines[key])
-            if not question.with_map or record.best is None or record.map is not None:
+            if not with_maps or record.best is None or record.map is not None:
                 finished[index], lines[index] = record, earlier_lines[key]
-    pending = [index for index in range(len(questions)) if index not in finished]
+    pending = [index for index in range(len(orders)) if index not in finished]
     printed_count = 0
     many.replace_records(checkpoint, earlier_lines.values())
     try:
         with executor_choice.open_executor(len(pending)) as executor:
             answers_by_position = many.iter_answers(
-                executor, [questions[index] for index in pending], bar.show_work, render_refusal
+                executor, [orders[index] for index in pending], bar.show_work, render_refusal, with_maps=with_maps
             )
             while True:
-                bar.count(len(finished), len(questions))
+                bar.count(len(finished), len(orders))
                 while printed_count in finished:
                     print_record(finished[printed_count])
                     printed_count += 1
@@ -171,14 +169,14 @@ def _collect_records(
                 many.append_record(checkpoint, lines[index])
     except BaseException as error:
         if checkpoint is not None:
-            error.add_note(f"{len(finished)} of {len(questions)} answers are in {checkpoint}; nothing else was written")
+            error.add_note(f"{len(finished)} of {len(orders)} answers are in {checkpoint}; nothing else was written")
         raise
     other_lines = [line for key, line in earlier_lines.items() if key not in set(keys)]
     many.replace_records(checkpoint, [*other_lines, *(lines[index] for index in sorted(lines))])
-    return [finished[index] for index in range(len(questions))]
+    return [finished[index] for index in range(len(orders))]
 
 
-def _print_csv_rows(record: FieldRow) -> None:
+def _print_csv_rows(record: ComparisonRow) -> None:
     """Print the rows of a record at once."""
     from reports.plan.many_fields import format_many_csv_rows
 
@@ -228,7 +226,6 @@ def plan(
 
     form, executor_choice = AnswerForm(json, csv, explain), ExecutorChoice(processes, cluster)
     given = read_given_options(context, options, done or (), without or ())
-    choice = given.choice
     request, *others = requests = build_requests(given, fields)
     if others or request.field != (fields or [request.field])[0] or checkpoint is not None:
         _check_batch_options(png, save, done, checkpoint)
@@ -237,9 +234,8 @@ def plan(
     input_files = list_input_files({**options, "field": request.field})
     input_files |= {source.rpartition("@")[0] or source: "what is done" for source in done or ()}
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
-    result = simulate_plans(
-        given.build_order(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
-    )
+    order = given.build_order(request)
+    result = simulate_plans(order, executor_choice, pictures=html is not None)
     values = result.ranking.scenario.get("learned", ())
     learned = [mark_text(f"From the farm's own logs: {words}.") for words in values]
     print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
@@ -251,16 +247,14 @@ def plan(
             result.ranking,
             json=format_ranking_json,
             csv=format_ranking_csv,
-            screen=partial(build_first_screen, shows_all=choice.simulate_all),
-            table=partial(build_ranking_table, most_plans=None if choice.simulate_all else MOST_SHOWN_PLANS),
+            screen=partial(build_first_screen, shows_all=order.simulates_all),
+            table=partial(build_ranking_table, most_plans=None if order.simulates_all else MOST_SHOWN_PLANS),
         )
     if not result.ranking.is_recommended:
         raise typer.Exit(NO_RESULT_STATUS)
 
 
-def simulate_plans(
-    order: WorkOrder, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
-) -> PlanningResult:
+def simulate_plans(order: WorkOrder, executor_choice: ExecutorChoice, pictures: bool) -> PlanningResult:
     """Simulate and rank the plans of an order, with a bar on a terminal."""
     from planner.cli.common.progress import open_stage_bar
 
@@ -272,9 +266,7 @@ def simulate_plans(
         warm_up(bar, STAGES_S)
         tasks = group_candidates(list_candidates(order.request))
         executor = opened.enter_context(executor_choice.open_executor(len(tasks)))
-        return plan_order(
-            order, executor=executor, report_stage=bar.report, with_pictures=pictures, simulate_all=every_plan
-        )
+        return plan_order(order, executor=executor, report_stage=bar.report, with_pictures=pictures)
 
 
 def _render_plan_outputs(

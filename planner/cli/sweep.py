@@ -41,9 +41,8 @@ from planner.cli.common.terminal import AnswerForm, print_remarks, print_rendera
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
-from planner.request.farm_choice import FarmChoice
-from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import PlanRequest
+from planner.request.options import PlanOption
+from planner.request.plan_options import PLAN_OPTIONS
 from planner.sweeps.axes import HEADLAND_ORDER, Axis, list_swept_options, read_axes
 
 if TYPE_CHECKING:
@@ -185,7 +184,7 @@ class _Question:
 
         command = ["headland", "plan"]  # plans one combination, but for the field and the options that are varied
         for option, value in self._list_fixed():
-            command += list_option_words(option.rules.declaration or get_option_name(option.name), value)
+            command += list_option_words(option.declaration or get_option_name(option.name), value)
         requests = {name: self.given.build_request(field=name) for name in self.fields}
         axes, given = self.axes, self.given
         if all(axis.parameter != "tractors" for axis in axes):
@@ -221,10 +220,10 @@ class _Question:
         values = [(one.name, Path(value).stem if one.name in files else value) for one, value in self._list_fixed()]
         return f"{service.rstrip('/')}/#/plan?{build_query([('field', Path(name).stem + mark + part), *values])}"
 
-    def _list_fixed(self) -> Iterator[tuple[RequestOption, Any]]:
+    def _list_fixed(self) -> Iterator[tuple[PlanOption, Any]]:
         """The options that are given and stay, one that is repeated as often."""
         varied = {axis.option.name for axis in self.axes} | {"tractors"}
-        for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
+        for option in PLAN_OPTIONS:
             value = self.given.values.get(option.name)
             if option.name in varied or option.name not in self.given.given_names or value in (None, False):
                 continue
@@ -314,7 +313,7 @@ def _drive(
     from planner.pipeline.outputs.saved_plans import write_saved_plan
     from reports.sweep.results import compare_with_drive
 
-    driven = simulate_plans(order, executor_choice, pictures=False, every_plan=False)
+    driven = simulate_plans(order, executor_choice, pictures=False)
     best = driven.ranking.best
     if best is None or driven.run is None:
         raise RequestError(f"This combination cannot be driven: {driven.ranking.refusal} Pick another row.")

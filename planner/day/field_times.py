@@ -29,7 +29,7 @@ from planner.pipeline.worker_tasks import Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
-from vehicle.model.tractor import Implement, resolve_tractor
+from vehicle.model.tractor import Implement
 
 DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
 GRAPH_ARRAYS = {
@@ -100,7 +100,7 @@ def build_field_time_orders(day: DayFile, farm: FarmFile, fields: Sequence[Field
         request = PlanRequest(tractor=tractor.name, tractors=(fleet.count,), strategies=day.strategies)
         plan_inputs = complete_request_by_farm(request, farm, {"tractor", "tractors"}, implement_name=implement.name)
         unpriced = replace(plan_inputs.request, price_per_hour=0.0, price_per_tractor=0.0)
-        machine = resolve_tractor(plan_inputs.tractor or plan_inputs.request.tractor)
+        machine = plan_inputs.resolve_tractor()
         plan_implement = plan_inputs.implement or Implement()
         rows.append(
             [

@@ -55,7 +55,6 @@ from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
 from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField, list_day_sentences
 from reports.plan.shortfall_wording import question_pull
-from vehicle.model.tractor import resolve_tractor
 
 CACHE_FAILED = "Field times could not be cached, so the next run simulates them again; try another folder (--cache)."
 Array = npt.NDArray[np.float64]
@@ -438,7 +437,7 @@ def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
         order = next((orders[number] for number in route if orders[number] is not None), None)
         if order is not None:
             farm_tractor = get_fleet_machines(fleet, solved.prepared.farm)[0]
-            machine = resolve_tractor(order.tractor or order.request.tractor)
+            machine = order.resolve_tractor()
             pull = compute_pull_figures(order.request, machine, farm_tractor)
             question = question_pull(pull, suggests_options=False)
             is_shown = pull is not None and bool(question) and pull.is_infeasible == infeasible

@@ -192,6 +192,11 @@ def build_terrain(elevation: ElevationGrid) -> Terrain:
     return Terrain(elevation.west_m, elevation.south_m, elevation.spacing_m, heights_m)
 
 
+def build_grid(terrain: Terrain) -> ElevationGrid:
+    """The heights of the ground to drive on, as what measures slopes takes them."""
+    return ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+
+
 def find_requested_soil(request: PlanRequest) -> Soil | None:
     """The soil of a request: a name of Headland's table, or a table of the user with the name after "#".
 

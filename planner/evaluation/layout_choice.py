@@ -20,12 +20,11 @@ from fields.layout.headland_passes import compute_inner_region
 from fields.layout.options import estimate_layout_cost_m, find_cheapest_bearing_deg, list_layout_alternatives
 from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
-from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import cut_into_steps
 from fields.units import KILO
 from planner.errors import FieldError, RequestError, mark_parameter
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.field_physics import FieldPhysics
+from planner.evaluation.field_physics import FieldPhysics, build_grid
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, LEAST_FUEL, MAX_HEADLAND_PASSES, SOW, PlanRequest
@@ -114,7 +113,7 @@ def lay_contours(
             f"{mark_parameter('elevation')}.",
             parameter="swaths",
         )
-    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+    grid = build_grid(terrain)
     lay = partial(lay_contour_swaths, field, grid, request.width_m, radius_m=radius_m, min_spacing_m=spacing_m)
     return _lay_deepest(request, headland_m, lambda passes, _: lay(passes))
 

@@ -70,7 +70,7 @@ from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
 from vehicle.energy.run_energy import build_leg_meter
-from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.compile import list_contact_boxes
 
 CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
@@ -106,7 +106,7 @@ def prepare_context(
     with attach_parameter("gnss_table"):
         position_errors = load_gnss_errors(request)
     with attach_parameter("tractor"):
-        bare_tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
+        bare_tractor = order.resolve_tractor()
     with attach_parameter("refill"):
         supply = locate_service_point(request, field, order.supply, is_electric=bare_tractor.battery is not None)
     implement = size_implement(order.implement, request)
@@ -153,7 +153,7 @@ def prepare_context(
 def read_planned_field(order: WorkOrder) -> Field:
     """The field of an order, or the part of it that is asked for; raises HeadlandError."""
     request, field = order.request, read_requested_field(order.request, order.field)
-    tractor = resolve_tractor(request.tractor if order.tractor is None else order.tractor)
+    tractor = order.resolve_tractor()
     return cut_requested_part(field, request, tractor, size_implement(order.implement, request))
 
 
@@ -171,7 +171,7 @@ def cut_requested_part(field: Field, request: PlanRequest, tractor: Tractor, imp
 def check_machine_and_soil(order: WorkOrder) -> None:
     """Whether the tractor and the soil of an order are known, before any field is read; raises HeadlandError."""
     with attach_parameter("tractor"):
-        resolve_tractor(order.request.tractor if order.tractor is None else order.tractor)
+        order.resolve_tractor()
     if order.request.soil is not None:
         list_soil_rows(order.request.soil)
 

@@ -28,7 +28,7 @@ from planner.risk.costs import CostTerms
 from strategies.rules.supply import Supply
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
-from vehicle.model.tractor import Implement, Tractor
+from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 
 MOST_OFF_M, MOST_OTHER_SHARE = 0.1, 1e-3  # of half of the tracks, and of the ground inside the headland: rounding
 _PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
@@ -82,6 +82,7 @@ class WorkOrder:
     `done` is what is worked already, as it is or by its source (planner.pipeline.going_on). The machines of a saved
     plan among it go on from where they stand, but for those `without` (numbers from 1); with `from_road` they come in
     from outside. Of the layouts that the field could have `layout` is taken, if it is one of them, else the quickest.
+    With `simulates_all` plans that cannot win are driven as well.
     """
 
     request: PlanRequest
@@ -97,12 +98,17 @@ class WorkOrder:
     without: tuple[int, ...] = ()
     from_road: bool = False
     layout: PlannedLayout | None = None
+    simulates_all: bool = False
 
     @property
     def begins_on_field(self) -> bool:
         """Whether machines stand on the field: they go on from there, with a saved plan at a time or by themselves."""
         places = (one.stands if isinstance(one, DoneWork) else match_plan_time(one) for one in self.done)
         return not self.from_road and any(places)
+
+    def resolve_tractor(self) -> Tractor:
+        """The tractor of the request or the one that replaces it; raises VehicleError for one that is unknown."""
+        return resolve_tractor(self.request.tractor if self.tractor is None else self.tractor)
 
     def name_choices(self) -> PlanRequest:
         """The request with the names of the field and tractor that replace its own."""

@@ -8,16 +8,15 @@ import time
 from collections.abc import Mapping
 from typing import Any
 
-from planner.fleet.session.frame_timing import format_utc
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.session.frame_timing import CLOCK_JUMP_S, format_utc
 from vehicle.missions.plan import Mission
 from vehicle.missions.plan_file import parse_plan
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.twin.robot_tractor import REMOTE, RobotTractor
 
-SILENCE_S = 1.0
-HORIZON_S = 20.0  # without contact, until a release gives another value
+SILENCE_S, HORIZON_S = FleetRules.silence_s, FleetRules.horizon_s  # the latter until a release gives another value
 CLOCK_DRIFT = 1e-3
-CLOCK_JUMP_S = 0.5  # between the clock and the monotonic clock: somebody has set the clock
 STANDING_MPS = 0.02
 WARM_UP_S = 0.1
 

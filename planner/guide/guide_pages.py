@@ -11,7 +11,7 @@ from itertools import groupby
 from typing import Any
 
 from planner.errors import RequestError, suggest_name
-from planner.request.options import RequestOption, list_options
+from planner.request.options import PlanOption, list_options
 from planner.request.plan_request import PlanRequest
 from vehicle.energy.draft import DraftRule, load_draft_rules
 
@@ -74,9 +74,9 @@ def _build_implement_row(rule: DraftRule) -> str:
 
 def build_options_page() -> str:
     """Markdown with a table per panel of `headland plan --help`."""
-    options = sorted(list_options(PlanRequest), key=lambda option: _list_panels().index(option.rules.panel))
+    options = sorted(list_options(PlanRequest), key=lambda option: _list_panels().index(option.panel))
     parts = [OPTIONS_INTRODUCTION]
-    for panel, members in groupby(options, key=lambda option: option.rules.panel):
+    for panel, members in groupby(options, key=lambda option: option.panel):
         parts.append(f"## {panel or 'Field'}\n\n| option | parameter | default | meaning |\n|---|---|---|---|")
         parts.append("\n".join(_build_option_row(option) for option in members) + "\n")
     return "\n".join(parts)
@@ -84,12 +84,12 @@ def build_options_page() -> str:
 
 def _list_panels() -> list[str]:
     """Panels in the order in which the model names them."""
-    return list(dict.fromkeys(option.rules.panel for option in list_options(PlanRequest)))
+    return list(dict.fromkeys(option.panel for option in list_options(PlanRequest)))
 
 
-def _build_option_row(option: RequestOption) -> str:
+def _build_option_row(option: PlanOption) -> str:
     cells = (
-        f"`{_name_option(option.name)}`{' *' if option.rules.from_farm else ''}",
+        f"`{_name_option(option.name)}`{' *' if option.from_farm else ''}",
         f"`{option.parameter}`",
         _format_default(option.default),
         option.format_help(_name_option),

@@ -14,8 +14,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.value_sources import find_unchanged_learned_values
-from planner.request.farm_choice import FarmChoice
-from planner.request.options import convert_options_to_parameters, list_options
+from planner.request.options import list_options
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from vehicle.energy.draft import TILL
@@ -36,14 +35,10 @@ class GivenOptions:
     without: tuple[int, ...] = ()
 
     @cached_property
-    def choice(self) -> FarmChoice:
-        """The farm and its implement; raises RequestError."""
-        return FarmChoice(**convert_options_to_parameters(FarmChoice, self.values))
-
-    @cached_property
     def farm(self) -> FarmFile | None:
         """The farm that the options name; raises HeadlandError."""
-        return None if self.choice.farm is None else load_farm(self.choice.farm)
+        name = self.values.get("farm")
+        return None if name is None else load_farm(name)
 
     def build_request(self, **others: Any) -> PlanRequest:
         """The request of the options, with `others` in their place; a deadline counts from the shift of the farm.
@@ -75,26 +70,28 @@ class GivenOptions:
 
     def build_order(self, request: PlanRequest) -> WorkOrder:
         """The request completed by the farm; raises HeadlandError."""
-        if self.farm is None and self.choice.implement is not None:
+        implement = self.values.get("implement")
+        if self.farm is None and implement is not None:
             raise RequestError(
-                f"{mark_parameter('implement')} {self.choice.implement!r} names an implement of a farm file; add "
+                f"{mark_parameter('implement')} {implement!r} names an implement of a farm file; add "
                 f"{mark_parameter('farm')} or leave it out."
             )
         given = {  # of what a farm file may set
             option.parameter
             for option in list_options(PlanRequest)
-            if option.rules.from_farm and option.name in self.given_names
+            if option.from_farm and option.name in self.given_names
         }
         if self.continued is not None:
             given |= {"tractors", "start_s"}
-        order = complete_request_by_farm(request, self.farm, given, implement_name=self.choice.implement)
+        order = complete_request_by_farm(request, self.farm, given, implement_name=implement)
         if self.continued is not None:
             from planner.pipeline.going_on import equip_order
 
             is_farm = self.farm is not None
             keeps_tractor = not is_farm and "tractor" not in given
             order = equip_order(self.continued, order, keeps_tractor=keeps_tractor, is_from_farm=is_farm)
-        return replace(order, done=self.done, without=self.without)
+        simulates_all = bool(self.values.get("all"))
+        return replace(order, done=self.done, without=self.without, simulates_all=simulates_all)
 
 
 def complete_request_by_farm(

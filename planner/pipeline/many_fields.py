@@ -1,7 +1,7 @@
-"""Plans for many fields, and for ways to work them: questions, their answers from any executor, and the answer file
-that lets a run resume.
+"""Plans for many fields, and for ways to work them: orders, their answers from any executor, and the answer file that
+lets a run resume.
 
-Each answer is one line of JSON, written as soon as it is known; a question without an answer does not stop the others.
+Each answer is one line of JSON, written as soon as it is known; an order without an answer does not stop the others.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, fields, replace
 from hashlib import sha256
 from itertools import product
 from pathlib import Path
@@ -25,11 +25,8 @@ from fields.documents.sources import list_field_files, parse_field_reference
 from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
-from fields.terrain.elevation_grid import ElevationGrid
-from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
 from fields.text_files import read_text
 from planner.errors import FieldError, HeadlandError, RequestError, mark_parameter
-from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
@@ -38,14 +35,12 @@ from planner.pipeline.executors import SerialExecutor, collect_answers, iter_com
 from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files, hash_strategies
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan_order
-from planner.pipeline.ranking import locate_cut_off_ground
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_checks import FULL_CIRCLE_DEG
 from planner.request.parameter_names import WISHES
 from planner.request.plan_request import CONTOUR, HEADLAND_ORDERS_BY_OPERATION, STRAIGHT, PlanRequest
 from reports.common.rendering import make_json_safe, pick_values
-from reports.plan.comparison import WAY_KEYS, ComparedWay, ComparisonRow, LayoutFigures, WayComparison
-from reports.plan.many_fields import FieldRow
+from reports.plan.comparison import ComparedWay, Comparison, ComparisonRow
 from reports.plan.map_data import SmallMap, build_small_map
 from strategies.path_planning.turn_kinds import CORNERS
 
@@ -57,56 +52,20 @@ USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 MAX_BEARINGS = 36
 
 
-@dataclass(frozen=True, eq=False)
-class FieldQuestion:
-    """A field with the order of its plans, and the label of its answer; `simulate_all` also simulates plans that cannot
-    win.
+def answer_order(
+    order: WorkOrder, describe_refusal: Callable[[HeadlandError], str] = str, with_map: bool = False
+) -> ComparisonRow:
+    """Plan one order in the current process; a refusal is as `describe_refusal` words it.
 
-    With `with_map` the answer has a small map of the best plan, with `with_layout` figures of the layout.
+    With `with_map` the answer has a small map of the best plan.
     """
-
-    order: WorkOrder
-    label: Any
-    simulate_all: bool = False
-    with_map: bool = False
-    with_layout: bool = False
-
-    @property
-    def field_name(self) -> str:
-        """The field as named in the request."""
-        return self.order.request.field_name
-
-
-def answer_question(
-    question: FieldQuestion, describe_refusal: Callable[[HeadlandError], str] = str
-) -> ComparisonRow[Any]:
-    """Answer one question in the current process; a refusal is as `describe_refusal` words it."""
+    name = order.request.field_name
+    way = ComparedWay(**pick_values(order.request, [each.name for each in fields(ComparedWay)]))
     try:
-        result = plan_order(question.order, executor=SerialExecutor(), simulate_all=question.simulate_all)
+        result = plan_order(order, executor=SerialExecutor())
     except HeadlandError as refusal:
-        return ComparisonRow(question.field_name, question.label, refusal=describe_refusal(refusal))
-    return ComparisonRow(
-        question.field_name,
-        question.label,
-        result.ranking,
-        layout=measure_layout(result.context) if question.with_layout else None,
-        map=draw_best_plan(result) if question.with_map else None,
-    )
-
-
-def measure_layout(context: PlanningContext) -> LayoutFigures:
-    """The figures of a layout that comparisons show."""
-    layout, terrain = context.layout, context.physics.terrain
-    figures = LayoutFigures(layout.headland_m, layout.bearing_deg, locate_cut_off_ground(layout.field))
-    if terrain is None:
-        return figures
-    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
-    lines = [swath.points_m for swath in layout.swaths]
-    return replace(
-        figures,
-        cross_slope_pct=100.0 * measure_cross_slope(lines, grid),
-        erosion_share=measure_fall_line_share(lines, grid),
-    )
+        return ComparisonRow(name, way, refusal=describe_refusal(refusal))
+    return ComparisonRow(name, way, result.ranking, map=draw_best_plan(result) if with_map else None)
 
 
 def draw_best_plan(result: PlanningResult) -> SmallMap | None:
@@ -120,25 +79,27 @@ def draw_best_plan(result: PlanningResult) -> SmallMap | None:
 
 def iter_answers(
     executor: Executor,
-    questions: Sequence[FieldQuestion],
+    orders: Sequence[WorkOrder],
     report_work: Callable[[list[str]], None] = lambda names: None,
     describe_refusal: Callable[[HeadlandError], str] = str,
-) -> Iterator[tuple[int, FieldRow]]:
-    """Yield (index, answer) as questions are answered; raises WorkerError if processes keep ending.
+    *,
+    with_maps: bool = False,
+) -> Iterator[tuple[int, ComparisonRow]]:
+    """Yield (index, answer) as orders are planned; raises WorkerError if processes keep ending.
 
     `report_work` is called with the names of the fields at work.
 
-    Each question is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
+    Each order is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
     """
     return iter_completed(
         executor,
-        answer_question,
-        [(question, describe_refusal) for question in questions],
-        lambda indices: report_work([questions[index].field_name for index in indices]),
+        answer_order,
+        [(order, describe_refusal, with_maps) for order in orders],
+        lambda indices: report_work([orders[index].request.field_name for index in indices]),
     )
 
 
-def hash_question(order: WorkOrder, simulate_all: bool = False) -> str:
+def hash_order(order: WorkOrder) -> str:
     """SHA-256 of everything the answer depends on: values, files and code."""
     request = order.request
     soil_table = None if request.soil is None else split_soil_name(request.soil)[1]
@@ -150,15 +111,15 @@ def hash_question(order: WorkOrder, simulate_all: bool = False) -> str:
     if elevation is None:
         with suppress(HeadlandError):  # the answer will be this refusal
             elevation = get_elevation_name(request, read_requested_field(request, None))
-    return hash_content(order, simulate_all, hashes, hash_height_files(elevation))
+    return hash_content(order, hashes, hash_height_files(elevation))
 
 
 class AnswerFileError(RequestError):
     """The answer file is not one, or was changed."""
 
 
-def save_record(key: str, record: FieldRow) -> Record:
-    """A record as plain values for the answer file, with the key of its question and a checksum.
+def save_record(key: str, record: ComparisonRow) -> Record:
+    """A record as plain values for the answer file, with the key of its order and a checksum.
 
     By the checksum `read_answer_file` detects changes.
     """
@@ -166,9 +127,9 @@ def save_record(key: str, record: FieldRow) -> Record:
     return {**saved, CHECKSUM_FIELD: _compute_checksum(saved)}
 
 
-def restore_record(saved: Mapping[str, Any]) -> FieldRow:
+def restore_record(saved: Mapping[str, Any]) -> ComparisonRow:
     """The record of a line of the answer file that this Headland wrote."""
-    return TypeAdapter(FieldRow).validate_python(saved)
+    return TypeAdapter(ComparisonRow).validate_python(saved)
 
 
 def has_checksum(record: Mapping[str, Any]) -> bool:
@@ -347,28 +308,20 @@ def list_headland_requests(
     ]
 
 
-def list_headland_questions(
-    orders: Iterable[WorkOrder], *, with_maps: bool = False, simulate_all: bool = False
-) -> list[FieldQuestion]:
-    """Every order with its way to work the headland as label."""
-    return [
-        FieldQuestion(each, ComparedWay(**pick_values(each.request, WAY_KEYS)), simulate_all, with_maps, True)
-        for each in orders
-    ]
-
-
 def compare_ways(
-    questions: Sequence[FieldQuestion],
+    orders: Sequence[WorkOrder],
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
-) -> WayComparison:
-    """Plan every question on an executor; `progress` is called with (done, total).
+    *,
+    with_maps: bool = False,
+) -> Comparison:
+    """Plan every order on an executor; `progress` is called with (done, total).
 
     What cannot be planned has its reason, as `describe_refusal` words it. Raises WorkerError if processes keep ending.
     """
-    tasks = [(question, describe_refusal) for question in questions]
-    return WayComparison(tuple(collect_answers(executor, answer_question, tasks, progress)))
+    tasks = [(order, describe_refusal, with_maps) for order in orders]
+    return Comparison(tuple(collect_answers(executor, answer_order, tasks, progress)))
 
 
 def list_bearing_requests(request: PlanRequest, bearings_deg: Sequence[float]) -> list[PlanRequest]:
@@ -395,18 +348,16 @@ def compare_bearings(
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
-) -> WayComparison:
+) -> Comparison:
     """Plan every request of `list_bearing_requests`; see `compare_ways`.
 
     Raises RequestError without heights, and the refusal that all requests share, as it is of the field or its heights.
     """
-    labels = [ComparedWay(**pick_values(each.request, ("bearing_deg", "swaths"))) for each in orders]
-    questions = [FieldQuestion(each, label, with_layout=True) for each, label in zip(orders, labels, strict=True)]
-    comparison = compare_ways(questions, executor, progress, describe_refusal)
+    comparison = compare_ways(orders, executor, progress, describe_refusal)
     refusals = {row.refusal for row in comparison.rows}
     if None not in refusals and len(refusals) == 1:
         raise RequestError(str(refusals.pop()))
-    if all(row.layout is None or row.layout.cross_slope_pct is None for row in comparison.rows):
+    if all(row.ranking is None or row.ranking.cross_slope_pct is None for row in comparison.rows):
         raise RequestError(
             f"Bearings are compared on slopes, and no heights are known; give {mark_parameter('elevation')}.",
             parameter="elevation",

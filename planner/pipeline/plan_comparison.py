@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from fields.text_files import count_noun
+from fields.units import KMH_PER_MPS
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.preparation import read_planned_field
 from planner.evaluation.work_order import WorkOrder
@@ -210,7 +211,7 @@ def _split_by_amount_and_pace(kind: str, planned: RunFigures, as_driven: RunFigu
     planned_pace, driven_pace = planned_s / planned_count, driven_s / driven_count
     if is_work:
         amounts = f"{driven_count:.0f} m at work, planned {planned_count:.0f} m"
-        paces = f"at work {3.6 / driven_pace:.1f} km/h, planned {3.6 / planned_pace:.1f} km/h"
+        paces = f"at work {KMH_PER_MPS / driven_pace:.1f} km/h, planned {KMH_PER_MPS / planned_pace:.1f} km/h"
     else:
         amounts = f"{driven_count:.0f} turns, planned {planned_count:.0f}"
         paces = f"{driven_pace:.0f} s per turn, planned {planned_pace:.0f} s"

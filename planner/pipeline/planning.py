@@ -209,6 +209,7 @@ def plan(
         list_sources(done),
         list_numbers(without),
         from_road,
+        simulates_all=simulate_all,
     )
     return plan_order(
         continue_order(order),
@@ -216,7 +217,6 @@ def plan(
         progress=progress,
         report_stage=report_stage,
         with_pictures=with_pictures,
-        simulate_all=simulate_all,
         time_share=time_share,
     )
 
@@ -228,7 +228,6 @@ def plan_order(
     progress: Progress | None = None,
     report_stage: StageReport | None = None,
     with_pictures: bool = False,
-    simulate_all: bool = False,
     time_share: TimeShare = NO_LIMIT,
 ) -> PlanningResult:
     """Simulate and rank every candidate of a work order, as `plan` does."""
@@ -245,7 +244,7 @@ def plan_order(
             pack_context(context),
             candidates,
             report,
-            prunes=not simulate_all and prunes_candidates(context),
+            prunes=not order.simulates_all and prunes_candidates(context),
             with_pictures=with_pictures,
         )
         result = _build_result(context, candidates, *_collect_outcomes(outcomes), with_pictures)

@@ -12,10 +12,12 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.layout.swaths import Layout
-from fields.units import MINUTE_S, MPS_PER_KMH
+from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
+from fields.units import KMH_PER_MPS, MINUTE_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.field_physics import build_grid
 from planner.evaluation.ground.unworked_area import (
     KEPT_HEADLAND,
     LEFT_OUT,
@@ -32,7 +34,7 @@ from planner.request.option_texts import format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import mark_chosen_plan
-from planner.risk.costs import are_prices_given, build_hire_terms, describe_prices, get_price_per_hour
+from planner.risk.costs import are_prices_given, choose_terms, describe_prices, get_price_per_hour
 from reports.common.language import mark_text
 from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
@@ -170,7 +172,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     ]
     infeasible = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
     request, elevation = context.request, context.physics.elevation
-    terms = context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+    terms = choose_terms(request, context.cost_terms)
     tractor_effects = {name: dict(setting.value) for name, setting in context.tractor.effects.items()}
     model = context.tractor.discrepancy_model
     if model is not None and model.on:
@@ -189,7 +191,8 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         currency=terms.prices.currency,
         prices_assumed=not are_prices_given(request, context.cost_terms),
         money_sentences=(mark_text(f"The cost covers {describe_prices(terms)}."),),
-        cut_off_m2=field.cut_off_m2,
+        cut_off=locate_cut_off_ground(field),
+        **_measure_slopes(context),
         pull=context.pull,
         field_remarks=(*field.remarks, *(() if elevation is None else elevation.remarks)),
         ground_sentences=describe_ground(context),
@@ -267,6 +270,19 @@ def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
         return None
     place = shapely.point_on_surface(max(field.cut_off_parts, key=lambda part: part.area))
     return locate_piece(field, field.cut_off_m2, place.x, place.y)
+
+
+def _measure_slopes(context: PlanningContext) -> dict[str, Any]:
+    """Slope across the swaths and share of them that may erode, by their names in PlanRanking; none without heights."""
+    terrain = context.physics.terrain
+    if terrain is None:
+        return {}
+    grid = build_grid(terrain)
+    lines = [swath.points_m for swath in context.layout.swaths]
+    return {
+        "cross_slope_pct": 100.0 * measure_cross_slope(lines, grid),
+        "erosion_share": measure_fall_line_share(lines, grid),
+    }
 
 
 def export_request(context: PlanningContext) -> dict[str, Any]:
@@ -372,12 +388,11 @@ def _describe_payment(context: PlanningContext) -> str:
 def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
     """The assumptions shared by all plans of a ranking, in sentences."""
     driving_rules, layout, tractor = context.driving_rules, context.layout, context.tractor
-    kmh_per_mps = 3.6
     return (
         f"{tractor.name}, implement {layout.width_m:g} m wide, working {driving_rules.tool_m:.1f} m behind the "
         "antenna.",
-        f"Work at {kmh_per_mps * driving_rules.work_speed_mps:.3g} km/h, "
-        f"turns at {kmh_per_mps * driving_rules.turn_speed_mps:.3g} km/h.",
+        f"Work at {KMH_PER_MPS * driving_rules.work_speed_mps:.3g} km/h, "
+        f"turns at {KMH_PER_MPS * driving_rules.turn_speed_mps:.3g} km/h.",
         f"Planned turning radius {driving_rules.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
         f"{layout.track_count} tracks {_describe_bearings(layout)}.",
         "Metres outside the field are those of the antenna; tractor and implement may reach over the boundary in "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 from operator import mul
 from types import UnionType
@@ -14,30 +14,6 @@ from planner.errors import strip_unit
 
 _OPTION_REFERENCE = re.compile(r"\{(\w+)\}")
 Part = TypeVar("Part")
-
-
-@dataclass(frozen=True)
-class OptionHelp:
-    """Help and panel of one parameter of a request; stands in its annotation.
-
-    `help` refers to other options as {name}, and `api_help` replaces it where the API takes something else. An option
-    has the name of its parameter without the unit, unless `name` is given. `declaration` is what the command line calls
-    a yes-or-no option with an opposite. With `from_farm` a farm file may set the parameter. `flags` are yes-or-no
-    options that set it together: for each its value and its help, by name. Where an option does not take what its
-    parameter holds, `parse` reads what it takes, of the type `kind` and by default `written`.
-    """
-
-    help: str
-    panel: str
-    name: str = ""
-    api_help: str = ""
-    choices: tuple[str, ...] = ()
-    declaration: str = ""
-    from_farm: bool = False
-    flags: Mapping[str, tuple[str, str]] | None = None
-    parse: Callable[[Any], Any] | None = None
-    kind: Any = str
-    written: Any = None
 
 
 @dataclass(frozen=True)
@@ -68,48 +44,60 @@ class NumberLimits:
 
 
 @dataclass(frozen=True)
-class RequestOption:
-    """One option as it is asked for: its type without None, its default, and the parameter it sets.
+class PlanOption:
+    """One option as it is asked for: in the annotation of its parameter what is said of it there, in `list_options`
+    with all the rest.
 
-    A flag has the `value` that it gives its parameter.
+    `help` refers to other options as {name}, and `api_help` replaces it where the API takes something else. An option
+    has the name of its parameter without the unit, unless `name` is given. `declaration` is what the command line calls
+    a yes-or-no option with an opposite. With `from_farm` a farm file may set the parameter. `flags` are yes-or-no
+    options that set it together: for each its value and its help, by name; such a flag has the `value` that it gives
+    its parameter. `type` (without None) and `default` are those of the parameter; where the option does not take what
+    its parameter holds, they are of what it takes, and `parse` reads that.
     """
 
-    name: str
-    parameter: str
-    type: Any
-    default: Any
     help: str
-    rules: OptionHelp
+    panel: str
+    name: str = ""
+    api_help: str = ""
+    choices: tuple[str, ...] = ()
+    declaration: str = ""
+    from_farm: bool = False
+    flags: Mapping[str, tuple[str, str]] | None = None
     parse: Callable[[Any], Any] | None = None
+    type: Any = str
+    default: Any = None
+    parameter: str = ""
     limits: NumberLimits | None = None
     value: str | None = None
 
     def format_help(self, name_option: Callable[[str], str], *, for_api: bool = False) -> str:
         """The help text, with other options under the names they have for the reader."""
-        text = self.rules.api_help if for_api and self.rules.api_help else self.help
+        text = self.api_help if for_api and self.api_help else self.help
         return _OPTION_REFERENCE.sub(lambda match: name_option(match[1]), text)
 
 
 @cache
-def list_options(model: type) -> tuple[RequestOption, ...]:
+def list_options(model: type) -> tuple[PlanOption, ...]:
     """The options of a model, in the order of its parameters."""
-    options: list[RequestOption] = []
+    options: list[PlanOption] = []
     annotations = get_type_hints(model, include_extras=True)
     for parameter in fields(model):
-        annotation, default = annotations[parameter.name], parameter.default
-        rules = find_annotation_metadata(annotation, OptionHelp)
+        annotation, default = annotations[parameter.name], cast(Any, parameter.default)
+        said = find_annotation_metadata(annotation, PlanOption)
         limits = find_annotation_metadata(annotation, NumberLimits)
-        assert rules is not None, f"{parameter.name} has no option"
-        for name, (value, help_text) in (rules.flags or {}).items():
-            options.append(RequestOption(name, parameter.name, bool, False, help_text, rules, value=value))
-        if rules.flags is None:
-            name, kind, parse = rules.name or strip_unit(parameter.name), get_plain_type(annotation), rules.parse
-            if parse is not None:
-                kind, default = rules.kind, rules.written
-            elif limits is not None and limits.scale != 1.0:
-                kind, parse = float, partial(mul, limits.scale)
-                default = None if default is None else float(cast(Any, default)) / limits.scale
-            options.append(RequestOption(name, parameter.name, kind, default, rules.help, rules, parse, limits))
+        assert said is not None, f"{parameter.name} has no option"
+        option = replace(said, name=said.name or strip_unit(parameter.name), parameter=parameter.name, limits=limits)
+        if option.parse is None and limits is not None and limits.scale != 1.0:
+            written = None if default is None else float(default) / limits.scale
+            option = replace(option, type=float, parse=partial(mul, limits.scale), default=written)
+        elif option.parse is None:
+            option = replace(option, type=get_plain_type(annotation), default=default)
+        flags = (option.flags or {}).items()
+        options += [
+            replace(option, name=name, type=bool, default=False, help=text, limits=None, value=value)
+            for name, (value, text) in flags
+        ] or [option]
     return tuple(options)
 
 

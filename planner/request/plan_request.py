@@ -23,7 +23,7 @@ from planner.request.option_texts import (
     parse_number_pair,
     parse_strategies,
 )
-from planner.request.options import NumberLimits, OptionHelp, convert_options_to_parameters
+from planner.request.options import NumberLimits, PlanOption, convert_options_to_parameters
 from planner.request.recent_rain import MAX_ET0_MM
 from planner.request.validation import (
     STRICT,
@@ -84,7 +84,7 @@ _HEADLAND_FLAGS = {
     "headland_first": (HEADLAND_FIRST, "Work the headland before the tracks."),
     "headland_last": (HEADLAND_LAST, "Work the headland after the tracks."),
 }
-_TEXTS: dict[str, Any] = {"parse": tuple, "kind": list[str]}  # an option that is repeated
+_TEXTS: dict[str, Any] = {"parse": tuple, "type": list[str]}  # an option that is repeated
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
 _WIDTH = NumberLimits("working width", "m", low=0.5, high=100.0)  # a single furrow, and more than any boom
@@ -127,51 +127,51 @@ class PlanRequest:
 
     field: Annotated[
         FieldText,
-        OptionHelp(
+        PlanOption(
             "A sample or a field file.",
             FIELD,
             api_help="A sample or an uploaded field; NAME#ID picks one of several parcels.",
         ),
     ] = "iwamizawa"
-    local: Annotated[bool, OptionHelp("The file holds local metres, not longitude and latitude.", FIELD)] = False
+    local: Annotated[bool, PlanOption("The file holds local metres, not longitude and latitude.", FIELD)] = False
     width_m: Annotated[
         Number,
-        OptionHelp("Working width of the implement, metres.", MACHINES, from_farm=True),
+        PlanOption("Working width of the implement, metres.", MACHINES, from_farm=True),
         _WIDTH,
     ] = 3.0
     headland_m: Annotated[
         Number | None,
-        OptionHelp("Headland depth, metres. By default sized from the turn that must fit.", WORK),
+        PlanOption("Headland depth, metres. By default sized from the turn that must fit.", WORK),
         _LENGTH("headland"),
     ] = None
     headland_passes: Annotated[
         Count | None,
-        OptionHelp("Number of headland passes. By default as many as turns need, or more where that is quicker.", WORK),
+        PlanOption("Number of headland passes. By default as many as turns need, or more where that is quicker.", WORK),
         NumberLimits("number of headland passes", low=1, high=MAX_HEADLAND_PASSES),
     ] = None
     bearing_deg: Annotated[
         Number | None,
-        OptionHelp("Direction of the tracks, degrees clockwise from north. By default the best one.", FIELD),
+        PlanOption("Direction of the tracks, degrees clockwise from north. By default the best one.", FIELD),
         NumberLimits("bearing", "degrees", low=-option_checks.FULL_CIRCLE_DEG, high=option_checks.FULL_CIRCLE_DEG),
     ] = None
     radius_m: Annotated[
         Number | None,
-        OptionHelp("Turning radius to plan with, metres. By default that at full lock.", MACHINES),
+        PlanOption("Turning radius to plan with, metres. By default that at full lock.", MACHINES),
         _LENGTH("turning radius"),
     ] = None
     clearance_m: Annotated[
         Number,
-        OptionHelp("Least distance between machines with implements, metres.", MACHINES),
+        PlanOption("Least distance between machines with implements, metres.", MACHINES),
         NumberLimits("clearance between tractors", "m", low=MIN_CLEARANCE_M, high=10.0),
     ] = 0.5
     margin_m: Annotated[
         Number,
-        OptionHelp("Distance kept to obstacles, holes and fences, metres.", FIELD),
+        PlanOption("Distance kept to obstacles, holes and fences, metres.", FIELD),
         NumberLimits("margin to obstacles", "m", high=MAX_MARGIN_M),
     ] = 0.3
     tractor: Annotated[
         Text,
-        OptionHelp(
+        PlanOption(
             "A tractor that comes with Headland (eg105, mr1000a) or a TOML file.",
             MACHINES,
             api_help="eg105, mr1000a, an uploaded tractor, or one of the farm.",
@@ -180,54 +180,54 @@ class PlanRequest:
     ] = "eg105"
     tractors: Annotated[
         Counts,
-        OptionHelp(
-            "Tractor counts to try: 3, 1-6 or 1,3,5.", MACHINES, from_farm=True, parse=parse_counts, written="1-6"
+        PlanOption(
+            "Tractor counts to try: 3, 1-6 or 1,3,5.", MACHINES, from_farm=True, parse=parse_counts, default="1-6"
         ),
     ] = (1, 2, 3, 4, 5, 6)
-    strategies: Annotated[Names, OptionHelp(_STRATEGIES_HELP, WORK, parse=parse_strategies, written="all")] = (
+    strategies: Annotated[Names, PlanOption(_STRATEGIES_HELP, WORK, parse=parse_strategies, default="all")] = (
         STRATEGY_NAMES
     )
     turn: Annotated[
-        str, OptionHelp("Kind of turn: auto, u, omega or switch-back.", WORK, choices=("auto", *TURN_KINDS))
+        str, PlanOption("Kind of turn: auto, u, omega or switch-back.", WORK, choices=("auto", *TURN_KINDS))
     ] = "auto"
     speed_mps: Annotated[
-        Number, OptionHelp("Working speed, km/h.", MACHINES, from_farm=True), _SPEED("working speed")
+        Number, PlanOption("Working speed, km/h.", MACHINES, from_farm=True), _SPEED("working speed")
     ] = 5.0 * MPS_PER_KMH  # thesis, section 6.3.1
     turn_speed_mps: Annotated[
         Number | None,
-        OptionHelp("Largest speed in turns, km/h; less in bends. By default as at work.", MACHINES, from_farm=True),
+        PlanOption("Largest speed in turns, km/h; less in bends. By default as at work.", MACHINES, from_farm=True),
         _SPEED("turn speed"),
     ] = None
     min_speed_mps: Annotated[
         Number | None,
-        OptionHelp("Least working speed, km/h; a remark tells where bends are slower.", MACHINES, from_farm=True),
+        PlanOption("Least working speed, km/h; a remark tells where bends are slower.", MACHINES, from_farm=True),
         _SPEED("least working speed"),
     ] = None
     max_speed_mps: Annotated[
         Number | None,
-        OptionHelp("Greatest working speed of the implement, km/h.", MACHINES, from_farm=True),
+        PlanOption("Greatest working speed of the implement, km/h.", MACHINES, from_farm=True),
         _SPEED("greatest working speed"),
     ] = None
     price_per_hour: Annotated[
-        Number | None, OptionHelp("Price of one tractor for one hour. By default 40.", COSTS, from_farm=True), _PRICE
+        Number | None, PlanOption("Price of one tractor for one hour. By default 40.", COSTS, from_farm=True), _PRICE
     ] = None
     price_per_tractor: Annotated[
-        Number, OptionHelp("Price of bringing one tractor.", COSTS, from_farm=True), _PRICE
+        Number, PlanOption("Price of bringing one tractor.", COSTS, from_farm=True), _PRICE
     ] = 0.0
     start_s: Annotated[
         ClockTime | None,
-        OptionHelp("Start of work, hh:mm.", COSTS, parse=partial(parse_clock, parameter="start_s")),
+        PlanOption("Start of work, hh:mm.", COSTS, parse=partial(parse_clock, parameter="start_s")),
     ] = None
     deadline_s: Annotated[
-        ClockTime | None, OptionHelp(_DEADLINE_HELP, COSTS, parse=partial(parse_clock, parameter="deadline_s"))
+        ClockTime | None, PlanOption(_DEADLINE_HELP, COSTS, parse=partial(parse_clock, parameter="deadline_s"))
     ] = None
     seed: Annotated[
-        Count, OptionHelp("Seed; the same seed gives the same bytes.", RISK), NumberLimits("seed", high=MAX_SEED)
+        Count, PlanOption("Seed; the same seed gives the same bytes.", RISK), NumberLimits("seed", high=MAX_SEED)
     ] = 1
-    gnss: Annotated[bool, OptionHelp("Let positions err as those of an RTK receiver do.", RISK)] = False
+    gnss: Annotated[bool, PlanOption("Let positions err as those of an RTK receiver do.", RISK)] = False
     gnss_table: Annotated[
         Text | None,
-        OptionHelp(
+        PlanOption(
             "The same by a table made with headland gnss fit.",
             RISK,
             api_help="The same by an uploaded table of headland gnss fit.",
@@ -235,7 +235,7 @@ class PlanRequest:
     ] = None
     operation: Annotated[
         str,
-        OptionHelp(
+        PlanOption(
             "till, sow, spray, harvest or mow: says whether the headland comes first or last.",
             WORK,
             choices=tuple(HEADLAND_ORDERS_BY_OPERATION),
@@ -244,11 +244,11 @@ class PlanRequest:
     ] = "till"
     headland_order: Annotated[
         str | None,
-        OptionHelp("When the headland is worked.", WORK, choices=HEADLAND_ORDERS, flags=_HEADLAND_FLAGS),
+        PlanOption("When the headland is worked.", WORK, choices=HEADLAND_ORDERS, flags=_HEADLAND_FLAGS),
     ] = None
     corners: Annotated[
         str,
-        OptionHelp(
+        PlanOption(
             "Corners of the headland: square (worked whole, backing up), round, or auto (each as is quicker).",
             WORK,
             choices=CORNERS,
@@ -256,43 +256,43 @@ class PlanRequest:
     ] = AUTO_CORNERS
     overhang_m: Annotated[
         Number,
-        OptionHelp("How far tractor and implement may reach over open edges of the field, metres.", FIELD),
+        PlanOption("How far tractor and implement may reach over open edges of the field, metres.", FIELD),
         NumberLimits("overhang", "m", high=MAX_MARGIN_M),
     ] = 0.5
     no_headland: Annotated[
         bool,
-        OptionHelp("Leave the headland as room for turning instead of working it.", WORK, declaration="--no-headland"),
+        PlanOption("Leave the headland as room for turning instead of working it.", WORK, declaration="--no-headland"),
     ] = False
     samples: Annotated[
         Count | None,
-        OptionHelp("Samples of what varies from day to day; 10000 with {deadline} or {rain}.", RISK),
+        PlanOption("Samples of what varies from day to day; 10000 with {deadline} or {rain}.", RISK),
         NumberLimits(high=option_checks.MAX_SAMPLES),
     ] = None
     rain: Annotated[
-        TimeText | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
+        TimeText | None, PlanOption(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
     ] = None
     objective: Annotated[
         str | None,
-        OptionHelp(
+        PlanOption(
             "What the best plan is: fastest, cheapest, surest, or that of least fuel.", COSTS, choices=OBJECTIVES
         ),
     ] = None
-    budget: Annotated[Number | None, OptionHelp("Most that may be paid; dearer plans are left out.", COSTS), _PRICE] = (
+    budget: Annotated[Number | None, PlanOption("Most that may be paid; dearer plans are left out.", COSTS), _PRICE] = (
         None
     )
     cell_bearings: Annotated[
         CellBearings,
-        OptionHelp(
+        PlanOption(
             "Direction of the tracks in one cell: 2=45; once for every such cell.",
             FIELD,
             api_help="Direction of the tracks by cell, such as 2=45.",
             parse=parse_cell_bearings,
-            kind=list[str],
+            type=list[str],
         ),
     ] = ()
     refill: Annotated[
         str | None,
-        OptionHelp(
+        PlanOption(
             "Where a tank is filled or emptied, or a battery charged: headland, tender or a place LON,LAT (X,Y with "
             "{local}).",
             MACHINES,
@@ -300,11 +300,11 @@ class PlanRequest:
     ] = None
     entrance: Annotated[
         Place | None,
-        OptionHelp(_ENTRANCE_HELP, FIELD, parse=partial(parse_number_pair, parameter="entrance")),
+        PlanOption(_ENTRANCE_HELP, FIELD, parse=partial(parse_number_pair, parameter="entrance")),
     ] = None
     obstacles: Annotated[
         Names,
-        OptionHelp(
+        PlanOption(
             "One more obstacle to avoid: LON,LAT or LON,LAT,RADIUS (X,Y with {local}; 1 m round by default); once for "
             "every obstacle.",
             FIELD,
@@ -314,7 +314,7 @@ class PlanRequest:
     ] = ()
     ignored: Annotated[
         Names,
-        OptionHelp(
+        PlanOption(
             "Leave out an obstacle of the file, by its name or number (headland field lists them); once for every one.",
             FIELD,
             api_help="Obstacles of the file to leave out, by name or number.",
@@ -323,19 +323,19 @@ class PlanRequest:
     ] = ()
     part: Annotated[
         Count | None,
-        OptionHelp("Plan only this part of a field that ditches or narrow necks divide; 1 is the largest.", FIELD),
+        PlanOption("Plan only this part of a field that ditches or narrow necks divide; 1 is the largest.", FIELD),
         NumberLimits(low=1),
     ] = None
     crs: Annotated[
-        Text | None, OptionHelp("Coordinate system of a file that names none, such as EPSG:25832.", FIELD)
+        Text | None, PlanOption("Coordinate system of a file that names none, such as EPSG:25832.", FIELD)
     ] = None
-    swap_axes: Annotated[bool, OptionHelp("The file has latitude or northing first: exchange the two.", FIELD)] = False
+    swap_axes: Annotated[bool, PlanOption("The file has latitude or northing first: exchange the two.", FIELD)] = False
     guidance_line: Annotated[
-        str | None, OptionHelp("Lay the tracks along this guidance line of the file, by its name.", FIELD)
+        str | None, PlanOption("Lay the tracks along this guidance line of the file, by its name.", FIELD)
     ] = None
     elevation: Annotated[
         Text | None,
-        OptionHelp(
+        PlanOption(
             "Heights of the field: a raster (GeoTIFF, ASCII grid) or points (CSV, GeoJSON, KML, GPX, Shapefile, "
             "Elevation.txt). By default the file that the field names.",
             FIELD,
@@ -344,23 +344,23 @@ class PlanRequest:
     ] = None
     soil: Annotated[
         Text | None,
-        OptionHelp(
+        PlanOption(
             "Soil by its name (loam, clay, soft) or a CSV table; it sets draft, slip and rolling resistance.",
             FIELD,
             api_help="Soil by its name (loam, clay, soft); it sets draft, slip and rolling resistance.",
         ),
     ] = None
     elevation_crs: Annotated[
-        Text | None, OptionHelp("Coordinate system of heights that name none, such as EPSG:25832.", FIELD)
+        Text | None, PlanOption("Coordinate system of heights that name none, such as EPSG:25832.", FIELD)
     ] = None
     moisture_pct: Annotated[
         Number | None,
-        OptionHelp("Moisture of the soil, percent of its dry weight; by default at field capacity.", FIELD),
+        PlanOption("Moisture of the soil, percent of its dry weight; by default at field capacity.", FIELD),
         NumberLimits("moisture of the soil", "percent", high=100.0),
     ] = None
     rain_mm: Annotated[
         Text | None,
-        OptionHelp(
+        PlanOption(
             "Rain of the last days, mm by day up to yesterday (0,12,5), or a CSV file; says the moisture of {soil}.",
             FIELD,
             api_help="Rain of the last days, mm by day up to yesterday (0,12,5); says the moisture of {soil}.",
@@ -368,12 +368,12 @@ class PlanRequest:
     ] = None
     et0_mm: Annotated[
         Number | None,
-        OptionHelp("Reference evapotranspiration of those days, mm a day. By default 3.", FIELD),
+        PlanOption("Reference evapotranspiration of those days, mm a day. By default 3.", FIELD),
         NumberLimits("reference evapotranspiration", "mm a day", high=MAX_ET0_MM),
     ] = None
     draft: Annotated[
         Text | None,
-        OptionHelp(
+        PlanOption(
             "Implement by its row in the table of drafts, such as plough (headland guide implements lists them). By "
             "default a cultivator or a drill, as {operation} has it.",
             MACHINES,
@@ -382,29 +382,29 @@ class PlanRequest:
     ] = None
     depth_cm: Annotated[
         Number | None,
-        OptionHelp("Working depth of {draft}, centimetres. By default its usual one.", MACHINES, from_farm=True),
+        PlanOption("Working depth of {draft}, centimetres. By default its usual one.", MACHINES, from_farm=True),
         NumberLimits("working depth", "cm", above=True, high=MAX_DEPTH_CM),
     ] = None
     swaths: Annotated[
         str,
-        OptionHelp(
+        PlanOption(
             "Tracks: straight, or contour (curved along the contours of {elevation}).", FIELD, choices=SWATH_FORMS
         ),
     ] = STRAIGHT
-    open_edges: Annotated[bool, OptionHelp("Let machines swing freely over edges that are not fenced.", FIELD)] = False
-    transport_width_m: Annotated[Number | None, OptionHelp(_FOLD_HELP, MACHINES), _TRANSPORT] = None
-    sections: Annotated[Count, OptionHelp("Sections that switch off over worked ground.", MACHINES), _SECTIONS] = 1
+    open_edges: Annotated[bool, PlanOption("Let machines swing freely over edges that are not fenced.", FIELD)] = False
+    transport_width_m: Annotated[Number | None, PlanOption(_FOLD_HELP, MACHINES), _TRANSPORT] = None
+    sections: Annotated[Count, PlanOption("Sections that switch off over worked ground.", MACHINES), _SECTIONS] = 1
     leave_out: Annotated[
         Text | None,
-        OptionHelp("Tracks and headland passes to leave out, named as on the map: 3,7-9,5b,R1.", WORK),
+        PlanOption("Tracks and headland passes to leave out, named as on the map: 3,7-9,5b,R1.", WORK),
     ] = None
     work_first: Annotated[
         Text | None,
-        OptionHelp("Tracks and headland passes to work before all others, in this order: 12,11.", WORK),
+        PlanOption("Tracks and headland passes to work before all others, in this order: 12,11.", WORK),
     ] = None
     give: Annotated[
         Names,
-        OptionHelp(
+        PlanOption(
             "Tracks and headland passes that one tractor works: 2=5-8; once for every such tractor.",
             WORK,
             api_help="Tracks and headland passes that one tractor works, such as 2=5-8.",

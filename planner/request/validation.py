@@ -188,7 +188,7 @@ def format_given_values(request: Any) -> str:
 def check_option_limits(request: Any) -> None:
     """Raise RequestError for a number beyond the limits of its option, or a word that is none of its choices."""
     for option in list_options(type(request)):  # type: ignore[arg-type]
-        name, limits, choices = option.parameter, option.limits, option.rules.choices
+        name, limits, choices = option.parameter, option.limits, option.choices
         value = getattr(request, name)
         if value is None:
             continue

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, PlanRequest
-from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, list_cost_figures
+from planner.risk.costs import CostTerms, choose_terms, describe_prices, list_cost_figures
 from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import (
     DEFAULT_SAMPLES,
@@ -139,39 +139,59 @@ def _solve_speed(leg: Leg, driven_s: float, factor: float, lag: float) -> float:
 
 @dataclass(frozen=True)
 class DecisionCriteria:
-    """What plans are judged by beyond their time: samples and distributions, limits, cost, objective and budget.
+    """What plans are judged by beyond their time: samples and their laws, limits, cost, objective and budget.
 
-    Work must be done before the `rain` and within `deadline_s` after the start; with a farm's `workday` not all time
-    until then is for field work. `limit_text` says so, such as "before 17:00"; "" without a limit. The criteria choose
-    the best plan only if `decides_best`: with a limit, an objective or a budget. `budget` is the most that may be paid.
+    Work must be done before the `rain` and the deadline of the `request`; with a farm's `workday` not all time until
+    then is for field work. They choose the best plan only if one of these or an objective or a budget is asked for.
     """
 
+    request: PlanRequest
     uncertainty: UncertaintySettings
     cost_terms: CostTerms
-    samples: int = DEFAULT_SAMPLES
-    seed: int = 1
-    rain: RainForecast | None = None
-    deadline_s: float | None = None
     workday: Workday | None = None
-    limit_text: str = ""
-    objective: str = CHEAPEST
-    decides_best: bool = False
-    budget: float | None = None
+    rain: RainForecast | None = None
+
+    @property
+    def samples(self) -> int:
+        """How many samples are drawn: as asked for, else as many as usual."""
+        return DEFAULT_SAMPLES if self.request.samples is None else self.request.samples
+
+    @property
+    def objective(self) -> str:
+        """What the best plan is."""
+        return self.request.objective or CHEAPEST
+
+    @property
+    def has_limit(self) -> bool:
+        """Whether there is rain or a deadline."""
+        return self.rain is not None or self.request.deadline_s is not None
+
+    @property
+    def decides_best(self) -> bool:
+        """Whether the criteria choose the best plan: with a limit, an objective or a budget."""
+        return self.has_limit or self.request.objective is not None or self.request.budget is not None
+
+    @property
+    def limit_text(self) -> str:
+        """When work must be done, such as "before 17:00"; "" without a limit."""
+        request, rain = self.request, self.rain
+        limits = [] if request.deadline_s is None else [f"before {request.format_clock_after(request.time_limit_s)}"]
+        if rain is not None and request.start_s is not None and rain.certain_onset_s is not None:
+            limits.append(f"before {request.format_clock_after(rain.certain_onset_s)}")
+        elif rain is not None:
+            limits.append("before the rain")
+        return " and ".join(dict.fromkeys(limits))
 
     def sample_field_limit_s(self) -> Array:
         """Seconds of field work that fit before the deadline or the rain, (samples,); infinite without either."""
-        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
-        limit_s = rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
+        samples, deadline_s = self.samples, self.request.time_limit_s
+        rain = np.full(samples, math.inf) if self.rain is None else self.rain.draw_onsets(samples, self.request.seed)
+        limit_s = rain if deadline_s is None else np.minimum(rain, deadline_s)
         return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
 
     def compute_field_clock_s(self, field_s: float) -> float:
         """Seconds after the start by the clock when so many seconds of field work are done."""
         return field_s if self.workday is None else self.workday.compute_clock_s(self.workday.before_field_s + field_s)
-
-    @property
-    def has_limit(self) -> bool:
-        """Whether there is rain or a deadline."""
-        return self.rain is not None or self.deadline_s is not None
 
 
 def build_decision_criteria(
@@ -184,37 +204,16 @@ def build_decision_criteria(
 
     Without `cost_terms` tractors are hired at the prices of the request. Raises RequestError for unreadable rain.
     """
-    samples = request.samples
-    if samples is None:
-        sampling_parameters = (request.deadline_s, request.rain, request.objective, request.budget)
-        samples = 0 if all(each is None for each in sampling_parameters) else DEFAULT_SAMPLES
-    if samples == 0:
+    deciding = (request.deadline_s, request.rain, request.objective, request.budget)
+    if request.samples == 0 or (request.samples is None and all(each is None for each in deciding)):
         return None
-    rain = None if request.rain is None else parse_rain(request.rain, request.start_s)
-    limit_text = _describe_limit(request, rain)
     return DecisionCriteria(
-        uncertainty=uncertainty or UncertaintySettings(),
-        cost_terms=cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor),
-        samples=samples,
-        seed=request.seed,
-        rain=rain,
-        deadline_s=request.time_limit_s,
-        workday=workday,
-        limit_text=limit_text,
-        objective=request.objective or CHEAPEST,
-        decides_best=bool(limit_text) or request.objective is not None or request.budget is not None,
-        budget=request.budget,
+        request,
+        uncertainty or UncertaintySettings(),
+        choose_terms(request, cost_terms),
+        workday,
+        None if request.rain is None else parse_rain(request.rain, request.start_s),
     )
-
-
-def _describe_limit(request: PlanRequest, rain: RainForecast | None) -> str:
-    """When work must be done, such as "before 17:00"; "" without a limit."""
-    limits = [] if request.deadline_s is None else [f"before {request.format_clock_after(request.time_limit_s)}"]
-    if rain is not None and request.start_s is not None and rain.certain_onset_s is not None:
-        limits.append(f"before {request.format_clock_after(rain.certain_onset_s)}")
-    elif rain is not None:
-        limits.append("before the rain")
-    return " and ".join(dict.fromkeys(limits))
 
 
 def add_risk_estimate(
@@ -246,13 +245,15 @@ def list_sampled_figures(graph: LegGraph, criteria: DecisionCriteria, area_ha: f
     as the median is the end that is stated.
     """
     limit_s, samples = criteria.sample_field_limit_s(), criteria.samples
-    outcomes = sample_outcomes(graph, criteria.uncertainty, samples=samples, seed=criteria.seed, limit_s=limit_s)
+    outcomes = sample_outcomes(
+        graph, criteria.uncertainty, samples=samples, seed=criteria.request.seed, limit_s=limit_s
+    )
     in_time = int((outcomes.work_finish_s <= limit_s).sum())
     p50_s, p80_s, p95_s = np.quantile(outcomes.finish_s, (0.50, 0.80, 0.95)).tolist()
     p50_work_s, p95_work_s = np.quantile(outcomes.work_finish_s, (0.50, 0.95)).tolist()
-    p50_done_s = criteria.compute_field_clock_s(p50_work_s)
+    p50_done_s, deadline_s = criteria.compute_field_clock_s(p50_work_s), criteria.request.time_limit_s
     return {
-        "meets_deadline": None if criteria.deadline_s is None else p50_done_s <= criteria.deadline_s,
+        "meets_deadline": None if deadline_s is None else p50_done_s <= deadline_s,
         "finish_probability": in_time / samples if criteria.has_limit else None,
         "finish_probability_interval": compute_wilson_interval(in_time, samples) if criteria.has_limit else None,
         "p50_s": p50_s,
@@ -300,7 +301,7 @@ def _select_eligible(
     before_rain, note = _select_before_rain(plans, criteria.rain)
     if note is not None:
         return plans, Shortfall("rain", note), FASTEST
-    budget = criteria.budget
+    budget = criteria.request.budget
     affordable, all_affordable = (
         [plan for plan in candidates if budget is None or (plan.paid_cost or 0.0) <= budget]
         for candidates in (before_rain, all_plans)
@@ -344,7 +345,7 @@ def check_best_plan(
 ) -> tuple[PhysicsCheck, dict[str, float]]:
     """Samples of a plan simulated in full physics, and what causes the spread of its time."""
     ordered_run = enforce_planned_order(run, tractor, implement)
-    uncertainty, seed = criteria.uncertainty, criteria.seed
+    uncertainty, seed = criteria.uncertainty, criteria.request.seed
     check_result = check_graph_in_physics(
         ordered_run, uncertainty, tractor, implement, terrain=terrain, load=load, seed=seed
     )

@@ -170,6 +170,11 @@ def build_hire_terms(per_hour: float | None, per_tractor: float) -> CostTerms:
     return CostTerms(FarmPrices(per_hour=price, supervision_share=0.0, transport_per_tractor=per_tractor))
 
 
+def choose_terms(request: PlanRequest, terms: CostTerms | None) -> CostTerms:
+    """The terms of a farm, else those of tractors hired at the prices of a request."""
+    return terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+
+
 def list_cost_figures(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -> dict[str, float]:
     """The mean costs of a plan for `area_ha` of work by their names in PlanResult: paid, and with late ground added.
 

@@ -13,7 +13,7 @@ from typing import Any
 from fields.geometry.arithmetic import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import convert_time_to_text, write_clock
-from planner.request.options import OptionHelp, RequestOption, list_options
+from planner.request.options import PlanOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 
@@ -25,13 +25,12 @@ _TEXTS = ("tractors", *_CLOCKS, "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
 """Parameters that change no estimate, or what is chosen and not what is planned."""
-HEADLAND_ORDER = RequestOption(
-    "headland_order",
-    "headland_order",
-    str,
-    None,
+HEADLAND_ORDER = PlanOption(
     "When the headland is worked: first, last.",
-    OptionHelp("", WORK, choices=HEADLAND_ORDERS),
+    WORK,
+    "headland_order",
+    choices=HEADLAND_ORDERS,
+    parameter="headland_order",
 )
 
 
@@ -45,7 +44,7 @@ class Axis:
         written: the same as the option is written: km/h, hh:mm, one number of tractors.
     """
 
-    option: RequestOption
+    option: PlanOption
     values: tuple[Any, ...]
     written: tuple[Any, ...]
 
@@ -55,14 +54,14 @@ class Axis:
         return self.option.parameter
 
 
-def list_swept_options() -> tuple[RequestOption, ...]:
+def list_swept_options() -> tuple[PlanOption, ...]:
     """The options that a sweep can vary: numbers, choices, clock times, tractors and machines."""
     found = [
         option
         for option in list_options(PlanRequest)
         if option.value is None
         and option.parameter not in _UNSWEPT
-        and (option.type in (int, float) or option.rules.choices or option.parameter in _TEXTS)
+        and (option.type in (int, float) or option.choices or option.parameter in _TEXTS)
     ]
     return (*found, HEADLAND_ORDER)
 
@@ -95,16 +94,15 @@ def list_points(axes: Sequence[Axis]) -> Iterator[tuple[int, ...]]:
     return product(*(range(len(axis.values)) for axis in axes))
 
 
-def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
+def _read_axis(name: str, option: PlanOption, given: Any) -> Axis:
     parts = _split_text(option, given) if isinstance(given, str) else _list_values(name, option, given)
     written = tuple(dict.fromkeys(parts))
     if not written:
         raise RequestError(f"{mark_parameter(option.parameter)} has no value; give one or more.")
-    unknown = next((value for value in written if option.rules.choices and value not in option.rules.choices), None)
+    unknown = next((value for value in written if option.choices and value not in option.choices), None)
     if unknown is not None:
         raise RequestError(
-            f"{shorten_value(str(unknown))} is no {option.name.replace('_', ' ')}; use "
-            f"{', '.join(option.rules.choices)}.",
+            f"{shorten_value(str(unknown))} is no {option.name.replace('_', ' ')}; use {', '.join(option.choices)}.",
             parameter=option.parameter,
         )
     if len(written) > MOST_VALUES:
@@ -118,7 +116,7 @@ def _read_axis(name: str, option: RequestOption, given: Any) -> Axis:
     return Axis(option, tuple(map(read, written)), written)
 
 
-def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
+def _list_values(name: str, option: PlanOption, given: Any) -> list[Any]:
     """Values that Python gives, of numpy too; texts among them are read as on the command line.
 
     Numbers by the name of a clock's parameter are seconds of the day.
@@ -138,7 +136,7 @@ def _list_values(name: str, option: RequestOption, given: Any) -> list[Any]:
     return [part for value in values for part in (_split_text(option, value) if isinstance(value, str) else [value])]
 
 
-def _split_text(option: RequestOption, text: str) -> list[Any]:
+def _split_text(option: PlanOption, text: str) -> list[Any]:
     """The values of a text: separated by commas, and of numbers ranges too."""
     if option.parameter == "tractors":
         assert option.parse is not None
@@ -156,7 +154,7 @@ def _split_text(option: RequestOption, text: str) -> list[Any]:
     return [value for part in parts for value in _read_numbers(option, part)]
 
 
-def _read_numbers(option: RequestOption, part: str) -> list[Any]:
+def _read_numbers(option: PlanOption, part: str) -> list[Any]:
     """A number, or those from one to another in steps, both ends among them."""
     found = _RANGE.fullmatch(part)
     try:

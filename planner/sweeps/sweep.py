@@ -1,4 +1,6 @@
-"""A sweep: every combination of some options estimated on any executor, what is known kept for the next time."""
+"""A sweep: every combination of some options estimated on any executor, what is known kept for the next time; in Python
+from a request and the values of some of its parameters to a table of plans.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +12,32 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from hashlib import sha256
 from itertools import groupby
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
 
+import reports.sweep.report  # noqa: F401  # how a sweep is shown
 from planner.errors import HeadlandError, RequestError, mark_parameter
 from planner.evaluation.preparation import check_machine_and_soil, prepare_context, read_planned_field
 from planner.evaluation.site import recall
-from planner.evaluation.work_order import WorkOrder
+from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.pipeline.executors import collect_answers, create_executor, iter_completed
-from planner.pipeline.many_fields import hash_question
+from planner.pipeline.many_fields import hash_order
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
 from planner.request.parameter_names import UNLAID, WISHES
-from planner.risk.costs import are_prices_given, build_hire_terms
-from planner.sweeps.axes import Axis, list_points
+from planner.request.plan_request import PlanRequest
+from planner.risk.costs import CostTerms, are_prices_given, choose_terms
+from planner.sweeps.axes import Axis, list_points, read_axes
 from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
+from strategies.rules.supply import Supply
+from vehicle.model.tractor import Implement
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 MOST_GROUNDS_AT_ONCE = 32  # laid out before they are estimated: enough for all processes, few enough to hold
 _ADDED = (
@@ -57,7 +66,7 @@ class EstimateTask:
     def hash(self) -> str:
         """What the answer depends on."""
         requests = ";".join(repr(order) for order in self.orders)
-        return sha256(f"{hash_question(self.reference)}{requests}".encode()).hexdigest()
+        return sha256(f"{hash_order(self.reference)}{requests}".encode()).hexdigest()
 
 
 def build_tasks(axes: Sequence[Axis], build_order: Callable[[Mapping[str, Any]], WorkOrder]) -> list[EstimateTask]:
@@ -231,7 +240,7 @@ class Sweep:
         orders = [self.build_order(name, self._get_parameters(self._points[0])) for name in self.fields]
         read = [read_planned_field(order) for order in orders]
         first, request = orders[0], orders[0].request
-        terms = first.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+        terms = choose_terms(request, first.cost_terms)
         numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]
         areas_ha = [field.area_ha for field in read]
         clocks = [
@@ -307,3 +316,41 @@ def join_fields(plans: Sequence[PlanResult], areas_ha: Sequence[float], limit_s:
         fuel_l_per_ha=None,
         energy_kwh_per_ha=None,
     )
+
+
+def sweep(
+    request: PlanRequest,
+    *,
+    field: FieldChoice = None,
+    implement: Implement | None = None,
+    cost_terms: CostTerms | None = None,
+    supply: Supply | None = None,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+    **values: Any,
+) -> DataFrame:
+    """Estimate a plan for every combination of some options, and return a table with a row for each.
+
+    `values` are by the name of the option or of its parameter, in the unit that it says: `width=[3, 4.5],
+    speed_kmh=range(6, 13), tractors="1-8", headland_order=["first", "last"]`; texts are read as `headland sweep` reads
+    them. The other arguments are those of `plan`. The columns are the options, then seconds, cost, share worked, fuel,
+    what it `lacks` of what was asked for, whether nothing beats the plan (`on_front`) and which one to take, or comes
+    nearest (`is_best`); `frame.attrs["sweep"]` is the result that reports draw. Each number of tractors is driven once
+    on each layout, at a speed in the middle of those swept, and its other rows follow from that by sums: a row changes
+    a little with what else is swept. `plan` with the values of a row drives it. Raises HeadlandError.
+    """
+    if not isinstance(request, PlanRequest):
+        raise TypeError(f"sweep() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
+    if values.get("tractors") is None:
+        values["tractors"] = list(request.tractors)
+    axes = read_axes(values)
+
+    def build_order(_: str, parameters: Mapping[str, Any]) -> WorkOrder:
+        return WorkOrder(replace(request, **parameters), field, None, implement, None, cost_terms, supply)
+
+    found = Sweep(axes, (request.field,), build_order)
+    found.run(executor, progress=progress)
+    result = found.build_result()
+    frame = result.to_pandas()
+    frame.attrs["sweep"] = result
+    return frame

@@ -298,9 +298,7 @@ def choose_by_count(plans: Sequence[PlanResult], *, by_cost: bool = False) -> di
         of_count = [plan for plan in plans if plan.tractors == count]
         alike = [plan for plan in of_count if plan.keeps_clearance] or of_count
         least = min(alike, key=lambda plan: (get_value(plan), build_time_sort_key(plan)))
-        limits = [
-            (get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, attrgetter("ranked_s"))
-        ]
+        limits = [(get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, get_ranked_s)]
         equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]
         chosen[count] = min(equal, key=lambda plan: (build_quality_key(plan), build_time_sort_key(plan)))
     return chosen
@@ -375,7 +373,9 @@ class PlanRanking(ShownResult):
         check_sentences: how far the samples can be trusted.
         day_sentences: clock times of the best plan.
         shortfalls: what keeps the best plan from being a recommendation.
-        cut_off_m2: ground that obstacles cut off from the field that is worked.
+        cut_off: all ground that obstacles cut off from the field that is worked, at the place of its largest piece.
+        cross_slope_pct: the largest slope across the swaths; erosion_share: the share of their metres near the fall
+            line of steeper ground. Both are None where no heights are known.
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
         money_sentences: what the costs include; `prices_assumed` whether nobody gave their prices.
         parts: further parts of a divided field, each with a plan of its own.
@@ -399,7 +399,9 @@ class PlanRanking(ShownResult):
     chosen: tuple[str, int] | None = None
     check_sentences: tuple[str, ...] = ()
     shortfalls: tuple[Shortfall, ...] = ()
-    cut_off_m2: float = 0.0
+    cut_off: UnworkedPiece | None = None
+    cross_slope_pct: float | None = None
+    erosion_share: float | None = None
     day_sentences: tuple[str, ...] = ()
     field_start: str | None = None
     money_sentences: tuple[str, ...] = ()
@@ -451,6 +453,11 @@ class PlanRanking(ShownResult):
     def is_priced(self) -> bool:
         """Whether somebody gave the prices of the costs."""
         return not self.prices_assumed and any(plan.cost for plan in self.plans)
+
+    @property
+    def cut_off_m2(self) -> float:
+        """Ground that obstacles cut off."""
+        return 0.0 if self.cut_off is None else self.cut_off.m2
 
     @property
     def unloads(self) -> bool:

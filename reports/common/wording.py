@@ -154,6 +154,18 @@ def format_money(value: float | None, currency: str | None) -> str:
     return f"{format_price(value)} {currency or ''}".rstrip()
 
 
+def format_assumed_money(money: str, is_assumed: bool) -> str:
+    """An amount, with a word that its prices are assumed where nobody gave them."""
+    return translate("{money} (assumed prices)", money=money) if is_assumed else money
+
+
+def format_risked_money(paid: str, risked: str, risked_cost: float) -> str:
+    """What is paid, and beside it what is at risk where that reads as something: nobody pays that."""
+    return (
+        translate("{paid} paid and {risked} at risk", paid=paid, risked=risked) if risked_cost >= LEAST_COST else paid
+    )
+
+
 def format_price_change(price: float | None, reference: float | None, added: float = 0.0) -> str | None:
     """The difference of two costs as they are printed, with its sign; None where it is printed as none.
 
@@ -169,9 +181,9 @@ def format_price_change(price: float | None, reference: float | None, added: flo
 
 def format_percent(share: float | None) -> str:
     """A probability in percent, rounded neither to 0 nor to 100; a dash when there is none."""
-    if share is not None and 0.995 <= share < 1.0:
+    if share is not None and SURE_SHARE <= share < 1.0:
         return ">99"
-    if share is not None and 0.0 < share < 0.005:
+    if share is not None and 0.0 < share < LEAST_SHARE:
         return "<1"
     return format_number(None if share is None else 100.0 * share, 0)
 
@@ -217,6 +229,11 @@ def parse_start_time(text: str | None) -> datetime | None:
         except ValueError:
             continue
     return None
+
+
+def has_start_time(ranking: PlanRanking) -> bool:
+    """Whether ends of work are clock times."""
+    return parse_start_time(ranking.start) is not None
 
 
 def get_start_time_of_day_s(start: str | None) -> int | None:

@@ -13,7 +13,14 @@ from reports.common.language import translate, translate_count, translate_senten
 from reports.common.plan_records import Points
 from reports.common.rendering import ShownResult
 from reports.common.text_tables import MOST_NAMED
-from reports.common.wording import LEAST_COST, NO_VALUE, SURE_SHARE, format_percent, format_price, round_up_to_minute
+from reports.common.wording import (
+    NO_VALUE,
+    SURE_SHARE,
+    format_percent,
+    format_price,
+    format_risked_money,
+    round_up_to_minute,
+)
 
 
 @dataclass(frozen=True)
@@ -177,13 +184,11 @@ def list_day_sentences(result: DayResult) -> list[str]:
 def describe_day_end(result: DayResult) -> str:
     """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples, means of the costs."""
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
-    cost, risked = (f"{format_price(each)} {result.currency}" for each in (result.paid_cost, result.risked_cost))
-    if result.risked_cost >= LEAST_COST:  # what nobody pays is no part of a price
-        cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
+    paid, risked = (f"{format_price(each)} {result.currency}" for each in (result.paid_cost, result.risked_cost))
     values = {
         "done": _format_end_in_words(result.stated_end_s),
         "late": _format_end_in_words(result.stated_late_end_s),
-        "cost": cost,
+        "cost": format_risked_money(paid, risked, result.risked_cost),
         "total": total,
     }
     if count == total > 1:

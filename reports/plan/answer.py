@@ -15,6 +15,7 @@ from reports.common.wording import (
     SURE_SHARE,
     capitalize_first,
     format_area,
+    format_assumed_money,
     format_deadline,
     format_duration,
     format_end_clock,
@@ -24,7 +25,7 @@ from reports.common.wording import (
     format_price_change,
     format_time_span,
     format_tractor_count,
-    parse_start_time,
+    has_start_time,
 )
 from reports.plan.plan_wording import (
     count_service_stops,
@@ -97,7 +98,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
     verdict = list_shortfall_sentences(ranking)
     # As ``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line.
     done = format_stated_end(ranking, best.stated_end_s)
-    has_start = parse_start_time(ranking.start) is not None
+    has_start = has_start_time(ranking)
     figures = [translate("done {time}", time=done) if has_start else translate("done in {time}", time=done)]
     figures += [] if best.stated_cost is None else [format_stated_cost(ranking, best)]
     figures += filter(None, [format_energy(best)])
@@ -121,15 +122,14 @@ def write_answer(ranking: PlanRanking) -> Answer:
 
 def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:
     """When field work ends: the clock time, up to the minute; without a start how long it takes."""
-    if seconds is None or parse_start_time(ranking.start) is None:
+    if seconds is None or not has_start_time(ranking):
         return format_duration(seconds)
     return format_end_clock(ranking, seconds) or format_duration(seconds)
 
 
 def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     """The stated cost of a plan with the currency, and that its prices are assumed where nobody gave them."""
-    money = format_money(plan.stated_cost, ranking.currency)
-    return translate("{money} (assumed prices)", money=money) if ranking.prices_assumed else money
+    return format_assumed_money(format_money(plan.stated_cost, ranking.currency), ranking.prices_assumed)
 
 
 def name_plan(plan: PlanResult) -> str:
@@ -173,7 +173,7 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
         parts.append(translate(by_operation or HEADLAND_ORDERS[plan.headland_order]))
     if (late_s := plan.stated_late_end_s) is not None:
         late = format_stated_end(ranking, late_s)
-        has_start = parse_start_time(ranking.start) is not None
+        has_start = has_start_time(ranking)
         parts.append(
             translate("95 % sure by {late}", late=late) if has_start else translate("95 % sure in {late}", late=late)
         )

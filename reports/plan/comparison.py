@@ -1,4 +1,4 @@
-"""Requests compared: what planning each came to, under the label that says in what it differs from the others.
+"""Requests compared: what planning each came to, with the way in which it differs from the others.
 
 Ways to work the headland of one field or several are compared by sums over fields, the best way first. The cost per
 hectare is that of worked ground: ground that a plan misses is charged at the plan's own rate, and so is finished ground
@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePath
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_records import UnworkedPiece
@@ -21,56 +21,38 @@ from reports.common.wording import format_area, format_width
 from reports.plan.map_data import SmallMap
 from reports.plan.plan_wording import describe_part, format_ground_place
 
-Label = TypeVar("Label")
-WAY_KEYS = ("corners", "headland_order", "headland_passes", "width_m")
+HEADLAND_KEYS = ("corners", "headland_order", "headland_passes", "width_m")
 YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
 
 
 @dataclass(frozen=True)
-class LayoutFigures:
-    """What a comparison shows of a layout.
-
-    `cut_off` is all ground that obstacles cut off, at the place of its largest piece. `cross_slope_pct` is the largest
-    slope across swaths, `erosion_share` the share of their metres near the fall line of steeper ground; both are None
-    where no heights are known.
-    """
-
-    headland_m: float
-    bearing_deg: float
-    cut_off: UnworkedPiece | None = None
-    cross_slope_pct: float | None = None
-    erosion_share: float | None = None
-
-
-@dataclass(frozen=True)
 class ComparedWay:
-    """In what a request differs from others: parameters as it has them; None where it leaves them open.
+    """In what a request may differ from others: parameters as it has them; None where it leaves them open.
 
-    Ways to work the headland have kind of corners, "first" or "last", passes and width; directions have a bearing and
-    the form of swaths, straight or along contours.
+    They are the kind of corners, "first" or "last", passes and width, the bearing, and the form of swaths, straight or
+    along contours.
     """
 
-    corners: str | None = None
-    headland_order: str | None = None
-    headland_passes: int | None = None
-    width_m: float | None = None
+    corners: str
+    headland_order: str | None
+    headland_passes: int | None
+    width_m: float
     bearing_deg: float | None = None
-    swaths: str | None = None
+    swaths: str = "straight"
 
 
 @dataclass(frozen=True, eq=False)
-class ComparisonRow(Generic[Label]):
+class ComparisonRow:
     """What one request came to: the ranking of its plans, or the `refusal`, a sentence.
 
-    `requested_field` is the field as named in the request; `layout` and `map`, a small map of the best plan, are there
-    where they were asked for.
+    `requested_field` is the field as named in the request; `map`, a small map of the best plan, is there where it was
+    asked for.
     """
 
     requested_field: str
-    label: Label
+    way: ComparedWay
     ranking: PlanRanking | None = None
     refusal: str | None = None
-    layout: LayoutFigures | None = None
     map: SmallMap | None = field(default=None, repr=False)
 
     @cached_property
@@ -107,8 +89,12 @@ class ComparisonRow(Generic[Label]):
 
     @property
     def cut_off(self) -> UnworkedPiece | None:
-        """All ground that obstacles cut off; None without any, and where the layout was not asked for."""
-        return None if self.layout is None else self.layout.cut_off
+        """All ground that obstacles cut off; None without any."""
+        return None if self.ranking is None else self.ranking.cut_off
+
+    def get_planned(self, key: str) -> Any:
+        """A value of the request as it was planned with, such as the bearing that was chosen; None without a layout."""
+        return None if self.ranking is None else self.ranking.scenario.get(key)
 
     def get_figure(self, key: str) -> Any:
         """A figure of the best plan; None without a plan."""
@@ -116,15 +102,15 @@ class ComparisonRow(Generic[Label]):
 
 
 @dataclass(frozen=True, eq=False)
-class ComparisonTotals(Generic[Label]):
-    """Sums over the requests of one label: of their best plans, where there are any.
+class ComparisonTotals:
+    """Sums over the requests of one way: of their best plans, where there are any.
 
     `names_width` says that other ways have another working width. In a year every field is worked
     `operations_per_year` times.
     """
 
-    label: Label
-    rows: tuple[ComparisonRow[Label], ...]
+    way: ComparedWay
+    rows: tuple[ComparisonRow, ...]
     names_width: bool = False
     operations_per_year: int = 1
 
@@ -233,16 +219,16 @@ class ComparisonTotals(Generic[Label]):
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Generic[Label]):
+class Comparison:
     """Requests compared, in the order asked for."""
 
-    rows: tuple[ComparisonRow[Label], ...]
+    rows: tuple[ComparisonRow, ...]
     operations_per_year: int = 1
 
     @cached_property
-    def labels(self) -> tuple[Label, ...]:
+    def ways(self) -> tuple[ComparedWay, ...]:
         """What was compared, each once."""
-        return tuple(dict.fromkeys(row.label for row in self.rows))
+        return tuple(dict.fromkeys(row.way for row in self.rows))
 
     @cached_property
     def fields(self) -> tuple[str, ...]:
@@ -260,30 +246,29 @@ class Comparison(Generic[Label]):
         """The currency of the costs; "" where none is known."""
         return next((row.ranking.currency for row in self.rows if row.ranking and row.ranking.currency), "")
 
-    def find_least(self, key: str) -> ComparisonRow[Label] | None:
+    def find_least(self, key: str) -> ComparisonRow | None:
         """The row whose best plan has the least of a figure; None where no row has it."""
         values = [row.get_figure(key) for row in self.rows]
         known = [(value, number) for number, value in enumerate(values) if value is not None]
         return self.rows[min(known)[1]] if known else None
 
-    def sum_over_fields(self, rows: Iterable[ComparisonRow[Label]] | None = None) -> list[ComparisonTotals[Label]]:
-        """Totals of all or some rows by label, in the order asked for."""
-        by_label: dict[Label, list[ComparisonRow[Label]]] = {}
+    def sum_over_fields(self, rows: Iterable[ComparisonRow] | None = None) -> list[ComparisonTotals]:
+        """Totals of all or some rows by way, in the order asked for."""
+        by_way: dict[ComparedWay, list[ComparisonRow]] = {}
         for each in self.rows if rows is None else rows:
-            by_label.setdefault(each.label, []).append(each)
-        has_widths = len({way.width_m for way in self.labels if isinstance(way, ComparedWay)}) > 1
+            by_way.setdefault(each.way, []).append(each)
+        has_widths = len({way.width_m for way in self.ways}) > 1
         return [
-            ComparisonTotals(label, tuple(some), has_widths, self.operations_per_year)
-            for label, some in by_label.items()
+            ComparisonTotals(way, tuple(some), has_widths, self.operations_per_year) for way, some in by_way.items()
         ]
 
     @cached_property
-    def totals(self) -> list[ComparisonTotals[Label]]:
-        """One entry per label: those that work everywhere by cost, then those that work on most fields."""
+    def totals(self) -> list[ComparisonTotals]:
+        """One entry per way: those that work everywhere by cost, then those that work on most fields."""
         return sorted(self.sum_over_fields(), key=_get_merit)
 
     @cached_property
-    def totals_by_field(self) -> Mapping[str, list[ComparisonTotals[Label]]]:
+    def totals_by_field(self) -> Mapping[str, list[ComparisonTotals]]:
         """The ways on each field, the best first."""
         return {
             name: sorted(
@@ -293,19 +278,14 @@ class Comparison(Generic[Label]):
         }
 
     @cached_property
-    def best(self) -> ComparisonTotals[Label] | None:
+    def best(self) -> ComparisonTotals | None:
         """The cheapest way that works on every field that any way works on; None where no plan works."""
         workable = {each.requested_field for each in self.rows if each.best is not None}
         first = self.totals[0] if self.totals else None
         return first if first is not None and workable and len(first.driven) == len(workable) else None
 
 
-WayRow = ComparisonRow[ComparedWay]
-WayTotals = ComparisonTotals[ComparedWay]
-WayComparison = Comparison[ComparedWay]
-
-
-def _get_merit(totals: ComparisonTotals[Any]) -> tuple[int, float, float]:
+def _get_merit(totals: ComparisonTotals) -> tuple[int, float, float]:
     """Sort key of ways: on how many fields they work, cost, time."""
     return -len(totals.driven), round(totals.charged_cost, 6), totals.time_s
 
@@ -316,34 +296,33 @@ def _sum_known(amounts: Iterable[float | None]) -> float | None:
     return sum(one for one in known if one is not None) if known and None not in known else None
 
 
-def name_choice(totals: WayTotals) -> str:
+def name_choice(totals: ComparisonTotals) -> str:
     """``square, first, 3 passes, 6 m``, with what planning chose where the request left it open."""
-    parts = [totals.label.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
+    parts = [totals.way.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
-def describe_choice(totals: WayTotals) -> str:
+def describe_choice(totals: ComparisonTotals) -> str:
     """``square corners, headland first, 3 passes``."""
-    corners = translate("{corners} corners", corners=totals.label.corners or "")
+    corners = translate("{corners} corners", corners=totals.way.corners)
     order = _name_order(totals)
     headland = translate("headland {order}", order=order) if order else ""
     parts = [corners, headland, _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
-def _name_order(totals: WayTotals) -> str:
+def _name_order(totals: ComparisonTotals) -> str:
     orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
-    return totals.label.headland_order or "/".join(orders)
+    return totals.way.headland_order or "/".join(orders)
 
 
-def _name_width(totals: WayTotals) -> str:
-    width_m = totals.label.width_m
-    return format_width(width_m) if totals.names_width and width_m is not None else ""
+def _name_width(totals: ComparisonTotals) -> str:
+    return format_width(totals.way.width_m) if totals.names_width else ""
 
 
-def _name_passes(totals: WayTotals) -> str:
+def _name_passes(totals: ComparisonTotals) -> str:
     planned = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
-    passes = totals.label.headland_passes
+    passes = totals.way.headland_passes
     counts = planned if passes is None else [passes]
     if not counts:
         return ""
@@ -352,7 +331,7 @@ def _name_passes(totals: WayTotals) -> str:
     return translate("{least}-{most} passes", least=counts[0], most=counts[-1])
 
 
-def list_missing(comparison: WayComparison) -> list[str]:
+def list_missing(comparison: Comparison) -> list[str]:
     """A sentence for every reason why a way has no plan on a field."""
     ways_by_reason: dict[tuple[str, str], list[str]] = {}
     for name, totals in comparison.totals_by_field.items():
@@ -361,26 +340,26 @@ def list_missing(comparison: WayComparison) -> list[str]:
                 reason = (one.rows[0].reason or translate("no plan is feasible")).rstrip(".")
                 ways_by_reason.setdefault((name, reason), []).append(name_choice(one))
     names = comparison.field_names
-    count = len(comparison.labels)
+    count = len(comparison.ways)
     return [
         f"{names[field]}: {translate('every way') if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
         for (field, reason), ways in ways_by_reason.items()
     ]
 
 
-def list_cut_off(comparison: WayComparison) -> list[str]:
+def list_cut_off(comparison: Comparison) -> list[str]:
     """A sentence for every part of a field that is cut off, why and what would work it, and where nothing is.
 
     It is said at every width by its best way.
     """
     sentences = []
     for name, totals in comparison.totals_by_field.items():
-        best_by_width = {one.label.width_m or 0.0: one for one in reversed(totals) if one.driven}
-        texts_by_label = {}
+        best_by_width = {one.way.width_m: one for one in reversed(totals) if one.driven}
+        texts_by_way = {}
         for _, one in sorted(best_by_width.items()):
             label = ", ".join(filter(None, (comparison.field_names[name], _name_width(one))))
             parts, cut_off = one.rows[0].parts, one.rows[0].cut_off
-            texts_by_label[label] = [translate_sentence(describe_part(part)) for part in parts]
+            texts_by_way[label] = [translate_sentence(describe_part(part)) for part in parts]
             if cut_off is not None and not parts:
                 text = translate(
                     "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A "
@@ -388,8 +367,8 @@ def list_cut_off(comparison: WayComparison) -> list[str]:
                     area=format_area(cut_off.m2),
                     place=format_ground_place(cut_off),
                 )
-                texts_by_label[label].append(text)
-        if any(texts_by_label.values()):
+                texts_by_way[label].append(text)
+        if any(texts_by_way.values()):
             whole = [translate("nothing is cut off.")]
-            sentences += [f"{label}: {text}" for label, texts in texts_by_label.items() for text in texts or whole]
+            sentences += [f"{label}: {text}" for label, texts in texts_by_way.items() for text in texts or whole]
     return sentences

@@ -32,7 +32,7 @@ from reports.common.wording import (
     format_number,
     format_price,
     format_yes_no,
-    parse_start_time,
+    has_start_time,
 )
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.plan_wording import (
@@ -285,7 +285,7 @@ def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) 
     if figure.key not in ("stated_end_s", "stated_late_end_s"):
         return figure
     figure = replace(figure, text=partial(format_stated_end, ranking))
-    if figure.key == "stated_late_end_s" or parse_start_time(ranking.start) is None:
+    if figure.key == "stated_late_end_s" or not has_start_time(ranking):
         return figure
     help_text = "end of field work, the median of the samples; without samples as simulated"
     return replace(figure, heading=translate("Done"), help=help_text)

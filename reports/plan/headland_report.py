@@ -29,11 +29,11 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
 )
 from reports.plan.comparison import (
-    WAY_KEYS,
+    HEADLAND_KEYS,
     YEAR_KEYS,
-    WayComparison,
-    WayRow,
-    WayTotals,
+    Comparison,
+    ComparisonRow,
+    ComparisonTotals,
     describe_choice,
     list_cut_off,
     list_missing,
@@ -50,7 +50,7 @@ TOTAL_KEYS = (
 )  # fmt: skip
 
 
-def compute_extra_cost(totals: WayTotals, best: WayTotals) -> float:
+def compute_extra_cost(totals: ComparisonTotals, best: ComparisonTotals) -> float:
     """How much more one way costs than the best on the same ground in a year."""
     return totals.charged_cost_per_year - best.charged_cost_per_year
 
@@ -60,7 +60,7 @@ def format_hours(value: float | None) -> str:
     return format_number(value, 1 if value is None or value >= LEAST_ROUNDED_HOURS else 2)
 
 
-def describe_comparison(comparison: WayComparison) -> list[str]:
+def describe_comparison(comparison: Comparison) -> list[str]:
     """Which way is worth it, by how much, and where: the first sentence is the answer."""
     best = comparison.best
     if best is None:
@@ -97,7 +97,7 @@ def describe_comparison(comparison: WayComparison) -> list[str]:
     ]
 
 
-def _describe_worth(comparison: WayComparison, best: WayTotals) -> str:
+def _describe_worth(comparison: Comparison, best: ComparisonTotals) -> str:
     """The first sentence: the best way and what it saves against the next and the dearest."""
     others = [one for one in comparison.totals[1:] if len(one.driven) == len(best.driven)]
     names = [comparison.field_names[each.requested_field] for each in best.rows if each.best is not None]
@@ -149,22 +149,22 @@ def _describe_worth(comparison: WayComparison, best: WayTotals) -> str:
     )
 
 
-def _get_energy_per_year(totals: WayTotals) -> float | None:
+def _get_energy_per_year(totals: ComparisonTotals) -> float | None:
     """Electricity in kWh, or fuel in the unit of the reader; None where it is not known."""
     kwh, litres = totals.year["energy_kwh_per_year"], totals.year["fuel_l_per_year"]
     return kwh if kwh is not None or litres is None else VOLUME.convert(litres)
 
 
-def _get_energy_unit(comparison: WayComparison) -> str:
+def _get_energy_unit(comparison: Comparison) -> str:
     return VOLUME.unit if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
 
 
-def _describe_saving(other: WayTotals, best: WayTotals, comparison: WayComparison) -> str:
+def _describe_saving(other: ComparisonTotals, best: ComparisonTotals, comparison: Comparison) -> str:
     extra = compute_extra_cost(other, best)
     return f"{format_money(extra, comparison.currency)} ({100.0 * extra / other.charged_cost_per_year:.1f} %)"
 
 
-def format_cost_per_ha(totals: WayTotals, comparison: WayComparison) -> str:
+def format_cost_per_ha(totals: ComparisonTotals, comparison: Comparison) -> str:
     """The cost of a worked hectare with its currency."""
     return f"{_format_rate(totals)} {comparison.currency or ''}/{FIELD_AREA.unit}"
 
@@ -173,20 +173,20 @@ def _count_fields(count: int) -> str:
     return translate_count("{count} field", "{count} fields", count)
 
 
-def _describe_places(comparison: WayComparison, best: WayTotals) -> Iterator[str]:
+def _describe_places(comparison: Comparison, best: ComparisonTotals) -> Iterator[str]:
     """Where the best way matters most, and on which fields another one is better."""
     if len(comparison.fields) < 2:
         return
     gains: dict[str, float] = {}
-    losses: dict[str, tuple[WayTotals, WayTotals]] = {}
+    losses: dict[str, tuple[ComparisonTotals, ComparisonTotals]] = {}
     for field, totals in comparison.totals_by_field.items():
         driven = [one for one in totals if one.driven]
-        same = next((one for one in driven if one.label == best.label), None)
+        same = next((one for one in driven if one.way == best.way), None)
         if same is None:
             continue
         name = comparison.field_names[field]
         is_dearer = compute_extra_cost(same, driven[0]) > ALIKE_SHARE * same.charged_cost_per_year
-        if driven[0].label != best.label and is_dearer:
+        if driven[0].way != best.way and is_dearer:
             losses[name] = same, driven[0]
         elif len(driven) > 1:
             gains[name] = compute_extra_cost(driven[-1], same)
@@ -210,7 +210,7 @@ def _describe_places(comparison: WayComparison, best: WayTotals) -> Iterator[str
         yield translate("It saves most on {field}: {saving} against the dearest way there.", field=name, saving=gain)
 
 
-def _describe_ground_left(comparison: WayComparison, best: WayTotals) -> Iterator[str]:
+def _describe_ground_left(comparison: Comparison, best: ComparisonTotals) -> Iterator[str]:
     """What the best way misses and drives over, beside the ways that miss and drive over least."""
     alike = [one for one in comparison.totals if len(one.driven) == len(best.driven)]
     least_missed = min(alike, key=lambda one: round(one.missed_m2))
@@ -233,10 +233,12 @@ def _describe_ground_left(comparison: WayComparison, best: WayTotals) -> Iterato
     yield f"{'; '.join(texts)}."
 
 
-def tabulate_ways(comparison: WayComparison, totals: Sequence[WayTotals], best: WayTotals | None) -> FittedTable:
+def tabulate_ways(
+    comparison: Comparison, totals: Sequence[ComparisonTotals], best: ComparisonTotals | None
+) -> FittedTable:
     """A row per way, the best in bold; fuel only where it is known of all ways."""
 
-    def format_extra(one: WayTotals) -> str:  # only where both work on as many fields
+    def format_extra(one: ComparisonTotals) -> str:  # only where both work on as many fields
         if best is None or len(one.driven) != len(best.driven):
             return NO_VALUE
         return translate("best") if one is best else f"+{format_price(max(compute_extra_cost(one, best), 0.0))}"
@@ -247,7 +249,7 @@ def tabulate_ways(comparison: WayComparison, totals: Sequence[WayTotals], best: 
     has_energy = bool(driven) and any(
         all(getattr(one, key) is not None for one in driven) for key in ("fuel_l", "energy_kwh")
     )
-    figures: list[tuple[TableColumn, Callable[[WayTotals], str]]] = [
+    figures: list[tuple[TableColumn, Callable[[ComparisonTotals], str]]] = [
         (TableColumn(translate("Headland"), is_text=True, is_unbroken=True), name_choice),
         (TableColumn(f"{unit}/{FIELD_AREA.unit}"), _format_rate),
         (TableColumn(translate("More")), format_extra),
@@ -267,7 +269,7 @@ def tabulate_ways(comparison: WayComparison, totals: Sequence[WayTotals], best: 
     return FittedTable(tuple(column for column, _ in figures), rows, styles)
 
 
-def _format_rate(totals: WayTotals) -> str:
+def _format_rate(totals: ComparisonTotals) -> str:
     return format_number(FIELD_AREA.convert_rate(totals.cost_per_ha), 1)
 
 
@@ -288,7 +290,7 @@ def _build_year_column(unit: str) -> TableColumn:
     return TableColumn(heading, heading.replace("/", "/\n"))
 
 
-def build_headland_table(comparison: WayComparison) -> RenderableType:
+def build_headland_table(comparison: Comparison) -> RenderableType:
     """The answer, one line per way, one per field where there are several, and what has no plan."""
     first, *others = describe_comparison(comparison)
     parts: list[RenderableType] = [format_sentence(first, style="bold"), *map(format_sentence, others), Text("")]
@@ -314,7 +316,7 @@ def describe_figures() -> str:
     return f"{figures} {year}"
 
 
-def tabulate_fields(comparison: WayComparison) -> FittedTable:
+def tabulate_fields(comparison: Comparison) -> FittedTable:
     """The best way on each field, and what it saves against the dearest there."""
     unit = comparison.currency or translate("Cost")
     columns = (
@@ -340,7 +342,7 @@ def tabulate_fields(comparison: WayComparison) -> FittedTable:
     return FittedTable(columns, tuple(rows))
 
 
-def format_headland_json(comparison: WayComparison) -> str:
+def format_headland_json(comparison: Comparison) -> str:
     """The comparison as JSON text with a trailing newline.
 
     Keys: ``answer`` (sentences), ``cut_off`` (sentences), ``currency``, ``operations_per_year``, ``best`` (a way:
@@ -354,10 +356,10 @@ def format_headland_json(comparison: WayComparison) -> str:
         "cut_off": list_cut_off(comparison),
         "currency": comparison.currency or None,
         "operations_per_year": comparison.operations_per_year,
-        "best": None if best is None else pick_values(best.label, WAY_KEYS),
+        "best": None if best is None else pick_values(best.way, HEADLAND_KEYS),
         "totals": [
             {
-                **pick_values(one.label, WAY_KEYS),
+                **pick_values(one.way, HEADLAND_KEYS),
                 "fields": len(one.driven),
                 **{key: getattr(one, key) if one.driven else None for key in TOTAL_KEYS},
                 **one.year,
@@ -378,18 +380,18 @@ def format_headland_json(comparison: WayComparison) -> str:
     return format_json(content, EXPORT_DECIMALS, is_ascii=False)
 
 
-def _describe_row(each: WayRow) -> dict[str, Any]:
+def _describe_row(each: ComparisonRow) -> dict[str, Any]:
     """The field and the way, as JSON and CSV have them."""
     return {
         "requested_field": each.requested_field,
         "field": None if each.ranking is None else each.field_name,
         "area_ha": each.area_ha or None,
-        **pick_values(each.label, WAY_KEYS),
-        "headland_m": None if each.layout is None else each.layout.headland_m,
+        **pick_values(each.way, HEADLAND_KEYS),
+        "headland_m": each.get_planned("headland_m"),
     }
 
 
-def format_headland_csv(comparison: WayComparison) -> str:
+def format_headland_csv(comparison: Comparison) -> str:
     """A row per field and way: the way, the figures of its best plan, or the reason why there is none."""
     head = (
         "requested_field", "field", "area_ha", "corners", "headland_order", "headland_passes", "headland_m",
@@ -414,7 +416,7 @@ def format_headland_csv(comparison: WayComparison) -> str:
     return format_entries_csv(head, rows)
 
 
-def render_headland_page(comparison: WayComparison) -> str:
+def render_headland_page(comparison: Comparison) -> str:
     """The page as HTML text."""
     names = list(comparison.field_names.values())
     fields = tabulate_fields(comparison)
@@ -443,7 +445,7 @@ def render_headland_page(comparison: WayComparison) -> str:
 
 
 def _tabulate(
-    comparison: WayComparison, totals: Sequence[WayTotals], best: WayTotals | None
+    comparison: Comparison, totals: Sequence[ComparisonTotals], best: ComparisonTotals | None
 ) -> tuple[list[str], list[dict[str, Any]]]:
     """Headings and rows of a table of ways."""
     table = tabulate_ways(comparison, totals, best)
@@ -451,7 +453,7 @@ def _tabulate(
     return [column.heading for column in table.columns], rows
 
 
-def _build_section(comparison: WayComparison, field: str) -> dict[str, Any]:
+def _build_section(comparison: Comparison, field: str) -> dict[str, Any]:
     """One field: its table and its maps, the best way first."""
     totals = comparison.totals_by_field[field]
     driven = [one for one in totals if one.driven]

@@ -16,13 +16,14 @@ from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, p
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     FIELD_AREA,
-    LEAST_COST,
     LENGTH,
     NO_VALUE,
+    format_assumed_money,
     format_duration,
     format_money,
     format_number,
     format_price,
+    format_risked_money,
     format_width,
     insert_non_breaking_spaces,
     is_us,
@@ -34,7 +35,6 @@ from reports.plan.plan_wording import list_feasible
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
-FieldRow = ComparisonRow[float]  # a field at one working width, m
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_finished_m2")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
@@ -52,12 +52,12 @@ def format_many_csv_head() -> str:
     return format_csv([[first, "requested_field", *others]])
 
 
-def format_many_csv_rows(record: FieldRow) -> str:
+def format_many_csv_rows(record: ComparisonRow) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
     ranking, columns = record.ranking, list_csv_columns()
     if ranking is None:
         entries: list[dict[str, Any]] = [{"feasible": False, "reason": record.refusal}]
-        request_values: dict[str, Any] = {"width_m": record.label}
+        request_values: dict[str, Any] = {"width_m": record.way.width_m}
     else:
         entries = [build_plan_entry(plan) for plan in ranking.plans]
         request_values = {**ranking.scenario, "area_ha": ranking.area_ha}
@@ -65,15 +65,15 @@ def format_many_csv_rows(record: FieldRow) -> str:
     return format_csv([first, record.requested_field, *others] for first, *others in rows)
 
 
-def format_many_fields_json(records: Sequence[FieldRow]) -> str:
+def format_many_fields_json(records: Sequence[ComparisonRow]) -> str:
     """``fields``: the records without maps, in the order of the request; ``totals``: one per width."""
     shown = [
-        {"requested_field": record.requested_field, "width_m": record.label, "refusal": record.refusal,
+        {"requested_field": record.requested_field, "width_m": record.way.width_m, "refusal": record.refusal,
          "ranking": None if record.ranking is None else build_ranking_entry(record.ranking)}
         for record in records
     ]  # fmt: skip
     totals = [
-        {"width_m": one.label, "fields": len(one.driven), "area_ha": one.area_ha, "time_s": one.end_s,
+        {"width_m": one.way.width_m, "fields": len(one.driven), "area_ha": one.area_ha, "time_s": one.end_s,
          **pick_values(one, ("cost", "missed_m2", "over_finished_m2", "paid_cost")),
          "cost_per_ha": one.cost / one.area_ha, "risked_cost": one.risked_cost}
         for one in sum_over_fields(records)
@@ -81,12 +81,12 @@ def format_many_fields_json(records: Sequence[FieldRow]) -> str:
     return format_json({"fields": shown, "totals": totals}, EXPORT_DECIMALS, is_ascii=False)
 
 
-def sum_over_fields(records: Sequence[FieldRow]) -> list[ComparisonTotals[float]]:
+def sum_over_fields(records: Sequence[ComparisonRow]) -> list[ComparisonTotals]:
     """One total for every width with a plan, in the order of the request."""
     return [total for total in Comparison(tuple(records)).sum_over_fields() if total.driven]
 
 
-def tabulate_records(records: Sequence[FieldRow]) -> FittedTable:
+def tabulate_records(records: Sequence[ComparisonRow]) -> FittedTable:
     """The best plan of every record, then in bold the totals of every width where there are several fields."""
     figures = [FIGURES[key] for key in _PLAN_DROPS if key != "finish_probability" or has_probability(records)]
     columns = (
@@ -102,9 +102,9 @@ def tabulate_records(records: Sequence[FieldRow]) -> FittedTable:
         cells[0] = translate("none") if best is None else cells[0]
         area = NO_VALUE if ranking is None else format_number(ranking.area_ha, 2)
         headland, bearing = format_number(scenario.get("headland_m"), 1), format_number(scenario.get("bearing_deg"), 0)
-        rows.append((record.field_name, area, f"{record.label:g}", headland, bearing, *cells))
+        rows.append((record.field_name, area, f"{record.way.width_m:g}", headland, bearing, *cells))
     total_rows = tuple(
-        (translate("Total"), format_number(one.area_ha, 2), f"{one.label:g}", "", "", "", "",
+        (translate("Total"), format_number(one.area_ha, 2), f"{one.way.width_m:g}", "", "", "", "",
          format_duration(one.end_s), format_number(one.worked_pct, 1), format_price(one.cost), "")[: len(columns)]
         for one in sum_over_fields(records)
         if len(one.driven) > 1
@@ -112,12 +112,12 @@ def tabulate_records(records: Sequence[FieldRow]) -> FittedTable:
     return FittedTable(columns, (*rows, *total_rows), ("",) * len(rows) + ("bold",) * len(total_rows))
 
 
-def has_probability(records: Sequence[FieldRow]) -> bool:
+def has_probability(records: Sequence[ComparisonRow]) -> bool:
     """Whether it is known of a best plan how sure it is to be done in time."""
     return any(record.best is not None and record.best.finish_probability is not None for record in records)
 
 
-def build_many_fields_table(records: Sequence[FieldRow]) -> RenderableType:
+def build_many_fields_table(records: Sequence[ComparisonRow]) -> RenderableType:
     """The best plan of every field at every width with totals, and which fields have none and why."""
     parts: list[RenderableType] = [tabulate_records(records)]
     parts += [format_sentence(text, style="dim") for text in describe_records(records)]
@@ -130,7 +130,7 @@ def build_many_fields_table(records: Sequence[FieldRow]) -> RenderableType:
     return Group(*parts)
 
 
-def describe_records(records: Sequence[FieldRow]) -> list[str]:
+def describe_records(records: Sequence[ComparisonRow]) -> list[str]:
     """What the table holds, and what its costs are where there are samples or a currency."""
     sentences = ["The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."]
     if any(len(one.driven) > 1 for one in sum_over_fields(records)):
@@ -146,7 +146,7 @@ def describe_records(records: Sequence[FieldRow]) -> list[str]:
     return sentences
 
 
-def list_records_without_plan(records: Sequence[FieldRow], *, names_file: bool = True) -> list[str]:
+def list_records_without_plan(records: Sequence[ComparisonRow], *, names_file: bool = True) -> list[str]:
     """A sentence for every field at a width that has no plan, named as requested, or without its folder."""
     sentences = []
     for record in records:
@@ -164,7 +164,7 @@ def list_records_without_plan(records: Sequence[FieldRow], *, names_file: bool =
     return sentences
 
 
-def list_shortfalls(records: Sequence[FieldRow]) -> list[str]:
+def list_shortfalls(records: Sequence[ComparisonRow]) -> list[str]:
     """A sentence for every field at a width whose best plan is no recommendation."""
     return [
         _describe_field(record.field_name, record, sentence)
@@ -174,11 +174,11 @@ def list_shortfalls(records: Sequence[FieldRow]) -> list[str]:
     ]
 
 
-def _describe_field(name: str, record: FieldRow, reason: str) -> str:
-    return translate("{field} at {width}: {reason}", field=name, width=format_width(record.label), reason=reason)
+def _describe_field(name: str, record: ComparisonRow, reason: str) -> str:
+    return translate("{field} at {width}: {reason}", field=name, width=format_width(record.way.width_m), reason=reason)
 
 
-def build_many_fields_screen(records: Sequence[FieldRow], *, with_next: bool = True) -> RenderableType:
+def build_many_fields_screen(records: Sequence[ComparisonRow], *, with_next: bool = True) -> RenderableType:
     """What the fields come to at each width, the plan of every field, and what to type next."""
     faults = [*list_shortfalls(records), *list_records_without_plan(records, names_file=False)]
     legend = translate("The recommended plan of each field; times and costs are as simulated.")
@@ -197,27 +197,23 @@ def build_many_fields_screen(records: Sequence[FieldRow], *, with_next: bool = T
     )
 
 
-def list_many_sentences(records: Sequence[FieldRow]) -> list[str]:
+def list_many_sentences(records: Sequence[ComparisonRow]) -> list[str]:
     """What the fields that have a plan come to, a sentence for every width, and how many have none."""
     fields = len({record.requested_field for record in records})
     is_assumed = any(record.ranking is not None and record.ranking.prices_assumed for record in records)
     currency = Comparison(tuple(records)).currency
     sentences = []
     for total in sum_over_fields(records):
-        cost = format_money(total.paid_cost, currency)
-        cost = translate("{money} (assumed prices)", money=cost) if is_assumed else cost
-        if total.risked_cost >= LEAST_COST:
-            risked = format_money(total.risked_cost, currency)
-            cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
+        paid = format_assumed_money(format_money(total.paid_cost, currency), is_assumed)
         text = translate(
             "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % "
             "worked.",
-            width=format_width(total.label),
+            width=format_width(total.way.width_m),
             count=len(total.driven),
             fields=fields,
             area=FIELD_AREA.format(total.area_ha, 2),
             time=format_duration(total.end_s),
-            cost=cost,
+            cost=format_risked_money(paid, format_money(total.risked_cost, currency), total.risked_cost),
             rate=f"{format_money(FIELD_AREA.convert_rate(total.cost / total.area_ha), currency)}/{FIELD_AREA.unit}",
             worked=format_number(total.worked_pct, 1),
         )
@@ -229,9 +225,9 @@ def list_many_sentences(records: Sequence[FieldRow]) -> list[str]:
     return sentences or [translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)]
 
 
-def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:
+def _build_screen_table(records: Sequence[ComparisonRow]) -> FittedTable:
     """At most seven columns; the width, which is in metres if nothing is said, only where there are several."""
-    has_widths = len({record.label for record in records}) > 1
+    has_widths = len({record.way.width_m for record in records}) > 1
     last = FIGURES["finish_probability" if has_probability(records) else "worked_pct"]
     width = translate("Width {unit}", unit=LENGTH.unit) if is_us() else translate("Width")
     columns = (
@@ -248,7 +244,7 @@ def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:
     for record in records:
         area_ha = None if record.ranking is None else record.ranking.area_ha
         size = format_number(FIELD_AREA.convert(area_ha), 2)
-        size = format_width(record.label).partition(" ")[0] if has_widths else size
+        size = format_width(record.way.width_m).partition(" ")[0] if has_widths else size
         cells = [NO_VALUE, translate("no plan"), *[NO_VALUE] * 3]
         if record.best is not None:
             cells = [figure.format(record.best) for figure in figures]
@@ -256,10 +252,10 @@ def _build_screen_table(records: Sequence[FieldRow]) -> FittedTable:
     return FittedTable(columns, tuple(rows), more_hint=translate("--explain shows more"))
 
 
-def render_many_fields_page(records: Sequence[FieldRow]) -> str:
+def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
     """The page as HTML text; records with a plan may have a small map."""
     table = tabulate_records(records)
-    has_widths = len({record.label for record in records}) > 1
+    has_widths = len({record.way.width_m for record in records}) > 1
     anchors = [f"field-{number}" if record.best else "" for number, record in enumerate(records)]
     sections = [
         _build_section(record, record.ranking, record.best, anchor, has_widths)
@@ -293,7 +289,7 @@ def render_many_fields_page(records: Sequence[FieldRow]) -> str:
 
 
 def _build_section(
-    record: FieldRow, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
+    record: ComparisonRow, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
     cost = format_money(best.stated_cost, ranking.currency)
@@ -305,7 +301,7 @@ def _build_section(
         rows.append({"best": plan is best, "cells": (name, *figures, headland.strip(" x"))})
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
-        "name": ranking.field_name + (f", {record.label:g} m" if names_width else ""),
+        "name": ranking.field_name + (f", {record.way.width_m:g} m" if names_width else ""),
         "anchor": anchor,
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),

@@ -25,8 +25,8 @@ from reports.common.wording import (
     format_percent,
     format_price,
     get_start_time_of_day_s,
+    has_start_time,
     insert_non_breaking_spaces,
-    parse_start_time,
 )
 from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
 from reports.plan.drive_geometry import SERVICE_STATE, MapExtent, check_drive, list_states
@@ -289,7 +289,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
     """The figures of the best plan, label and value; unknown ones are left out."""
     if best is None:
         return []
-    has_start, cost = parse_start_time(ranking.start) is not None, best.stated_cost
+    has_start, cost = has_start_time(ranking), best.stated_cost
     paid = best.paid_cost if has_late_ground_loss(ranking) else None
     energy = insert_non_breaking_spaces(", ".join(filter(None, (format_energy(best), format_rate(best)))))
     gap_pct = best.order_gap_pct

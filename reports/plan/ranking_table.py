@@ -17,7 +17,7 @@ from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
 from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_reason
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
-from reports.common.wording import FIELD_AREA, format_width, join_list, parse_start_time
+from reports.common.wording import FIELD_AREA, format_width, has_start_time, join_list
 from reports.plan.answer import write_answer
 from reports.plan.figures import COUNT_DROPS, SCREEN_DROPS, TABLE_DROPS, Figure, build_figure_table, choose_figures
 from reports.plan.plan_wording import (
@@ -103,7 +103,7 @@ def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> Fit
     """The table of some plans, in at most seven columns; those that hold the answer are dropped last."""
     figures = {figure.key: figure for figure in choose_figures(ranking, plans, SCREEN_DROPS)}
     if late := figures.get("stated_late_end_s"):
-        has_start = parse_start_time(ranking.start) is not None
+        has_start = has_start_time(ranking)
         heading = translate("95 % by") if has_start else translate("95 % in")
         figures |= {late.key: replace(late, heading=heading)}
         del figures["waiting_s"]

@@ -21,6 +21,7 @@ from reports.common.wording import (
     HEADLAND_ORDERS,
     LEAST_SHARE,
     SPEED,
+    format_assumed_money,
     format_duration,
     format_money,
     format_number,
@@ -234,8 +235,7 @@ def describe_options(result: SweepResult, one: SweptPlan) -> str:
 
 def describe_plan(result: SweepResult, one: SweptPlan) -> str:
     """``6 m, 12 km/h, 1 tractor: 1 h 38 min, 65 EUR``; that prices are assumed is said where nobody gave them."""
-    money = format_money(one.plan.ranked_cost, result.currency)
-    money = money if result.is_priced else translate("{money} (assumed prices)", money=money)
+    money = format_assumed_money(format_money(one.plan.ranked_cost, result.currency), not result.is_priced)
     figures = f"{format_time_span(one.plan.ranked_s)}, {money}"
     return translate("{plan}: {figures}", plan=describe_options(result, one), figures=figures)
 

@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.many_fields import FieldQuestion, compare_ways
-from reports.plan.comparison import WayComparison
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.many_fields import compare_ways
+from reports.plan.comparison import Comparison
 from tests.cli.conftest import Run
 from tests.cli.refusals import assert_refused
 from tests.drawn_fields import write_farm
@@ -30,19 +31,19 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def kept() -> dict[str, WayComparison]:
-    """Comparisons by their questions."""
+def kept() -> dict[str, Comparison]:
+    """Comparisons by their orders."""
     return {}
 
 
 @pytest.fixture
-def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, WayComparison]) -> None:
-    """What was compared before with the same questions is not compared again, as its output is what is tested."""
+def compared_once(monkeypatch: pytest.MonkeyPatch, kept: dict[str, Comparison]) -> None:
+    """What was compared before by the same orders is not compared again, as its output is what is tested."""
 
-    def compare(questions: Sequence[FieldQuestion], *more: Any) -> WayComparison:
-        key = str(questions)
+    def compare(orders: Sequence[WorkOrder], *more: Any, with_maps: bool) -> Comparison:
+        key = str((orders, with_maps))
         if key not in kept:
-            kept[key] = compare_ways(questions, *more)
+            kept[key] = compare_ways(orders, *more, with_maps=with_maps)
         return kept[key]
 
     monkeypatch.setattr("planner.pipeline.many_fields.compare_ways", compare)

@@ -23,7 +23,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.many_fields import list_bearing_requests
 from planner.request.plan_request import CONTOUR, PlanRequest
 from reports.plan.bearing_report import describe_bearings
-from reports.plan.comparison import ComparedWay, WayComparison, WayRow
+from reports.plan.comparison import ComparedWay, Comparison, ComparisonRow
 from strategies.path_planning.errors import StrategyError
 from vehicle.model.terrain import Terrain
 from vehicle.records import WORKING
@@ -107,8 +107,8 @@ def test_bearings_compared_end_with_the_chosen_one_and_contours() -> None:
 
 
 def test_no_bearing_that_works_is_said() -> None:
-    row = WayRow("cone", ComparedWay(bearing_deg=0.0, swaths="straight"), refusal="too steep")
-    comparison = WayComparison((row,))
+    row = ComparisonRow("cone", ComparedWay("auto", None, None, 3.0, 0.0), refusal="too steep")
+    comparison = Comparison((row,))
     assert describe_bearings(comparison) == ["No bearing works; the reasons are below."]
 
 

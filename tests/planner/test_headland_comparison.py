@@ -19,10 +19,10 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.many_fields import compare_ways, list_headland_questions, list_headland_requests
+from planner.pipeline.many_fields import compare_ways, list_headland_requests
 from planner.pipeline.ranking import locate_cut_off_ground
 from planner.request.plan_request import PlanRequest
-from reports.plan.comparison import WayComparison, WayTotals
+from reports.plan.comparison import Comparison, ComparisonTotals
 from tests.drawn_fields import write_farm
 from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
@@ -116,7 +116,7 @@ class TestChoices:
 
 
 @pytest.fixture(scope="module")
-def comparison(tmp_path_factory: pytest.TempPathFactory) -> WayComparison:
+def comparison(tmp_path_factory: pytest.TempPathFactory) -> Comparison:
     """A rectangle of 48 m by 30 m and one of 36 m by 30 m with two and with three passes of 3 m, headland last."""
     path = write_farm(tmp_path_factory.mktemp("farm") / "farm.geojson", long=(0, 48, 30), short=(200, 36, 30))
     request = PlanRequest(f"{path}#long", local=True, tractors=(1,), strategies=("split-field",), bearing_deg=90.0)
@@ -125,17 +125,17 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> WayComparison:
         for name in ("long", "short")
         for one in list_headland_requests(replace(request, field=f"{path}#{name}"), ("square",), ("last",), (2, 3))
     ]
-    return compare_ways(list_headland_questions(inputs, with_maps=True), SerialExecutor())
+    return compare_ways(inputs, SerialExecutor(), with_maps=True)
 
 
 @pytest.mark.slow
-def test_figures_are_those_of_the_rectangles(comparison: WayComparison) -> None:
+def test_figures_are_those_of_the_rectangles(comparison: Comparison) -> None:
     """0.144 and 0.108 ha; 6 and 9 m of headland; 40 per hour; every square metre is worked or missed."""
     assert [each.area_ha for each in comparison.rows] == pytest.approx([0.144, 0.144, 0.108, 0.108])
-    assert [each.layout and each.layout.headland_m for each in comparison.rows] == [6.0, 9.0, 6.0, 9.0]
+    assert [each.get_planned("headland_m") for each in comparison.rows] == [6.0, 9.0, 6.0, 9.0]
     for each in comparison.rows:
         plan = each.best
-        assert plan.headland_order == "last" and plan.headland_passes == each.label.headland_passes
+        assert plan.headland_order == "last" and plan.headland_passes == each.way.headland_passes
         field_m2 = 1e4 * each.area_ha
         assert 0.01 * plan.worked_pct * field_m2 + plan.missed_m2 == pytest.approx(field_m2)
         assert plan.cost == pytest.approx(40.0 * (plan.time_s or 0.0) / 3600.0)
@@ -148,9 +148,9 @@ def test_figures_are_those_of_the_rectangles(comparison: WayComparison) -> None:
 
 
 @pytest.mark.slow
-def test_sums_add_up(comparison: WayComparison) -> None:
+def test_sums_add_up(comparison: Comparison) -> None:
     for totals in comparison.totals:
-        plans = [each for each in comparison.rows if each.label == totals.label]
+        plans = [each for each in comparison.rows if each.way == totals.way]
         results = [each.best for each in plans if each.best is not None]
         assert len(results) == 2 and totals.is_complete and totals.area_ha == pytest.approx(0.252)
         assert totals.missed_m2 == pytest.approx(sum(one.missed_m2 or 0.0 for one in results))
@@ -172,9 +172,9 @@ def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> No
     request = PlanRequest(
         str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0, transport_width_m=6.0
     )
-    questions = list_headland_questions(map(WorkOrder, list_headland_requests(request, ("round",), ("last",))))
-    (each,) = compare_ways(questions, SerialExecutor()).rows
-    assert each.label.width_m == 6.0 and WayTotals(each.label, (each,)).cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
+    orders = list(map(WorkOrder, list_headland_requests(request, ("round",), ("last",))))
+    (each,) = compare_ways(orders, SerialExecutor()).rows
+    assert each.way.width_m == 6.0 and ComparisonTotals(each.way, (each,)).cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
     assert [part.neck_width_m for part in each.ranking.parts] == [pytest.approx(4.0, abs=0.1)]
 
 

@@ -17,10 +17,9 @@ from planner.farm.inventory import load_example_farm
 from planner.pipeline import many_fields
 from planner.pipeline.executors import SerialExecutor, connect_cluster
 from planner.pipeline.many_fields import (
-    FieldQuestion,
     append_record,
     expand_field_names,
-    hash_question,
+    hash_order,
     iter_answers,
     read_answer_file,
     replace_records,
@@ -28,8 +27,8 @@ from planner.pipeline.many_fields import (
 )
 from planner.request.option_texts import parse_widths
 from planner.request.plan_request import PlanRequest
+from reports.plan.comparison import ComparisonRow
 from reports.plan.figures import format_ranking_json
-from reports.plan.many_fields import FieldRow
 from tests.drawn_fields import feature, point, rectangle, write_farm, write_features
 
 
@@ -44,7 +43,7 @@ def test_answers_hold_for_what_the_files_hold(tmp_path: Path, named: str) -> Non
     keys = set()
     for text in ("one", "two"):
         path.write_text(text)
-        keys.add(hash_question(inputs))
+        keys.add(hash_order(inputs))
     assert len(keys) == 2
 
 
@@ -54,15 +53,15 @@ def farm(tmp_path: Path) -> Path:
     return write_farm(tmp_path / "farm.geojson", north=(0, 70, 40), tiny=(200, 2, 2), south=(400, 60, 50))
 
 
-def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
+def list_orders(farm: Path, *widths: float) -> list[WorkOrder]:
     return [
-        FieldQuestion(WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), no_headland=True)), width)
+        WorkOrder(PlanRequest(field, local=True, width_m=width, tractors=(1,), no_headland=True))
         for field in expand_field_names([f"{farm}#*"], local=True)
         for width in widths
     ]
 
 
-def told(answer: FieldRow) -> str:
+def told(answer: ComparisonRow) -> str:
     return str(answer.refusal) if answer.ranking is None else format_ranking_json(answer.ranking)
 
 
@@ -151,20 +150,20 @@ def test_a_name_in_brackets_is_no_pattern_where_there_is_such_a_file(tmp_path: P
 
 @pytest.mark.slow
 def test_one_field_that_fails_does_not_end_the_rest(farm: Path) -> None:
-    found = dict(iter_answers(SerialExecutor(), questions(farm, 3.0)))
+    found = dict(iter_answers(SerialExecutor(), list_orders(farm, 3.0)))
     assert sorted(found) == [0, 1, 2]
     assert "100 m2" in str(found[1].refusal)
     for index in (0, 2):
         assert (ranking := found[index].ranking) is not None and ranking.best is not None
 
 
-def test_the_digest_changes_with_the_question_and_with_the_file(farm: Path) -> None:
-    one, two = (questions(farm, width)[0] for width in (3.0, 4.0))
-    before = hash_question(one.order)
-    assert before == hash_question(questions(farm, 3.0)[0].order)
-    assert before != hash_question(two.order)
+def test_the_digest_changes_with_the_order_and_with_the_file(farm: Path) -> None:
+    one, two = (list_orders(farm, width)[0] for width in (3.0, 4.0))
+    before = hash_order(one)
+    assert before == hash_order(list_orders(farm, 3.0)[0])
+    assert before != hash_order(two)
     farm.write_text(farm.read_text(encoding="utf-8") + " ", encoding="utf-8")
-    assert before != hash_question(one.order)
+    assert before != hash_order(one)
 
 
 def test_answers_are_kept_and_read_back_whole(tmp_path: Path) -> None:
@@ -202,7 +201,7 @@ def workers() -> Iterator[object]:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_gives_the_same_answers_though_a_worker_is_killed(farm: Path, workers: object) -> None:
-    asked = questions(farm, 3.0, 4.0)
+    asked = list_orders(farm, 3.0, 4.0)
     alone = {index: told(answer) for index, answer in iter_answers(SerialExecutor(), asked)}
     with connect_cluster(workers.scheduler_address) as executor:  # type: ignore[attr-defined]
         found, pids = {}, [nanny.pid for nanny in workers.workers.values()]  # type: ignore[attr-defined]
@@ -215,10 +214,10 @@ def test_a_cluster_gives_the_same_answers_though_a_worker_is_killed(farm: Path, 
 
 
 def test_what_a_farm_carries_and_when_it_works_is_in_the_answer_and_in_its_digest(farm: Path) -> None:
-    (question,) = questions(farm, 3.0)[:1]
+    (order,) = list_orders(farm, 3.0)[:1]
     times = load_example_farm().times
-    late = FieldQuestion(replace(question.order, times=times), question.label)
-    assert hash_question(question.order) != hash_question(late.order)
-    assert hash_question(question.order) != hash_question(question.order, True)
+    late = replace(order, times=times)
+    assert hash_order(order) != hash_order(late)
+    assert hash_order(order) != hash_order(replace(order, simulates_all=True))
     ((_, answer),) = iter_answers(SerialExecutor(), [late])
     assert answer.ranking.best.transport_s is not None

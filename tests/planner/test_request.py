@@ -12,12 +12,12 @@ from planner.cli.common.options import get_option_name
 from planner.cli.field import field
 from planner.cli.plan import plan
 from planner.errors import RequestError, strip_unit
-from planner.request.farm_choice import FarmChoice
 from planner.request.options import list_options
+from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import PlanRequest
 from planner.service.jobs.input_files import PLAN_JOB_MODEL
 
-OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
+OPTIONS = {option.name: option for option in PLAN_OPTIONS}
 
 
 def get_help(parameter: inspect.Parameter) -> str:
@@ -32,7 +32,7 @@ def test_the_command_has_every_option_with_its_default_help_and_panel() -> None:
             continue
         assert parameters[name].default == option.default, name
         assert get_help(parameters[name]) == option.format_help(get_option_name), name
-        assert get_args(parameters[name].annotation)[1].rich_help_panel == option.rules.panel, name
+        assert get_args(parameters[name].annotation)[1].rich_help_panel == option.panel, name
 
 
 def test_the_command_field_takes_its_options_from_the_same_model() -> None:

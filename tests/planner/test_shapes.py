@@ -14,7 +14,7 @@ from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import LocalPool, SerialExecutor
-from planner.pipeline.many_fields import compare_ways, hash_question, list_headland_questions, list_headland_requests
+from planner.pipeline.many_fields import compare_ways, hash_order, list_headland_requests
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
@@ -113,9 +113,9 @@ def test_plans_are_made_saved_driven_again_and_compared(tmp_path: Any) -> None:
     driven = simulate_saved_plan(tmp_path / "plan.json")
     assert driven.request == request and driven.run.duration_s == answer.run.duration_s
     orders = map(WorkOrder, list_headland_requests(request, ("round",), ("last",)))
-    comparison = compare_ways(list_headland_questions(orders), SerialExecutor())
+    comparison = compare_ways(orders, SerialExecutor())
     assert comparison.rows[0].field_name == "North"
-    assert hash_question(WorkOrder(request)) == hash_question(WorkOrder(request))
+    assert hash_order(WorkOrder(request)) == hash_order(WorkOrder(request))
 
 
 @pytest.mark.slow

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Any
 
-from reports.common.plan_records import PullFigures, Shortfall, SlopePlace
+from reports.common.plan_records import PullFigures, Shortfall, SlopePlace, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField
-from reports.plan.many_fields import FieldRow
+from reports.plan.comparison import ComparedWay, ComparisonRow
 
 HOUR_S = 3600.0
 STRATEGIES = ("split-field", "row-by-row-optimised", "interleaved")
@@ -97,7 +97,7 @@ LATE_RANKING = build_sampled(dict.fromkeys(SURE, 0.0), dict.fromkeys(SURE, 157.0
                              chosen=None, shortfalls=(Shortfall("late"),))  # fmt: skip
 REMARKED = replace(
     DEADLINE, plans=tuple(replace(plan, remarks=(REMARK, "12 m of the headland cannot be reached and are skipped"))
-                          for plan in DEADLINE.plans), cut_off_m2=3400.0,
+                          for plan in DEADLINE.plans), cut_off=UnworkedPiece(3400.0, 0.0, 0.0),
 )  # fmt: skip
 WEAK = replace(
     DEADLINE, pull=PullFigures("cultivator", 6.0, 8.0, 15.0, 40.0, 70.0, 90.0, 56.0, 3.7, 4.9, 30.0),
@@ -126,14 +126,17 @@ RANKINGS = {
 }  # fmt: skip
 
 
-def build_records(count: int = 3) -> list[FieldRow]:
+WAY = ComparedWay("auto", None, None, 3.0)
+
+
+def build_records(count: int = 3) -> list[ComparisonRow]:
     """Records of many fields, the last without a plan."""
     records = [
-        FieldRow(f"farm.geojson#{number}", 3.0, replace(DEADLINE, field_name=f"field {number}"))
+        ComparisonRow(f"farm.geojson#{number}", WAY, replace(DEADLINE, field_name=f"field {number}"))
         for number in range(1, count)
     ]
     refusal = "Field 'strip' is nowhere wider than the working width of 3 m; use a narrower implement."
-    return [*records, FieldRow("farm.geojson#strip", 3.0, refusal=refusal)]
+    return [*records, ComparisonRow("farm.geojson#strip", WAY, refusal=refusal)]
 
 
 def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:

@@ -19,14 +19,14 @@ from hypothesis import strategies as st
 from rich.console import RenderableType
 
 from reports.common.language import Reader, use_reader
-from reports.common.plan_records import Shortfall
+from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_price
 from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.figures import format_ranking_json
-from reports.plan.many_fields import FieldRow, build_many_fields_screen, render_many_fields_page
+from reports.plan.many_fields import build_many_fields_screen, render_many_fields_page
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import (
     build_answer_table,
@@ -189,8 +189,8 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
     ranking = replace(
         DEADLINE, plans=tuple(plans), allowed_s=limit_s, start="13:00" if has_start else None, chosen=None,
         deadline=None, samples=10_000 if has_samples else None,
-        cut_off_m2=draw(st.sampled_from((0.0, 812.0))), field_name=draw(st.sampled_from(("f", "n" * 90))),
-        prices_assumed=draw(st.booleans()),
+        cut_off=draw(st.sampled_from((None, UnworkedPiece(812.0, 0.0, 0.0)))),
+        field_name=draw(st.sampled_from(("f", "n" * 90))), prices_assumed=draw(st.booleans()),
     )  # fmt: skip
     return replace(ranking, shortfalls=() if ranking.missed_by_s is None else (Shortfall("late"),))
 
@@ -257,7 +257,7 @@ def test_what_is_ranked_first_is_what_takes_least_as_printed() -> None:
 
 def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() -> None:
     (good, _) = build_records(2)
-    bad = FieldRow("farm.geojson#north", 3.0, replace(RANKINGS["cut off"], field_name="north"))
+    bad = replace(good, requested_field="farm.geojson#north", ranking=replace(RANKINGS["cut off"], field_name="north"))
     records = [good, bad]
     text = " ".join(print_text(build_many_fields_screen(records)).split())
     assert (

@@ -60,7 +60,7 @@ def test_ground_that_is_cut_off_is_named_where_it_lies(drive: PlanDrive, ranking
     assert label.text == "0.17 ha cut off" and label.place.tolist() == [20.0, 30.0]
     title = draw_plan_map(cut, "f").get_suptitle()
     assert "98.8 % worked" in title and "0.17 ha cut off by obstacles" in title
-    page = render_plan_page(replace(ranking, cut_off_m2=1703.0), cut)
+    page = render_plan_page(replace(ranking, cut_off=UnworkedPiece(1703.0, 20.0, 30.0)), cut)
     assert ">0.17 ha cut off</text>" in page
     assert "Obstacles cut off 0.17 ha of the field" in page.replace("\N{NO-BREAK SPACE}", " ")
 

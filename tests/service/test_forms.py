@@ -15,7 +15,7 @@ from planner.farm.inventory import FarmFile, read_example_farm_text
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
-from planner.service.jobs.input_files import PLAN_OPTIONS
+from planner.service.jobs.input_files import OPTIONS_BY_NAME
 from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.readings import read_day_form, read_farm_form
 from strategies.names import STRATEGY_NAMES
@@ -162,7 +162,7 @@ def test_the_pages_ask_for_every_option_of_a_plan_and_for_keys_that_files_of_day
     scripts = STATIC_FOLDER / "js"
     text = "".join((scripts / name).read_text() for name in ("planoptions.js", "trackmap.js", "pages/plan.js"))
     words = set(re.findall(r"\w+", text))
-    assert [name for name in PLAN_OPTIONS if name not in words] == []
+    assert [name for name in OPTIONS_BY_NAME if name not in words] == []
     layouts = (scripts / "layouts.js").read_text()
     asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', layouts)}
     machines: list[type[BaseModel]] = [FarmTractor, FarmImplement, Datasheet]
@@ -174,8 +174,10 @@ def test_the_pages_ask_for_every_option_of_a_plan_and_for_keys_that_files_of_day
 def test_the_form_of_a_plan_has_every_option_with_its_label_and_unit_and_every_strategy(shared: Shared) -> None:
     form = shared[0].get("/api/v1/forms/plan").json()
     labels, options, strategies = form["labels"], form["options"], form["strategies"]
-    assert set(PLAN_OPTIONS) <= set(labels) and set(options) == set(PLAN_OPTIONS)
-    units = {name: option.limits.unit for name, option in PLAN_OPTIONS.items() if option.limits and option.limits.unit}
+    assert set(OPTIONS_BY_NAME) <= set(labels) and set(options) == set(OPTIONS_BY_NAME)
+    units = {
+        name: option.limits.unit for name, option in OPTIONS_BY_NAME.items() if option.limits and option.limits.unit
+    }
     assert [name for name, unit in units.items() if not labels[name].endswith(f", {unit}")] == [] and len(units) > 10
     assert not [label for label in labels.values() if label.startswith("-") or "_" in label], "no names of programs"
     rows = re.findall(r'\["(\w+)", \{', (STATIC_FOLDER / "js" / "planoptions.js").read_text())

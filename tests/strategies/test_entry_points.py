@@ -22,7 +22,7 @@ from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.evaluation.work_order import WorkOrder
 from planner.guide.guide_pages import read_page
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.many_fields import hash_question
+from planner.pipeline.many_fields import hash_order
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from strategies import registry
@@ -108,10 +108,10 @@ def test_the_blocks_of_the_example_are_neighbours(blocks: Path, driving_rules: A
 
 def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
     question = WorkOrder(PlanRequest(strategies=("blocks",)))
-    before, own = hash_question(question), hash_question(WorkOrder(PlanRequest()))
+    before, own = hash_order(question), hash_order(WorkOrder(PlanRequest()))
     (blocks / "headland_blocks.py").write_text("# changed")
-    assert hash_question(question) != before
-    assert hash_question(WorkOrder(PlanRequest())) == own
+    assert hash_order(question) != before
+    assert hash_order(WorkOrder(PlanRequest())) == own
 
 
 @pytest.mark.parametrize(

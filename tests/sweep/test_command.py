@@ -13,7 +13,7 @@ from planner.pipeline.executors import SerialExecutor
 from planner.request.plan_request import PlanRequest
 from planner.sweeps import sweep as sweeps
 from planner.sweeps.axes import read_axes
-from planner.sweeps.frame import sweep
+from planner.sweeps.sweep import sweep
 from tests.cli.conftest import built, headland
 
 __all__ = ["built", "headland"]

@@ -16,9 +16,8 @@ from typer.models import ArgumentInfo
 
 from planner.cli.common.terminal import print_remarks
 from planner.errors import HeadlandError, RequestError, strip_unit
-from planner.request.farm_choice import FarmChoice
 from planner.request.option_texts import parse_widths
-from planner.request.options import list_options
+from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ FieldsArgument = Annotated[
 DEFAULT_FIELD = "iwamizawa"
 NO_RESULT_STATUS = 3
 """Exit status where no plan meets the request, and where a diagnosis has nothing to save."""
-_HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
+_HELP_TEXTS = {option.name: option.help for option in PLAN_OPTIONS}
 TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
 HeadlandOrderOption = Annotated[
     Optional[str], in_work(help="When the headland is worked: first, last. By default what --operation allows.")
@@ -130,15 +129,15 @@ def inject_request_options(
             if parameter.kind is not inspect.Parameter.VAR_KEYWORD
         ]
         taken = []
-        for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
+        for option in PLAN_OPTIONS:
             if option.name in ("field", *without) or (only is not None and option.name not in only):
                 continue
             other = (changes or {}).get(option.name, {})
             kind, default = other.get("type", option.type), other.get("default", option.default)
             info = typer.Option(
-                option.rules.declaration or get_option_name(option.name),
+                option.declaration or get_option_name(option.name),
                 help=other.get("help", option.format_help(get_option_name)),
-                rich_help_panel=option.rules.panel if panels else None,
+                rich_help_panel=option.panel if panels else None,
             )
             kind = kind if default is not None else Optional[kind]
             by_name = inspect.Parameter.KEYWORD_ONLY

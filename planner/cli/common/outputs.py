@@ -90,10 +90,10 @@ def check_output_paths(
         refuse_overwrite(path, force)
 
 
-def check_cache_folder(folder: Path | None) -> None:
-    """Raise RequestError where --cache names what is no folder."""
-    if folder is not None and folder.exists() and not folder.is_dir():
-        raise RequestError(f"--cache {folder} is a file; give the name of a folder.")
+def check_cache_folder(cache: Path | None) -> None:
+    """Raise RequestError for a folder of --cache that is a file."""
+    if cache is not None and cache.exists() and not cache.is_dir():
+        raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
 
 
 def _check_writable_place(path: Path) -> bool:

@@ -148,6 +148,11 @@ class FleetState:
         self._orders: list[TractorOrder] = []
         self._events: list[FleetEvent] = []
 
+    @property
+    def scene_version(self) -> int:
+        """Another number once the plan or the obstacles are others."""
+        return self.version * 1000 + self.obstacles.version
+
     def take_outputs(self) -> tuple[list[TractorOrder], list[FleetEvent]]:
         """Orders and events since the last call."""
         orders, events = self._orders, self._events

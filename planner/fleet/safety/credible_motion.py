@@ -31,6 +31,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from fields.units import HOUR_S, KMH_PER_MPS
 from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
 from vehicle.jit import compile_function
 
@@ -42,14 +43,14 @@ UNCORRECTED_M, MEMORY_S = 0.5, 60.0  # per axis, of an error without corrections
 MOTION_SHARE = 0.15  # of the distance: slip of ordinary work and side slip on slopes
 FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at least
 REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.2 s to 64 s, pairs of witnesses
-NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * 3600.0 * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
+NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * HOUR_S * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
 """Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
 FARTHEST_M = NOISE_SIGMAS * math.sqrt(2.0 * (FIX_M**2 + UNCORRECTED_M**2))
 """What two unrelated errors of a receiver differ by at most: it shows nobody who stands farther from where it stood."""
 KEPT_S, KEPT_COUNT, STRIDE = 0.2, 320, 4
 LONGEST_STEP_S = 1.0  # between two reports over which speed is steady; a link that is silent for longer is broken
 SPEED_CHANGE_MPS2 = 1.0  # of tractors that gain speed or brake by service brake, over longer gaps
-FASTEST_MPS = 50.0 / 3.6  # of tractors on fields
+FASTEST_MPS = 50.0 / KMH_PER_MPS  # of tractors on fields
 STILL_SHARE = 1.5  # of the time in which motion was found: without it for half of that, it has ended
 RECENT_PARTS, GROWING_SHARE = 3, 0.95  # of a time, in whose last part a difference that is motion grows as on average
 SMOOTHED_S = 2.5  # in which receivers go over to a fix of another kind, at most

@@ -426,9 +426,8 @@ class FleetSession:
 
     def _send_changed_views(self, watchers: list[FleetClient], now: float) -> None:
         """Send scene, alarms and coverage when they have changed."""
-        version = self.manager.version * 1000 + self.manager.obstacles.version
-        if version != self._scene_version:
-            self._scene_version = version
+        if self.manager.scene_version != self._scene_version:
+            self._scene_version = self.manager.scene_version
             self.broadcast(frame_content.build_scene(self.manager, self.compute_deadline_s()))
         if self.manager.alarms.version != self._alarms_version:
             self._alarms_version = self.manager.alarms.version

@@ -16,6 +16,7 @@ from planner.fleet.model.tractor_state import TractorReport
 from planner.fleet.safety.credible_motion import CredibleMotion
 from planner.fleet.safety.motion_prediction import TwinPredictions
 from planner.fleet.session.frame_content import compute_heading_deg
+from planner.fleet.session.frame_timing import CLOCK_JUMP_S, STATE_PERIOD_S
 from planner.fleet.session.inbound_frames import StateFrame
 from vehicle.control.speed import compute_follower_speed
 from vehicle.model.tractor import Implement, Tractor, load_tractor
@@ -24,10 +25,8 @@ from vehicle.sim.path_conflicts import compute_outline_distances, find_close_app
 from vehicle.twin.twin import PoseFix, Twin
 
 CORRECTION_PERIOD_S = 1.0  # between two fixes of a twin, as in section 5.2.2, by its clock
-STATE_PERIOD_S = 0.1  # between two states
 PATH_STEP_S = 0.1  # between two poses of a predicted path
 OLDEST_STATE_S = 4.0  # in real time, of a state that a twin can still use
-CLOCK_JUMP_S = 0.5  # between the clock and the monotonic clock: somebody has set the clock
 DOUBT_PERIOD_S = 1.0  # between two checks of a twin
 LEAP_DELAY_S, LEAP_SHOWN_S = 5.0, 60.0  # after which a jump of the fix is shown, and for how long
 

@@ -107,7 +107,7 @@ def build_scene(manager: FleetManager, deadline_s: float | None) -> dict[str, An
     fence = [np.asarray(part.exterior.coords) for part in shapely.get_parts(shapely.simplify(manager.guard.fence, 0.2))]
     return {
         "kind": "scene",
-        "version": manager.version * 1000 + manager.obstacles.version,
+        "version": manager.scene_version,
         "crs": plan.saved.crs,
         "origin_m": list(plan.saved.origin_m),
         "field": [_round_points(np.asarray(ring) + origin) for ring in plan.rings],

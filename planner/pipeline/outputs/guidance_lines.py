@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import groupby
 from typing import Any
 
@@ -42,19 +42,16 @@ ORDER_DIGITS = 2
 Metres = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class _PlanCoordinates:
-    """The coordinate system and origin of the metres of a plan."""
+ConvertToDegrees = Callable[[Metres], DegreePoints]
+"""Longitude and latitude of points (n, 2) in metres of a plan."""
 
-    crs: str
-    origin_m: tuple[float, float]
 
-    def convert_to_degrees(self, points_m: Metres) -> DegreePoints:
-        """Longitude and latitude of points (n, 2)."""
-        degrees = project(points_m + np.asarray(self.origin_m), self.crs, "EPSG:4326")
-        if (np.abs(degrees) > (180.0, 90.0)).any():
-            raise RequestError(f"The plan lies outside the earth in {self.crs!r}; save the plan again.")
-        return degrees
+def _convert_to_degrees(crs: str, origin_m: tuple[float, float], points_m: Metres) -> DegreePoints:
+    """Longitude and latitude of points (n, 2) in metres of a plan with this coordinate system and origin."""
+    degrees = project(points_m + np.asarray(origin_m), crs, "EPSG:4326")
+    if (np.abs(degrees) > (180.0, 90.0)).any():
+        raise RequestError(f"The plan lies outside the earth in {crs!r}; save the plan again.")
+    return degrees
 
 
 def build_guidance(saved: SavedPlan, tractor: int | None = None) -> PlanGuidance:
@@ -79,13 +76,13 @@ def build_guidance(saved: SavedPlan, tractor: int | None = None) -> PlanGuidance
         raise RequestError(
             f"{mark_parameter('tractor')} is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor"
         )
-    frame = _PlanCoordinates(saved.crs, saved.origin_m)
+    convert = partial(_convert_to_degrees, saved.crs, saved.origin_m)
     tractor_numbers = range(1, count + 1) if tractor is None else (tractor,)
     tractors = tuple(
-        TractorLines(number, get_tractor_colour(number - 1), tuple(_iter_lines(plan, number, frame)))
+        TractorLines(number, get_tractor_colour(number - 1), tuple(_iter_lines(plan, number, convert)))
         for number in tractor_numbers
     )
-    boundary, area_m2, inside, obstacles, entrance = _read_field_ground(saved.ground, field, frame)
+    boundary, area_m2, inside, obstacles, entrance = _read_field_ground(saved.ground, field, convert)
     omissions = tuple(_count_omissions(plan, tractor_numbers).items())
     return PlanGuidance(field, boundary, area_m2, inside, obstacles, entrance, tractors, count > 1, omissions)
 
@@ -110,13 +107,13 @@ def _name_line(task: LegTask) -> str:
     return f"round {task.number or 0}" + (f" side {task.piece + 1}" if task.is_piece else "")
 
 
-def _iter_lines(plan: Plan, number: int, frame: _PlanCoordinates) -> Iterator[GuidedLine]:
+def _iter_lines(plan: Plan, number: int, convert: ConvertToDegrees) -> Iterator[GuidedLine]:
     """The lines of a tractor in driving order."""
     segments = list(_iter_worked_segments(plan.missions[number - 1].legs))
     digits = max(ORDER_DIGITS, len(str(len(segments))))
     for order, (task, points_m) in enumerate(segments, start=1):
         line_name = _name_line(task)
-        points = frame.convert_to_degrees(points_m)
+        points = convert(points_m)
         yield GuidedLine(
             name=f"T{number} {order:0{digits}d} {line_name}",
             tractor=number,
@@ -181,7 +178,7 @@ def _classify_omitted_leg(leg: Leg, plan: Plan) -> str:
 
 
 def _read_field_ground(
-    ground: dict[str, Any], field: str, frame: _PlanCoordinates
+    ground: dict[str, Any], field: str, convert: ConvertToDegrees
 ) -> tuple[GuidanceArea | None, float, tuple[GuidanceArea, ...], tuple[GuidanceArea, ...], tuple[float, float] | None]:
     """Boundary, its area (m2), ground inside the headland, obstacles and entrance of a plan."""
     if not ground:
@@ -195,9 +192,9 @@ def _read_field_ground(
         raise MissionError("The outlines of the field in the plan are garbled; save the plan again.") from None
 
     def build_area(name: str, rings: Sequence[Metres]) -> GuidanceArea:
-        return GuidanceArea(name, tuple(frame.convert_to_degrees(ring) for ring in rings))
+        return GuidanceArea(name, tuple(convert(ring) for ring in rings))
 
-    entrance_deg = None if entrance is None else frame.convert_to_degrees(entrance)[0]
+    entrance_deg = None if entrance is None else convert(entrance)[0]
     return (
         build_area(field, rings),
         float(shapely.Polygon(rings[0], rings[1:]).area),

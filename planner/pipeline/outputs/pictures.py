@@ -30,6 +30,7 @@ from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, f
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
+from planner.request.option_texts import MAX_TRACTORS
 from reports.common.plan_records import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS, SERVICE_STATE
@@ -230,7 +231,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "shortest_swath_m": round(min(lengths), 1),
         "swath_length_m": round(sum(lengths), 1),
         "turning_radius_m": round(driving_rules.radius_m, 2),
-        "max_tractors": min(50, len({swath.line for swath in layout.swaths})),
+        "max_tractors": min(MAX_TRACTORS, len({swath.line for swath in layout.swaths})),
         "covered_pct": round(100.0 * float(covered.area / ground.area), 2),
         "unworked": [_describe_unworked(context, one) for one in find_unworked_areas(context)],
         **describe_slopes(context.physics.elevation, field),

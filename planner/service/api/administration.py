@@ -22,6 +22,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse
 
 from planner.errors import HeadlandError
+from planner.fleet.session.inbound_frames import TractorNumber
 from planner.service.access.browsers import BrowserLogins
 from planner.service.access.permissions import (
     READ,
@@ -282,7 +283,7 @@ class TokenRequest(ApiRequest):
     name: Annotated[str, Field(max_length=100, description="Name of the token.")]
     scopes: Annotated[list[TokenScope], Field(min_length=1, max_length=5)]
     fleet: Annotated[str, Field(max_length=32)] | None = None
-    tractor: Annotated[int, Field(ge=1, le=999)] | None = None
+    tractor: TractorNumber | None = None
     expires: Annotated[str, Field(max_length=40)] | None = None
 
 

@@ -40,8 +40,8 @@ from planner.service.gateway.responses import (
 from planner.service.jobs.file_reading import FileReader, submit_job
 from planner.service.jobs.input_files import (
     EXAMPLE_FARM,
+    OPTIONS_BY_NAME,
     PLAN_JOB_MODEL,
-    PLAN_OPTIONS,
     REQUEST_MODELS,
     InputCollector,
     collect_inputs,
@@ -351,10 +351,10 @@ async def read_plan_labels(_caller: ReadAccess) -> PlanFormInfo:
 def build_plan_form() -> PlanFormInfo:
     """The form of a plan, made from its request."""
     options = {}
-    for name, option in PLAN_OPTIONS.items():
+    for name, option in OPTIONS_BY_NAME.items():
         numbers_tracks = option.parameter not in UNLAID
-        if option.rules.choices and option.type is str:
-            choices = list(dict.fromkeys([option.default or "", *option.rules.choices]))
+        if option.choices and option.type is str:
+            choices = list(dict.fromkeys([option.default or "", *option.choices]))
             options[name] = PlanOptionInfo(kind="choice", choices=choices, numbers_tracks=numbers_tracks)
         else:
             options[name] = PlanOptionInfo(kind=KIND_BY_TYPE[option.type], numbers_tracks=numbers_tracks)

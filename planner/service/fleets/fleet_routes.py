@@ -23,6 +23,7 @@ from pydantic.json_schema import models_json_schema
 
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
+from planner.fleet.model.rules import LONGEST_HORIZON_S, SHORTEST_HORIZON_S, FleetRules
 from planner.fleet.session import inbound_frames, outbound_messages
 from planner.fleet.session.clients import CONTROL, FleetClient
 from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
@@ -91,7 +92,9 @@ class FleetRequest(ApiRequest):
     deadline: Annotated[str, Field(max_length=5)] | None = None
     twin_method: Literal["predict", "thesis"] = "predict"
     times: Annotated[float, Field(ge=0.1, le=100.0, allow_inf_nan=False)] = 1.0
-    horizon_s: Annotated[float, Field(ge=2.0, le=600.0, allow_inf_nan=False)] = 20.0
+    horizon_s: Annotated[float, Field(ge=SHORTEST_HORIZON_S, le=LONGEST_HORIZON_S, allow_inf_nan=False)] = (
+        FleetRules.horizon_s
+    )
 
 
 def build_requested_fleet(id: str, room_bytes: int, settings: ServiceSettings, body: Path) -> NewFleet:
@@ -219,7 +222,9 @@ recording_router = ApiRouter(tags=["fleets"])
 class ReplanRequest(ApiRequest):
     """Tractors that are left out; failed ones always are. All that is left is planned anew for the others."""
 
-    without: Annotated[list[Annotated[int, Field(ge=1, le=999)]], Field(default_factory=list, max_length=999)]
+    without: Annotated[
+        list[inbound_frames.TractorNumber], Field(default_factory=list, max_length=inbound_frames.MOST_TRACTORS)
+    ]
 
 
 class ProposalNumber(ApiRequest):

@@ -15,11 +15,12 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
+from planner.fleet.session.frame_timing import STATE_PERIOD_S
 from planner.fleet.simulated_robot import RobotDriver
 from planner.service.errors import ServiceError
 
 MOST_STATES = 6000  # ten minutes at 10 Hz
-STATE_PERIOD_S, RETRY_S, OPEN_TIMEOUT_S, DISCONNECT_TIMEOUT_S = 0.1, 0.5, 5.0, 1.0
+RETRY_S, OPEN_TIMEOUT_S, DISCONNECT_TIMEOUT_S = 0.5, 5.0, 1.0
 SHORTEST_PERIOD_S, LONGEST_SIMULATED_S = 0.03, 0.3
 REPLACED_CODE = 4001  # of links that another of the same robot takes the place of
 NO_LINK_STATUSES = (

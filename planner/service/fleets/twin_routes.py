@@ -17,6 +17,7 @@ from planner.errors import HeadlandError
 from planner.fleet.manager.fleet_state import FLEET_MANAGER
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.session.fleet_session import FleetSession
+from planner.fleet.session.inbound_frames import MOST_TRACTORS
 from planner.fleet.session.state_recorder import average_commands, format_log_csv
 from planner.service.access.permissions import Caller, OperateAccess, ReadAccess
 from planner.service.errors import BusyError, ConflictError, NotFoundError
@@ -33,7 +34,7 @@ from vehicle.model.tractor_writer import format_tractor_toml
 DIAGNOSIS_KIND, RESULT_FILE, TRACTOR_FILE = "diagnosis", "result.json", "tractor.toml"
 FINDING = "finding"
 DIAGNOSE_AFTER_S = 90.0  # of driving after a doubt is certain: a track and a turn show more than a track alone
-TwinTractorNumber = Annotated[int, Path(ge=1, le=999)]
+TwinTractorNumber = Annotated[int, Path(ge=1, le=MOST_TRACTORS)]
 
 
 class TwinDiagnosis:

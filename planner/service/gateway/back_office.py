@@ -23,7 +23,7 @@ from starlette.responses import StreamingResponse
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
-from planner.service.gateway.request_gate import name_client
+from planner.service.gateway.request_gate import get_host, name_client
 from planner.service.gateway.responses import build_error_response, wait_for_disconnect, wait_while_connected
 from planner.service.kept_process import KeptProcess
 from planner.service.settings import LIMITS, ServiceSettings
@@ -132,7 +132,7 @@ class OfficeForwarder:
         headers += [
             (SECRET_HEADER, self.office.secret.encode()),
             (CALLER_HEADER, json.dumps(None if caller is None else asdict(caller)).encode()),
-            (CLIENT_HEADER, str((scope.get("client") or ("",))[0]).encode()),
+            (CLIENT_HEADER, get_host(scope).encode()),
         ]
         target = scope["raw_path"] + (b"?" + scope["query_string"] if scope["query_string"] else b"")
         target = target.replace(b"#", b"%23")  # clients send no fragments, so this belongs to the path

@@ -261,7 +261,12 @@ def name_client(scope: Scope) -> str:
 
 def _find_network(scope: Scope) -> str:
     """What counts as one address among callers without a token."""
-    return compute_network_key(str((scope.get("client") or ("",))[0]))
+    return compute_network_key(get_host(scope))
+
+
+def get_host(scope: Scope) -> str:
+    """The address that a request comes from; "" where it is not known."""
+    return str((scope.get("client") or ("",))[0])
 
 
 def _limit_body(receive: Receive, most_bytes: int, grow_share: GrowShare) -> Receive:

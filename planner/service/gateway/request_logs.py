@@ -9,11 +9,11 @@ import secrets
 import sys
 import time
 from collections.abc import Callable
-from datetime import UTC, datetime
 
 from starlette.datastructures import MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from planner.fleet.session.frame_timing import format_utc
 from planner.service.settings import LIMITS
 
 REQUEST_ID: contextvars.ContextVar[str | None] = contextvars.ContextVar("request_id", default=None)
@@ -29,8 +29,7 @@ class LogfmtFormatter(logging.Formatter):
         message = record.getMessage()
         if record.exc_info:
             message += " " + self.formatException(record.exc_info)
-        time_text = datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds")
-        parts = {"time": time_text.replace("+00:00", "Z"), "level": record.levelname.lower(), "logger": record.name}
+        parts = {"time": format_utc(record.created), "level": record.levelname.lower(), "logger": record.name}
         if (request := REQUEST_ID.get()) is not None:
             parts["request"] = request
         words = " ".join(f"{name}={value}" for name, value in parts.items())

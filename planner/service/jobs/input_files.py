@@ -18,10 +18,10 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from planner.errors import mark_parameter, strip_unit
-from planner.request.farm_choice import FarmChoice
 from planner.request.option_checks import check_day_options, check_demo_options
-from planner.request.options import RequestOption, list_options
-from planner.request.plan_request import MAX_SEED, PlanRequest
+from planner.request.options import PlanOption
+from planner.request.plan_options import PLAN_OPTIONS
+from planner.request.plan_request import MAX_SEED
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.settings import LIMITS
 from planner.service.store.job_queue import JobStore, ResultFile
@@ -35,8 +35,8 @@ ShortTexts = Annotated[list[ShortText], Field(max_length=LIMITS.most_list_entrie
 JobTitle = Annotated[
     str | None, Field(max_length=100, description="What the job is called; by default after its input.")
 ]
-PLAN_OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
-Seed = Annotated[int, Field(ge=0, le=MAX_SEED, description=PLAN_OPTIONS["seed"].help)]
+OPTIONS_BY_NAME = {option.name: option for option in PLAN_OPTIONS}
+Seed = Annotated[int, Field(ge=0, le=MAX_SEED, description=OPTIONS_BY_NAME["seed"].help)]
 ReportProgress = Callable[[int, int, str], None]
 
 DAY_FILE = "day/day.toml"
@@ -63,7 +63,7 @@ class PlanJobRequest(JobRequest):
     """
 
 
-def _build_api_field(option: RequestOption) -> tuple[Any, Any]:
+def _build_api_field(option: PlanOption) -> tuple[Any, Any]:
     """Type and description of an option of a plan for pydantic.
 
     Limits and choices are shown only; the plan request itself refuses, in the sentences of the command line.
@@ -75,14 +75,14 @@ def _build_api_field(option: RequestOption) -> tuple[Any, Any]:
             "exclusiveMinimum" if option.limits.above else "minimum": option.limits.low,
             "maximum": option.limits.high,
         }
-    elif option.rules.choices and option.type is str:
-        shown = {"enum": [*option.rules.choices, *([None] if option.default is None else [])]}
+    elif option.choices and option.type is str:
+        shown = {"enum": [*option.choices, *([None] if option.default is None else [])]}
     description = option.format_help(strip_unit, for_api=True)
     annotation = kind | None if option.default is None else kind
     return annotation, Field(option.default, description=description, json_schema_extra=shown or None)
 
 
-_API_FIELDS: dict[str, Any] = {name: _build_api_field(option) for name, option in PLAN_OPTIONS.items()}
+_API_FIELDS: dict[str, Any] = {name: _build_api_field(option) for name, option in OPTIONS_BY_NAME.items()}
 PLAN_JOB_MODEL = create_model(
     PlanJobRequest.__name__, __base__=PlanJobRequest, __doc__=PlanJobRequest.__doc__, **_API_FIELDS
 )

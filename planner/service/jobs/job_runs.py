@@ -125,14 +125,12 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
     """Simulate and rank plans; raises HeadlandError where nothing can be planned."""
     order = build_work_order(job.request)
     _load_simulator(job)
-    simulates_all = bool(job.request.get("all"))
     with create_executor(len(group_candidates(list_candidates(order.request))), job.processes) as executor:
         planned = plan_order(
             order,
             executor=executor,
             with_pictures=True,
             report_stage=lambda words, done, all: job.report_progress(done, all, words),
-            simulate_all=simulates_all,
         )
     job.report_progress(0, 0, "Writing the results")
     files = list(_write_plan_results(planned))

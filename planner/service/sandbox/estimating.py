@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from planner.errors import HeadlandError
-from planner.risk.costs import build_hire_terms
+from planner.risk.costs import choose_terms
 from planner.service.sandbox.confined_reading import encode_answer, write_all
 from planner.service.sandbox.confinement import confine_process, list_library_folders, lower_priority
 from planner.service.sandbox.readings import build_work_order
@@ -42,7 +42,7 @@ def estimate_order(grounds: KeptGrounds, order: Mapping[str, Any]) -> dict[str, 
 def describe_estimate(estimate: OrderEstimate) -> dict[str, Any]:
     """An estimate as plain values."""
     order, request = estimate.order, estimate.order.request
-    terms = order.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+    terms = choose_terms(request, order.cost_terms)
     return {
         "recommended": None if estimate.best is None else estimate.best.tractors,
         "plans": [_describe_plan(estimate, place) for place in range(len(estimate.plans))],

@@ -355,7 +355,6 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     from planner.evaluation.work_order import load_gnss_errors, read_requested_field
     from planner.request.service_points import locate_service_point
     from planner.risk.assessment import build_decision_criteria
-    from vehicle.model.tractor import resolve_tractor
 
     order = build_work_order(values)
     request = order.request
@@ -371,7 +370,7 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     read_requested_elevation(request, field)
     find_requested_soil(request)
     with attach_parameter("tractor"):
-        machine = None if request.refill is None else resolve_tractor(order.tractor or request.tractor)
+        machine = None if request.refill is None else order.resolve_tractor()
     with attach_parameter("refill"):
         locate_service_point(
             request, field, order.supply, is_electric=machine is not None and machine.battery is not None

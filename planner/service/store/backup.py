@@ -35,14 +35,13 @@ from planner.service.store.database import (
     migrate_database,
     shorten_error,
 )
-from planner.service.store.disk_storage import is_disk_full, translate_disk_full
+from planner.service.store.disk_storage import SHA256_TEXT, is_disk_full, translate_disk_full
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import BYTES_FOLDER, format_utc_now_ms
 from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRow, ResultRow, TokenRow
 
 MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
 BYTES_NAME = re.compile(rf"{BYTES_FOLDER}/([0-9a-f]{{2}})/(\1[0-9a-f]{{62}})")
-SHA256_TEXT = re.compile(r"[0-9a-f]{64}")
 COPY_BATCH_ROWS = 500
 SWEEP_MIN_AGE_S = HOUR_S
 """Newer bytes may belong to a row that is being written."""

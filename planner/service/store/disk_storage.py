@@ -24,6 +24,7 @@ from planner.service.errors import NotFoundError, StorageError
 DISK_FULL = "No room is left on the disk of the service; delete what is not needed there, then ask again."
 DISK_FULL_ERRNOS = (errno.ENOSPC, errno.EDQUOT)
 POSTGRESQL_DISK_FULL = "53100"
+SHA256_TEXT = re.compile(r"[0-9a-f]{64}")
 NO_SPACE_BYTES = 2**16  # less than this is none
 
 
@@ -129,6 +130,6 @@ class BlobStore:
 
     def get_path(self, sha256: str) -> Path:
         """The path of the bytes of a SHA-256."""
-        if not re.fullmatch(r"[0-9a-f]{64}", sha256):
+        if not SHA256_TEXT.fullmatch(sha256):
             raise NotFoundError("What is not a SHA-256 names no bytes.")
         return self._folder / sha256[:2] / sha256

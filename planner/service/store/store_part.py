@@ -16,11 +16,10 @@ from pathlib import Path
 from planner.service.errors import ServiceError
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.database import Database
-from planner.service.store.disk_storage import BlobStore, translate_disk_full, write_whole
+from planner.service.store.disk_storage import SHA256_TEXT, BlobStore, translate_disk_full, write_whole
 
 LONGEST_NAME_CHARS = 100
 BYTES_FOLDER, REVOCATIONS_FOLDER = "bytes", "revoked"
-_SHA256 = re.compile("[0-9a-f]{64}")
 _PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
 WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 COPY_SUFFIX_CHARS = 10  # room for " copy 9999"
@@ -52,7 +51,7 @@ class RevocationFolder:
         """The revocations that wait, by SHA-256; other files in the folder are none."""
         found = {}
         with contextlib.suppress(FileNotFoundError):
-            for path in sorted(one for one in self._folder.iterdir() if _SHA256.fullmatch(one.name)):
+            for path in sorted(one for one in self._folder.iterdir() if SHA256_TEXT.fullmatch(one.name)):
                 with contextlib.suppress(FileNotFoundError):  # another process has written it to the database
                     found[path.name] = Revocation(**json.loads(path.read_text(encoding="utf-8")))
         return found
