@@ -242,7 +242,8 @@ def find_conflict_zones(
         a, b = trajectories[i], trajectories[j]
         key = a, b, check.beside_clearance_m
         if key not in cache.meetings:
-            cache.meetings[key] = check.find_blocked_parts(a.trail, b.trail)
+            find = check.find_meetings if a.is_on_field_at(0) and b.is_on_field_at(0) else check.find_blocked_parts
+            cache.meetings[key] = find(a.trail, b.trail)
         if len(cache.meetings[key]):
             pair_meetings[i, j] = cache.meetings[key]
     used_poses = [np.zeros(len(trajectory.poses), dtype=np.bool_) for trajectory in trajectories]

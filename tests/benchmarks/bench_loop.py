@@ -55,16 +55,17 @@ HILL_SPACING_M = 5.0
 @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
 def run_bare_steps(  # type: ignore[no-untyped-def]
     steps, dt, every, bodies, force, states, models, grounds, tables, legs, gates, points, cumulative, record,
-    clearances,
+    clearances, starts,
 ):  # fmt: skip
     """Advance `bodies` (n, 6: x, y, angle, vx, vy, spin) as pymunk does: places first, with the old velocity."""
     bodies, force, states, models = drop_owner(bodies), drop_owner(force), drop_owner(states), drop_owner(models)
     grounds, tables, legs, gates = drop_owner(grounds), drop_owner(tables), drop_owner(legs), drop_owner(gates)
-    points, cumulative, record, clearances = (
+    points, cumulative, record, clearances, starts = (
         drop_owner(points),
         drop_owner(cumulative),
         drop_owner(record),
         drop_owner(clearances),
+        drop_owner(starts),
     )
     count = len(states)
     for step in range(steps):
@@ -74,7 +75,7 @@ def run_bare_steps(  # type: ignore[no-untyped-def]
             for i in range(count):
                 run_control_tick(i, states, models, legs, gates, points, cumulative, step * dt, every * dt)
             write_record_row(record, step // every, states)
-            find_too_close(states, models, clearances, -1.0, -1.0)
+            find_too_close(states, models, clearances, starts, -1.0, -1.0)
         for i in range(count):
             model = models[states[i].model]
             ground = legs[states[i].leg].ground
@@ -101,7 +102,7 @@ class BareWorld:
         run_bare_steps(
             steps, DT_S, world.steps_per_tick, self.bodies, np.zeros(3), program.states, world.models, world.grounds,
             world.tables, program.legs, program.gates, program.points, program.cumulative, self.record,
-            world.clearances,
+            world.clearances, world.start_distances,
         )  # fmt: skip
 
 

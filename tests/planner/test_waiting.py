@@ -13,6 +13,7 @@ from planner.traffic.precedence import schedule_plan
 from vehicle.missions.plan import DRIVE, ENTER, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, SimulationRun
+from vehicle.sim.compile import build_model_record
 from vehicle.sim.incremental import IncrementalSimulator
 from vehicle.sim.path_conflicts import ClearanceCheck
 from vehicle.sim.world import World
@@ -105,6 +106,51 @@ class TestGivingWay:
     def test_giving_way_is_repeatable(self, small_site: Any) -> None:
         plans = [resolve(small_site, crossing())[0].plan for _ in range(2)]
         assert format_plan(plans[0]) == format_plan(plans[1])
+
+
+def stand_behind(site: Any, ahead_m: float, turned: bool = False) -> Plan:
+    """Two in a line, `ahead_m` of clear ground between them, that drive 40 m on and the first 20 m more; or the first
+    one turned round, so that they face each other."""
+    model = build_model_record(site.tractor, site.implement)
+    back_m = site.tractor.antenna_forward_m - site.tractor.rear_axle_m
+    nose_m, tail_m = float(model["nose"]) - back_m, back_m - float(min(model["tail"], model["tool_tail"]))
+    begin_m = nose_m + ahead_m + (nose_m if turned else tail_m)
+    end_m = begin_m + (-60.0 if turned else 60.0)
+    return Plan((Mission((leg((begin_m, 0), (end_m, 0)),)), Mission((leg((0, 0), (40, 0)),))))
+
+
+class TestStandingNear:
+    CLEARANCE_M = 0.5
+
+    def resolve(self, site: Any, plan: Plan) -> tuple[SimulationRun, str | None]:
+        simulator = IncrementalSimulator(site.tractor, site.implement, stop_clearance_m=self.CLEARANCE_M)
+        check = ClearanceCheck.for_machine(site.tractor, site.implement, self.CLEARANCE_M, self.CLEARANCE_M)
+        alone = SoloRuns(simulator)
+        return resolve_conflicts(
+            plan, lambda one: simulator.simulate(one, 8000.0), lambda one: schedule_plan(one, check, alone)
+        )
+
+    def test_who_stands_behind_another_waits_until_that_has_gone(self, small_site: Any) -> None:
+        run, why = self.resolve(small_site, stand_behind(small_site, 0.4))
+        assert (run.outcome, why) == (DONE, None)
+        assert [len(mission.legs[0].gates) for mission in run.plan.missions] == [0, 1]
+        assert run.min_clearance_m == pytest.approx(0.4, abs=0.01)
+
+    def test_nobody_follows_as_near_as_it_stood(self, small_site: Any) -> None:
+        simulator = IncrementalSimulator(small_site.tractor, small_site.implement, stop_clearance_m=self.CLEARANCE_M)
+        run = simulator.simulate(stand_behind(small_site, 0.4), 8000.0)
+        assert run.outcome == CONFLICT and run.conflict is not None
+        reach_m = float(build_model_record(small_site.tractor, small_site.implement)["reach"])
+        assert run.conflict.first_m == pytest.approx(reach_m, abs=0.2)
+
+    def test_two_that_face_each_other_are_refused(self, small_site: Any) -> None:
+        run, why = self.resolve(small_site, stand_behind(small_site, 0.4, turned=True))
+        assert run.outcome != DONE and why is not None and why.startswith("tractors 1 and 2 meet after ")
+
+    def test_two_that_touch_are_to_be_driven_apart_first(self, small_site: Any) -> None:
+        run, why = self.resolve(small_site, stand_behind(small_site, 0.02))
+        assert run.outcome == CONFLICT
+        assert why == "tractors 1 and 2 touch where they begin, or nearly do: drive one of them away first"
 
 
 @pytest.mark.slow

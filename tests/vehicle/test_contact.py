@@ -95,7 +95,7 @@ def test_outlines_that_cross_like_a_plus_touch_though_no_corner_is_inside() -> N
     assert compute_outline_distance(states[0], model, states[1], model) == 0.0
     assert compute_outline_distance(states[1], model, states[0], model) == 0.0
     clearances = np.full(2, np.inf)
-    assert find_too_close(states, np.array([model]), clearances, 0.5, 0.5) == (0.0, 0, 1)
+    assert find_too_close(states, np.array([model]), clearances, np.zeros((2, 2)), 0.5, 0.5) == (0.0, 0, 1)
 
 
 @given(st.lists(POSES, min_size=2, max_size=6))
@@ -106,8 +106,8 @@ def test_smallest_clearances_agree_with_all_pairs(poses: list[tuple[float, float
     assume((table > 0.0).all())
     states, models = states_at(*spread), np.array([build_model_record(TRACTOR, NARROW)])
     for clearance in (-1.0, 1e8):
-        clearances = np.full(len(poses), np.inf)
-        closest, first, second = find_too_close(states, models, clearances, clearance, clearance)
+        clearances, starts = np.full(len(poses), np.inf), np.full((len(poses), len(poses)), np.inf)
+        closest, first, second = find_too_close(states, models, clearances, starts, clearance, clearance)
         assert clearances.min() == pytest.approx(table.min(), abs=1e-9)
         assert (clearances >= table.min(axis=1) - 1e-9).all(), "never closer than the true neighbour"
     assert closest == pytest.approx(table.min(), abs=1e-9)
@@ -215,5 +215,5 @@ def test_a_pair_that_is_too_close_counts_however_close_another_has_been() -> Non
     """Without that, a pair at 0.4 m would pass unseen once others had been at 0.3 m."""
     states = states_at((0.0, 0.0, 0.0), (0.0, 3.0, 0.0), (60.0, 0.0, 0.0), (65.0 + 0.22, 0.0, math.pi))
     models, clearances = np.array([MODEL_3M]), np.full(4, 0.3)
-    found = find_too_close(states, models, clearances, 0.5, 0.1)
+    found = find_too_close(states, models, clearances, np.full((4, 4), np.inf), 0.5, 0.1)
     assert found[1:] == (2, 3) and found[0] == pytest.approx(5.22 - 2 * 2.42)

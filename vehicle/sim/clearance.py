@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
+import numpy as np
+
+from vehicle.arrays import Floats
 from vehicle.jit import compile_function
 
 NEAR_MARGIN_M = 0.5  # covers the speed gained between two checks
 LEAVE_MARGIN_M = 0.5  # hysteresis, so that no tractor alternates at every check
 ROUNDING_M = 1e-9  # smaller gaps are computed more closely
+CONTACT_M = 0.05  # a distance that counts as contact
+STANDING_ERROR_M = 0.01  # of a distance between two that stand, which is not to become smaller
 PARALLEL_SINE = math.sin(math.radians(10.0))
 
 
@@ -141,14 +147,30 @@ def is_beside(a, am, b, bm) -> bool:  # type: ignore[no-untyped-def]
 
 
 @compile_function
+def compute_start_limit(start_distance: float, clearance: float) -> float:
+    """How near two may come that began `start_distance` apart and part (m): no nearer than they stood, and those that
+    touch may not drive."""
+    return min(clearance, max(start_distance - STANDING_ERROR_M, CONTACT_M))
+
+
+def build_start_distances(enters: Sequence[bool]) -> Floats:
+    """What `find_too_close` is to note of each pair (n, n) before its first check; whoever `enters` begins off the
+    field, and keeps the clearance at once."""
+    absent = np.array(enters, np.bool_)
+    return np.where(absent[:, None] | absent, np.inf, 0.0)
+
+
+@compile_function
 def find_too_close(  # type: ignore[no-untyped-def]
-    states, models, clearances, clearance, beside_clearance
+    states, models, clearances, start_distances, clearance, beside_clearance
 ) -> tuple[float, int, int]:
     """Update the smallest clearance so far per tractor; return the pair that is closest of those too close.
 
     Two are too close within `clearance`, or within `beside_clearance` if they are beside each other; if none are, the
-    distance returned is 1e9. Pairs whose enclosing circles are farther apart than `clearance` and than the smallest
-    clearance of either so far are skipped, as are tractors off the field.
+    distance returned is 1e9. Those that began nearer may be as near as compute_start_limit says until they have been
+    apart by the clearance, or both have left the circles in which they stood: `start_distances` (n, n) becomes how far
+    apart two began, in place of 0, and infinite once they have parted. Pairs whose enclosing circles are farther apart
+    than `clearance` and than the smallest clearance of either so far are skipped, as are tractors off the field.
     """
     best, first, second = 1e9, -1, -1
     for i in range(len(states)):
@@ -163,11 +185,19 @@ def find_too_close(  # type: ignore[no-untyped-def]
             limit = relevant_m + models[a.model].reach + models[b.model].reach
             dx, dy = a.x - b.x, a.y - b.y
             if dx * dx + dy * dy >= limit * limit:
+                start_distances[i, j] = math.inf
                 continue
             distance = compute_distance_below(a, models[a.model], b, models[b.model], relevant_m)
             clearances[i] = min(clearances[i], distance)
             clearances[j] = min(clearances[j], distance)
-            if distance >= min(clearance, best):
+            if distance >= clearance:
+                start_distances[i, j] = math.inf
+            elif start_distances[i, j] == 0.0:
+                start_distances[i, j] = distance
+            least = clearance
+            if a.progress < models[a.model].reach or b.progress < models[b.model].reach:
+                least = compute_start_limit(start_distances[i, j], clearance)
+            if distance >= min(least, best):
                 continue
             if distance >= beside_clearance and is_beside(a, models[a.model], b, models[b.model]):
                 continue

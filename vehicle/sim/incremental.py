@@ -30,7 +30,7 @@ from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import DT_S, FINISHED, REC_ANGLE, REC_STATUS, REC_X, REC_Y, STATE
-from vehicle.sim.clearance import find_too_close
+from vehicle.sim.clearance import build_start_distances, find_too_close
 from vehicle.sim.compile import LOOKAHEAD_SWING_RAD
 from vehicle.sim.loop import MIN_PROGRESS_M
 from vehicle.sim.world import STALL_S, World, WorldSnapshot
@@ -410,7 +410,8 @@ def _build_independent_snapshot(
     """A snapshot with other tractors, which touch nobody, as if they had made progress at the last check."""
     clock = np.array([snapshot.clock[0], states["progress"].sum(), snapshot.time_s])
     clearances, present = np.full(len(states), np.inf), np.zeros(len(states), dtype=np.bool_)
-    return WorldSnapshot(clock, states, clearances, motion, present, chunks, snapshot.rows)
+    start_distances = np.full((len(states), len(states)), np.inf)
+    return WorldSnapshot(clock, states, clearances, start_distances, motion, present, chunks, snapshot.rows)
 
 
 def select_tractors(snapshot: WorldSnapshot, tractors: Sequence[int]) -> WorldSnapshot:
@@ -437,33 +438,42 @@ def find_last_independent_snapshot(
         return None
     rows = combined.snapshots[snapshot_count - 1].rows
     record = np.concatenate([solo_run.run.record[:rows] for solo_run in solo_runs], axis=1)
-    clearances = np.full(len(solo_runs), np.inf)
     leaves = np.array([solo_run.mission.leaves for solo_run in solo_runs])
     limits_m = (*clearance_limits_m, CORNER_SPEED_RATIO * reach_m)
-    states = np.zeros(len(solo_runs), dtype=STATE)
-    free_rows = _count_independent_rows(record, states, leaves, models, clearances, *limits_m)
+
+    def follow(rows: Records) -> tuple[int, Floats, Floats]:
+        """The number of rows up to which all drive as if alone, with the distances that a world would have noted."""
+        clearances = np.full(len(solo_runs), np.inf)
+        start_distances = build_start_distances([solo_run.mission.enters for solo_run in solo_runs])
+        states = np.zeros(len(solo_runs), dtype=STATE)
+        free = _count_independent_rows(rows, states, leaves, models, clearances, start_distances, *limits_m)
+        return free, clearances, start_distances
+
+    free_rows, _, _ = follow(record)
     for number in range(snapshot_count - 2, -1, -1):
         begin, end = combined.snapshots[number], combined.snapshots[number + 1]
         gained = combined.progress_m[number + 1].sum() - combined.progress_m[number].sum()
         if end.rows <= free_rows and gained > ROUNDING_FACTOR * MIN_PROGRESS_M * (end.rows - begin.rows):
             driven = record[: begin.rows]
-            clearances[:] = np.inf
-            _count_independent_rows(driven, states, leaves, models, clearances, *limits_m)
-            return replace(begin, clearances=clearances, chunks=(driven,))
+            _, clearances, start_distances = follow(driven)
+            return replace(begin, clearances=clearances, start_distances=start_distances, chunks=(driven,))
     return None
 
 
 @compile_function
 def _count_independent_rows(  # type: ignore[no-untyped-def]
-    record, states, leaves, models, clearances, stop_clearance_m, beside_clearance_m, min_clearance_m
+    record, states, leaves, models, clearances, start_distances, stop_clearance_m, beside_clearance_m, min_clearance_m
 ):
-    """Number of rows of a record before two are too close or may touch; updates `clearances` (n,)."""
+    """Number of rows of a record before two are too close, wherever they began, or may touch; updates `clearances` (n,)
+    and `start_distances` (n, n)."""
+    for i in range(len(states)):
+        states[i].progress = math.inf
     for row in range(len(record)):
         for i in range(len(states)):
             states[i].x, states[i].y = record[row, i, REC_X], record[row, i, REC_Y]
             states[i].angle = record[row, i, REC_ANGLE]
             states[i].away = 1 if leaves[i] and record[row, i, REC_STATUS] == FINISHED else 0
-        _, first, _ = find_too_close(states, models, clearances, stop_clearance_m, beside_clearance_m)
+        _, first, _ = find_too_close(states, models, clearances, start_distances, stop_clearance_m, beside_clearance_m)
         if first >= 0 or clearances.min() < min_clearance_m:
             return row
     return len(record)

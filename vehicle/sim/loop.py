@@ -163,12 +163,14 @@ def note_contacts(bridge, contacts, time) -> None:  # type: ignore[no-untyped-de
 @compile_function
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, steps_per_tick, clock, bridge, states, models, grounds, tables, legs, gates, points, cumulative, record,
-    clearances, contacts, stop_clearance, beside_clearance, stall_s, position_errors, present, required, heights, frame,
+    clearances, start_distances, contacts, stop_clearance, beside_clearance, stall_s, position_errors, present,
+    required, heights, frame,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `steps_per_tick`.
 
     `clock` (3,) holds the step count, the best total progress and the time it was reached, and is updated. `tables`
-    (models, grounds, n) are the steering tables. `contacts` (k, 3) collects time and body ids; its last row counts.
+    (models, grounds, n) are the steering tables. `clearances` (n,) and `start_distances` (n, n) are as for
+    find_too_close. `contacts` (k, 3) collects time and body ids; its last row counts.
     `position_errors` (k, 4) is a GNSS table of vehicle.model.gnss, without rows for no error. `present` (n,) says which
     tractors have their contact boxes in the space: if these are not the required ones before a tick, the loop returns
     NEIGHBOURS_CHANGED and writes the required ones to `required` (n,). With a `stop_clearance` of IGNORE_CLEARANCE_M
@@ -180,6 +182,7 @@ def run_loop(  # type: ignore[no-untyped-def]
     points, cumulative, record = drop_owner(points), drop_owner(cumulative), drop_owner(record)
     clearances, position_errors, required = drop_owner(clearances), drop_owner(position_errors), drop_owner(required)
     present, heights, frame = drop_owner(present), drop_owner(heights), drop_owner(frame)
+    start_distances = drop_owner(start_distances)
     count, is_level = len(states), len(heights) == 0
     checks_clearance = count > 1 and stop_clearance > IGNORE_CLEARANCE_M
     touchable, rows = present.any(), 0
@@ -205,7 +208,9 @@ def run_loop(  # type: ignore[no-untyped-def]
             write_record_row(record, rows, states)
             rows += 1
             if checks_clearance:
-                _, first, second = find_too_close(states, models, clearances, stop_clearance, beside_clearance)
+                _, first, second = find_too_close(
+                    states, models, clearances, start_distances, stop_clearance, beside_clearance
+                )
                 if first >= 0:
                     return TOO_CLOSE, rows, first, second
             stuck = find_stuck_tractor(states)

@@ -19,8 +19,10 @@ from vehicle.sim.clearance import (
     ROUNDING_M,
     compute_box_gap_m,
     compute_corner_distance,
+    compute_distance_below,
     compute_outline_distance,
     compute_relative_pose,
+    compute_start_limit,
     get_boxes,
     is_beside,
 )
@@ -163,6 +165,20 @@ def _scan_conflicts(  # type: ignore[no-untyped-def]
     return count
 
 
+@compile_function
+def _count_parting_poses(path, place, model, least, clearance):  # type: ignore[no-untyped-def]
+    """How many first poses of a path lead apart to `clearance` from a tractor that stands at a place; 0 if one of them
+    comes nearer than compute_start_limit allows where tractors may come as near as `least`."""
+    limit = compute_start_limit(compute_outline_distance(path[0], model[0], place[0], model[0]), least)
+    for k in range(len(path)):
+        distance = compute_distance_below(path[k], model[0], place[0], model[0], clearance)
+        if distance >= clearance:
+            return k
+        if distance < limit:
+            return 0
+    return len(path)
+
+
 def find_close_approaches(
     poses: Floats, on_field: Booleans, model: Records, clearance_m: float, beside_m: float
 ) -> list[Approach]:
@@ -286,3 +302,17 @@ class ClearanceCheck:
         """Rows (k, 3): one of some poses, to stand at or driven too, and the first and last pose of a path that one
         there bars."""
         return find_conflicting_poses(standing, driving, self.models, self.clearance_m, self.beside_clearance_m)
+
+    def find_meetings(self, a: PosePath, b: PosePath) -> Integers:
+        """As find_blocked_parts, for two that begin with the first poses of their paths: each may drive apart from the
+        other where that stands yet, as in vehicle.sim.clearance."""
+        rows, limits_m = self.find_blocked_parts(a, b), (self.clearance_m - EXTRA_CLEARANCE_M, self.clearance_m)
+        parting_a, parting_b = (
+            _count_parting_poses(path.poses, other.poses[:1], self.models, *limits_m)
+            for path, other in ((a, b), (b, a))
+        )
+        place, first, last = rows.T
+        free = np.maximum(place < parting_a, np.where(place == 0, parting_b, 0))
+        begin = np.maximum(first, free)
+        meetings: Integers = np.column_stack([place, begin, last])[begin <= last]
+        return meetings

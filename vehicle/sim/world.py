@@ -26,7 +26,7 @@ from vehicle.model.tractor import Implement, Tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.records import DT_S, RECORD_COLUMNS
 from vehicle.sim.calibration import build_steering_tables
-from vehicle.sim.clearance import find_too_close
+from vehicle.sim.clearance import build_start_distances, find_too_close
 from vehicle.sim.compile import add_implement_mass, build_ground_records, build_model_record, compile_plan
 from vehicle.sim.load_terms import STALL_AFTER_S, build_roll_over_margins, build_stall
 from vehicle.sim.loop import (
@@ -110,7 +110,7 @@ def run_slow_loop(
 def _judge_outcome(world: World, time: float, stop: tuple[float, float], stall_s: float) -> tuple[int, tuple[int, int]]:
     states, clock = world.program.states, world.clock
     if len(states) > 1 and stop[0] > IGNORE_CLEARANCE_M:
-        _, first, second = find_too_close(states, world.models, world.clearances, *stop)
+        _, first, second = find_too_close(states, world.models, world.clearances, world.start_distances, *stop)
         if first >= 0:
             return TOO_CLOSE, (first, second)
     stuck = np.flatnonzero(states["short_time"] > STALL_AFTER_S)
@@ -152,6 +152,7 @@ class WorldSnapshot:
     clock: Records
     states: Records
     clearances: Records
+    start_distances: Records
     motion: Records
     boxes_present: Records
     chunks: Sequence[Records]
@@ -220,6 +221,7 @@ class World:
         self.boxes = ContactBoxes(self.space, self.bodies, tractor, implement)
         self.clock = np.zeros(3)
         self.clearances = np.full(plan.tractors, np.inf)
+        self.start_distances = build_start_distances([mission.enters for mission in plan.missions])
         self.contacts = np.zeros((256, 3))
         self.pair = (-1, -1)
         self.rows = 0
@@ -240,9 +242,9 @@ class World:
         """Simulate until every tractor is done, two come closer than `stop_clearance_m`, or nothing moves any more.
 
         Two that are beside each other on parallel lines (vehicle.sim.clearance) may come as close as
-        `beside_clearance_m`. `progress` is called with the driven share of all path length, every `chunk_s` of
-        simulated time. `slow` selects the plain Python loop. `independent` tractors drive through each other, and no
-        clearance is measured.
+        `beside_clearance_m`, and two that begin nearer may drive apart. `progress` is called with the driven share of
+        all path length, every `chunk_s` of simulated time. `slow` selects the plain Python loop. `independent`
+        tractors drive through each other, and no clearance is measured.
         """
         advance = self._choose_loop(slow)
         stop_clearance_m = IGNORE_CLEARANCE_M if independent else stop_clearance_m
@@ -269,8 +271,11 @@ class World:
         states, (legs, segments) = self.program.states.copy(), self._list_first_legs_and_segments()
         states["leg"] -= legs
         states["segment"] -= segments
-        clock, clearances, present = self.clock.copy(), self.clearances.copy(), self.boxes.present.copy()
-        return WorldSnapshot(clock, states, clearances, np.array(motion), present, (self._record,), self.rows)
+        distances = self.clearances.copy(), self.start_distances.copy()
+        present = self.boxes.present.copy()
+        return WorldSnapshot(
+            self.clock.copy(), states, *distances, np.array(motion), present, (self._record,), self.rows
+        )
 
     def restore(self, snapshot: WorldSnapshot) -> None:
         """Continue from a snapshot of a world whose plan was the same as far as tractors had driven and looked ahead.
@@ -284,7 +289,8 @@ class World:
         for name in ("first_leg", "last_leg", "leaves"):
             states[name] = own[name]
         self.clock[:], own[:] = snapshot.clock, states
-        self.clearances[:], self.boxes.required[:] = snapshot.clearances, snapshot.boxes_present
+        self.clearances[:], self.start_distances[:] = snapshot.clearances, snapshot.start_distances
+        self.boxes.required[:] = snapshot.boxes_present
         for body, (x, y, angle, vx, vy, spin) in zip(self.bodies, snapshot.motion.tolist(), strict=True):
             body.position, body.angle, body.velocity, body.angular_velocity = (x, y), angle, (vx, vy), spin
         self.boxes.update_space()
@@ -343,8 +349,9 @@ class World:
             outcome, more, first, second = run_loop(
                 last - int(self.clock[0]), DT_S, self.steps_per_tick, self.clock, engine.bridge,
                 program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
-                program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
-                self.position_errors, self.boxes.present, self.boxes.required, self.heights, self.frame,
+                program.points, program.cumulative, record[rows:], self.clearances, self.start_distances,
+                self.contacts, *stop, STALL_S, self.position_errors, self.boxes.present, self.boxes.required,
+                self.heights, self.frame,
             )  # fmt: skip
             rows += more
             if outcome != NEIGHBOURS_CHANGED:

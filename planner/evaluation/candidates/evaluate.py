@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -39,6 +40,8 @@ from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun, find_longest_reversing
+from vehicle.sim.compile import build_model_record
+from vehicle.sim.path_conflicts import compute_outline_distances
 
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
@@ -223,6 +226,14 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
     return Outcome(estimated, outcome.run)
 
 
+def _measure_begin_gap_m(context: PlanningContext, run: SimulationRun) -> float:
+    """How near two tractors stand to each other on the field where they begin (m)."""
+    model = np.array([build_model_record(context.tractor, context.implement)])
+    begins = [run.get_poses(n)[:1] for n, mission in enumerate(run.plan.missions) if not mission.enters]
+    gaps_m = (float(compute_outline_distances(*pair, model)[0]) for pair in combinations(begins, 2))
+    return min(gaps_m, default=math.inf)
+
+
 def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     """Remarks on what a reader would not expect of the run of a feasible plan."""
     remarks = []
@@ -231,6 +242,9 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
             f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
             f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
         )
+        begin_m = math.inf if context.going_on is None else _measure_begin_gap_m(context, run)
+        if begin_m < context.request.clearance_m:
+            near = f"two tractors stand {begin_m:.2f} m from each other where they begin, and drive apart"
         remarks.append(Remark(Stake.MACHINES, near))
     reverse_m, number = find_longest_reversing(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:

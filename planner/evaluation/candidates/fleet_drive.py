@@ -181,6 +181,11 @@ def resolve_conflicts(plan: Plan, simulate: Simulate, schedule: Scheduler) -> tu
 
 def _explain_failure(run: SimulationRun, conflict: Conflict | None) -> str:
     """What went wrong first, as a sentence without a full stop."""
+    if conflict is not None and conflict.time_s == 0.0:
+        return (
+            f"tractors {conflict.first + 1} and {conflict.second + 1} touch where they begin, or nearly do: drive one "
+            "of them away first"
+        )
     if conflict is not None:
         return (
             f"tractors {conflict.first + 1} and {conflict.second + 1} meet after {conflict.time_s:.0f} s, "

@@ -8,7 +8,8 @@ from collections.abc import Collection, Mapping, Sequence
 from planner.fleet.manager.fleet_state import FLEET_MANAGER, FleetState, join_fleet_names
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.tractor_state import BY_HAND, MOVING_MPS, Hold
-from planner.fleet.safety.motion_prediction import CONTACT_M, NearPair, NeighbourTractor, SafetyDanger, TractorKey
+from planner.fleet.safety.motion_prediction import NearPair, NeighbourTractor, SafetyDanger, TractorKey
+from vehicle.sim.clearance import CONTACT_M
 
 NEAR, NEAR_FLEET, UNKNOWN_GROUND = "near", "near fleet", "unknown ground"
 PARTING_SLACK_M = 0.05  # noise of positions of two that move apart

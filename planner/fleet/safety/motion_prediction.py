@@ -22,7 +22,6 @@ STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
 ROUNDING_M = 0.01  # rounding, of distances that must not become smaller
 PREDICTION_ERROR_M = 0.15  # of poses predicted along legs
-CONTACT_M = 0.05  # a distance that counts as contact
 
 AnyArray = npt.NDArray[Any]
 TractorKey = tuple[str, int]

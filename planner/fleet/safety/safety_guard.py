@@ -16,7 +16,6 @@ from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
 from planner.fleet.safety.motion_prediction import (
-    CONTACT_M,
     PREDICTION_ERROR_M,
     ROUNDING_M,
     STEP_S,
@@ -39,6 +38,7 @@ from planner.fleet.safety.motion_prediction import (
     sort_pair,
 )
 from vehicle.missions.plan import ENTER, LEAVE
+from vehicle.sim.clearance import CONTACT_M
 from vehicle.sim.compile import build_model_record, list_contact_boxes
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
 
