@@ -99,7 +99,7 @@ class FileFormat(Generic[Content]):
 
 @dataclass(frozen=True)
 class FieldFormat(FileFormat[FieldDocument]):
-    """A format of field files; its extensions are in no other, nor in `fields.documents.sources.FOREIGN_EXTENSIONS`.
+    """A format of field files; its extensions are in no other.
 
     Attributes:
         parse: parses the content of one file, as `read` does; None for a format of several files.

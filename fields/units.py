@@ -1,4 +1,4 @@
-"""Units that files and people use, in SI: for every package."""
+"""Units that files and people use, in SI, and the points of the compass: for every package."""
 
 from __future__ import annotations
 
@@ -8,3 +8,9 @@ MPS_PER_KMH = 1.0 / KMH_PER_MPS
 FOOT_M = 0.3048
 KILO, PCT = 1000.0, 100.0
 J_PER_KWH = KILO * HOUR_S
+_COMPASS_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+
+
+def name_compass_point(bearing_deg: float) -> str:
+    """The nearest of the eight points of the compass, in a word; bearings are clockwise from north."""
+    return _COMPASS_POINTS[round(bearing_deg / 45.0) % 8]

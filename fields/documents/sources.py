@@ -45,7 +45,7 @@ FOREIGN_EXTENSIONS = {
     ".tif": "a picture",
     ".pdf": "a PDF",
 }
-"""Extensions of files that may contain fields, in formats that are not supported."""
+"""Extensions of files that may contain fields, for the refusal of those that no format reads."""
 
 
 def read_single_file(path: str, label: str) -> FieldDocument | None:

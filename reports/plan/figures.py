@@ -104,7 +104,8 @@ class Figure:
         text: prints a value; `write` prints it from the plan, where the value alone does not say it.
         help: what it holds, for the page; `note` the same in brief, below a table; "" where the heading says it.
         unit: follows it where it stands without a heading.
-        measure: takes the value from the simulated run of a plan that can be driven; it is then in `measured`.
+        measure: takes the value from the simulated run of a plan that can be driven and the hectares of the field; it
+            is then in `measured`.
         read: takes the value from the plan.
         parts: keys of what it consists of, each of which has a column in CSV.
         is_optional: whether its column is left out where no plan has it, as plans of older files have none of new ones.
@@ -121,7 +122,7 @@ class Figure:
     read: Callable[[PlanResult], Any] | None = None
     write: Callable[[PlanResult], str] | None = None
     parts: tuple[str, ...] = ()
-    measure: Callable[[SimulationRun], float | None] | None = None
+    measure: Callable[[SimulationRun, float], float | None] | None = None
     is_text: bool = False
     is_optional: bool = False
     is_exported: bool = True
@@ -185,7 +186,7 @@ _CATALOGUE = (
     Figure("collisions", "Collisions", "", _WHOLE, "how often tractors touch each other"),
     Figure("order_gap_pct", "Order gap %", "", _TENTHS,
            "how much quicker another order of the tracks can be at most; - where the strategy gives the order"),
-    Figure("formation_pct", measure=lambda run: run.plan.notes.get("formation_pct")),
+    Figure("formation_pct", measure=lambda run, area_ha: run.plan.notes.get("formation_pct")),
     Figure("reason"),
     Figure("on_pareto_front", "Pareto front", "", format_yes_no, "no plan with as few tractors is faster"),
     Figure("remark"),
@@ -209,7 +210,7 @@ _CATALOGUE = (
     Figure("refills", "Refills", "Re-\nfills", _WHOLE, is_optional=True),
     Figure("refilling_s", "Refilling", "", format_duration, is_optional=True),
     Figure("folding_s", "Folding", "", format_duration, "of the turns, standing to fold and unfold implements",
-           measure=lambda run: float(run.folding_s.sum()) or None, is_optional=True),
+           measure=lambda run, area_ha: float(run.folding_s.sum()) or None, is_optional=True),
     Figure("over_finished_m"),
     Figure("over_finished_m2", text=_WHOLE, unit="m2"),
     Figure("p50_done_s", "Median time", "Median\ntime", format_duration),

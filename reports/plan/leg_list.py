@@ -8,12 +8,12 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from fields.units import name_compass_point
 from reports.common.plan_records import DriverLeg
 from reports.common.rendering import format_json
 from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
 
-_COMPASS_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 _LEAST_REVERSING_M = 0.5
 _LONG_REVERSING_M = 10.0  # a switch-back or corner backs up by less, and says so by its name
 _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
@@ -79,7 +79,7 @@ def _describe_purpose(leg: DriverLeg) -> str:
     if leg.kind in ("track", "round"):
         heading = "all round"  # along a closed line
         if leg.bearing_deg is not None:
-            heading = f"{_COMPASS_POINTS[round(leg.bearing_deg / 45.0) % 8]}wards"
+            heading = f"{name_compass_point(leg.bearing_deg)}wards"
         return f"{goal}, {'the rest' if leg.continues else heading}"
     if leg.continues:
         return f"on to {goal}"

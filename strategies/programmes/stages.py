@@ -1,5 +1,5 @@
 """Headland first or last, round by round, furrow by furrow: the stage of every line, and what leaving that order is
-charged."""
+charged; and tractors that begin one after the other."""
 
 from __future__ import annotations
 

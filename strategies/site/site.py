@@ -22,9 +22,9 @@ from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 
 MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
+LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes back for it, as for no tip of a corner
 ORDER_S = 120.0  # charged for a move that leaves the order of passes or furrows: more than any such move saves
 KEPT_DEPTH_M = 0.5  # ground counts as driven on from so far inside
-LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes back for it, as for no tip of a corner
 Drive = Callable[[Plan], SimulationRun]
 """Simulates tractors that pass each other by, each as if it were alone, without errors of position."""
 

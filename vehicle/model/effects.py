@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from fields.units import name_compass_point
 from vehicle.errors import VehicleError
 from vehicle.model.discrepancy_model import NEUTRAL_DISCREPANCY, compute_discrepancy_fields
 from vehicle.model.effect_kinds import (
@@ -108,8 +109,7 @@ def _describe_slope(v: Values) -> str:
     if PER_SLOPE in v:
         drift = f"{10 * v[PER_SLOPE]:.1f} cm downhill per metre driven across a slope of 10 %"
         return f"The tractor drifts {drift}, {BY_ROLL}."
-    names = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
-    towards = names[round(v["bearing_deg"] / 45.0) % 8]
+    towards = name_compass_point(v["bearing_deg"])
     return f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {towards} per metre driven across it."
 
 

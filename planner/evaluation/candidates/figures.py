@@ -97,7 +97,7 @@ def measure_candidate(
         keeps_clearance=run.min_clearance_m >= context.request.clearance_m,
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
-        measured={key: measure(run) for key, measure in MEASURES.items()},
+        measured={key: measure(run, context.layout.field.area_ha) for key, measure in MEASURES.items()},
         remarks=tuple(remark.text for remark in sorted(remarks, key=lambda remark: remark.stake)),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),

@@ -111,7 +111,7 @@ class _TractorForecast:
             leg = self.next_leg
             share = 1.0
             if not self.ends_s:
-                share = 1.0 - min(self.leg_m / max(self.mission.lengths_m[leg], 1e-6), 1.0)
+                share = 1.0 - self._compute_share(leg, self.leg_m)
             self.ends_s.append(start_s + share * self.mission.leg_seconds[leg] * self.pace)
         return len(self.ends_s) > timed_count
 
@@ -133,5 +133,8 @@ class _TractorForecast:
             return 0.0
         if index >= len(self.ends_s):
             return None
-        share = min(leg_m / max(self.mission.lengths_m[leg], 1e-6), 1.0)
-        return self.ends_s[index] - (1.0 - share) * self.mission.leg_seconds[leg] * self.pace
+        return self.ends_s[index] - (1.0 - self._compute_share(leg, leg_m)) * self.mission.leg_seconds[leg] * self.pace
+
+    def _compute_share(self, leg: int, leg_m: float) -> float:
+        """The share of a leg that lies before a place on it."""
+        return min(leg_m / max(self.mission.lengths_m[leg], 1e-6), 1.0)

@@ -169,13 +169,18 @@ def _are_machines_named(context: PlanningContext) -> bool:
         return False
 
 
+def _get_machine_values(saved: SavedPlan) -> dict[str, Any]:
+    """What was saved of the machines of a plan; empty where nothing readable was."""
+    machines = saved.scenario.get(MACHINES_KEY)
+    return machines if isinstance(machines, dict) else {}
+
+
 def read_supply(saved: SavedPlan) -> Supply | None:
     """What the implement of a saved plan carries, its place in metres of the plan; None where the plan does not say so.
 
     Raises RequestError where it is garbled.
     """
-    machines = saved.scenario.get(MACHINES_KEY)
-    values = machines.get(SUPPLY_KEY) if isinstance(machines, dict) else None
+    values = _get_machine_values(saved).get(SUPPLY_KEY)
     if values is None:
         return None
     try:
@@ -195,8 +200,7 @@ def read_used(saved: SavedPlan) -> tuple[float, ...]:
 
     Raises RequestError where it is garbled.
     """
-    machines = saved.scenario.get(MACHINES_KEY)
-    values = machines.get(USED_KEY, ()) if isinstance(machines, dict) else ()
+    values = _get_machine_values(saved).get(USED_KEY, ())
     try:
         used = [float(value) for value in values]
         if not all(0.0 <= value < math.inf for value in used):
@@ -212,9 +216,8 @@ def has_unknown_tank(saved: SavedPlan, request: PlanRequest) -> bool:
     """Whether the implement of a saved plan carries something, and the plan does not say how much."""
     legs = (leg for mission in saved.plan.missions for leg in mission.legs)
     is_refilled = request.refill is not None or any(leg.task.kind == REFILL for leg in legs)
-    machines = saved.scenario.get(MACHINES_KEY)
     tractor, _ = read_machines(saved, request)
-    is_loaded = is_refilled or (isinstance(machines, dict) and LOAD_KEY in machines)
+    is_loaded = is_refilled or LOAD_KEY in _get_machine_values(saved)
     return tractor.battery is None and is_loaded and read_supply(saved) is None
 
 
@@ -254,8 +257,8 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
 
 def read_bare_tractor(saved: SavedPlan, request: PlanRequest) -> Tractor:
     """The tractor of a saved plan without what soil and heights did to it."""
-    machines = saved.scenario.get(MACHINES_KEY)
-    if not isinstance(machines, dict) or BARE_KEY not in machines:
+    machines = _get_machine_values(saved)
+    if BARE_KEY not in machines:
         return read_machines(saved, request)[0]
     bare = replace(saved, scenario=saved.scenario | {MACHINES_KEY: machines | {"tractor": machines[BARE_KEY]}})
     return read_machines(bare, request)[0]

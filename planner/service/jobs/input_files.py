@@ -1,4 +1,4 @@
-"""The input files of a request, kept as they were when it was made: requests name uploads, never paths.
+"""The requests for jobs, and their input files, kept as they were when it was made: requests name uploads, not paths.
 
 Files of a kind lie in a folder of that name while a job works: "field/north.geojson", "farm/own.toml" with the tractors
 it names beside it. What a file of the farm or the day names is looked for among the uploaded files alone.

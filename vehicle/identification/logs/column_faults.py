@@ -18,6 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fields.units import name_compass_point
 from vehicle.identification.logs.motion import RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import Array, ColumnFault, Columns, LogFault, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, mark_spans, measure_spread, select_timed_rows
@@ -61,7 +62,6 @@ _SAME_FAULT_S = 16.0  # chosen: jumps are one fault up to here from each other
 _WANDER_S = 0.5 * READING_S  # in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 POSITION_JUMP = "position_jump"
-_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -248,7 +248,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
             values = moved[axis].copy()
             values[first_after:] -= metres
             moved[axis] = values
-        towards = _POINTS[round(math.atan2(size_m[0], size_m[1]) / (0.25 * math.pi)) % 8]
+        towards = name_compass_point(math.degrees(math.atan2(size_m[0], size_m[1])))
         words = (
             f"the positions jump by {math.hypot(*size_m):.1f} m to the {towards} and stay there: the receiver "
             "converged anew, or its base station changed"
