@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from reports.plan.many_fields import FieldRow
 
 
-MOST_SHOWN_PLANS = 20
 _CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
 _WIDTH = {
     "type": str,
@@ -252,7 +251,7 @@ def plan(
             json=format_ranking_json,
             csv=format_ranking_csv,
             screen=partial(build_first_screen, shows_all=choice.simulate_all),
-            table=partial(build_ranking_table, most_plans=None if choice.simulate_all else MOST_SHOWN_PLANS),
+            table=partial(build_ranking_table, most_plans=None if choice.simulate_all else 20),
         )
     if not result.ranking.is_recommended:
         raise typer.Exit(NO_RESULT_STATUS)
