@@ -143,7 +143,7 @@ def compute_workable_ground(
 def _shrink_from_obstacles(
     ground: shapely.Polygon, large_obstacles: list[shapely.Polygon], distance_m: float
 ) -> shapely.Polygon:
-    """The largest piece of the ground beyond a distance from obstacles; all the ground if less than half would remain."""
+    """The largest piece of the ground beyond a distance from obstacles; all of it if less than half would remain."""
     buffered = shapely.union_all([buffer_geometry(part, distance_m) for part in large_obstacles], grid_size=GRID_M)
     largest = find_largest_polygon(shapely.difference(ground, buffered, grid_size=GRID_M))
     return largest if largest.area >= 0.5 * ground.area else ground
