@@ -19,7 +19,7 @@ from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.rules.legs import MIN_LEG_M
 
-STOP_CUTS_M = sorted({cut for cuts in CUTS_M for cut in cuts})  # of one line, at its end or begin, for a better move
+STOP_CUTS_M = tuple(sorted({cut for cuts in CUTS_M for cut in cuts}))  # of one line, at its end or begin
 
 
 @dataclass(frozen=True)
