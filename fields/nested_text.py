@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-MAX_KEY_PARTS = 20  # of a dotted TOML key
 MAX_TOML_LEVELS = 20
 MAX_JSON_LEVELS = 50  # GeoJSON itself needs 12; properties of a feature may need a few more
 # An unclosed string matches up to the end of its line or text, so that no part of the text is scanned twice.
@@ -37,8 +36,8 @@ def parse_toml(text: str) -> dict[str, Any]:
     """
     bare = _TOML_STRING_OR_COMMENT.sub("", text)
     parts = 1 + max(piece.count(".") for piece in _BETWEEN_KEYS.split(bare))
-    if parts > MAX_KEY_PARTS:
-        raise ValueError(f"a key in it has {parts} parts between dots; at most {MAX_KEY_PARTS} are allowed")
+    if parts > MAX_TOML_LEVELS:
+        raise ValueError(f"a key in it has {parts} parts between dots; at most {MAX_TOML_LEVELS} are allowed")
     _check_levels(bare, MAX_TOML_LEVELS)
     return tomllib.loads(text)
 

@@ -12,8 +12,6 @@ from fields.errors import FieldError
 from fields.text_files import MAX_BYTES, explain_error, quote_path
 
 MAX_FILES = 20_000
-MAX_FOLDER_DEPTH = 4
-"""Levels of subfolders that are searched."""
 
 
 def is_archive(path: str | Path) -> bool:
@@ -34,7 +32,7 @@ class ArchiveMembers(Mapping[str, bytes]):
     FieldError for an archive that cannot be opened, contains paths outside itself, or exceeds 256 MB unpacked.
     """
 
-    def __init__(self, path: str | Path, max_depth: int = MAX_FOLDER_DEPTH) -> None:
+    def __init__(self, path: str | Path, max_depth: int = 4) -> None:
         self.path = Path(path)
         self._archive = None if self.path.is_dir() else _open_archive(self.path)
         self._unpacked_bytes = 0

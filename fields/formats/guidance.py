@@ -41,8 +41,6 @@ _FORBIDDEN_IN_FOLDERS = re.compile(r"[<>:\"/\\|?*]+")
 _WINDOWS_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
 """Names that Windows reserves for devices."""
 ZIP_MEDIA_TYPE = "application/zip"
-EARLIEST_ZIP_TIME = (1980, 1, 1, 0, 0, 0)
-"""The earliest time of a ZIP archive, used so that archives are reproducible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,7 +213,7 @@ def zip_files(files: FileContents, mode: int = 0o644) -> bytes:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            entry = zipfile.ZipInfo(name, EARLIEST_ZIP_TIME)
+            entry = zipfile.ZipInfo(name)  # of the earliest time there is, so that archives are reproducible
             entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, mode << 16
             archive.writestr(entry, content)
     return buffer.getvalue()

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 GRID_M = 1e-6  # of overlays, without which GEOS leaves slivers along nearly coincident edges; less is rounding
 ROUNDING = 1e-9  # relative, of computed lengths, areas and degrees that are the same but for their order of terms
-PARALLEL_RAD = 1e-6
+PARALLEL_RAD = 1e-6  # directions that differ by less are one
 SLIVER_M2 = 1e-6  # left by cutting
 EDGE_M = 1e-3  # by which lines that lie on an edge may miss it: a millimetre of what was drawn
 CURVE_M = 0.05  # by which a curve may be drawn by straight pieces: a guidance line is no better

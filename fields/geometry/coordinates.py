@@ -25,7 +25,7 @@ NULL_ISLAND_DEG = 4.0
 """About latitude and longitude 0 is water: the nearest coast, of Ghana, is 4.7 degrees north."""
 MAX_LOCAL_M = 100_000.0
 """Local metres beyond this get an origin of their own, to keep digits for the simulation."""
-MAX_NEAR_DEG, MIN_FAR_DEG = 1.0, 2.0
+MAX_NEAR_DEG, MIN_FAR_DEG = MAX_FIELD_SPAN_DEG, 2.0 * MAX_FIELD_SPAN_DEG
 """Features of one farm are at most the first apart; a misplaced one is farther than the second from all others."""
 MAX_COMPARED_FIELDS = 2_000
 SHAPE_MEMBERS = (

@@ -22,9 +22,6 @@ EDGE_KINDS = (FENCE, OPEN_EDGE)
 OVERHANG = "overhang_m"  # property of a boundary or of an open edge in a field file
 MAX_OVERHANG_M = 100.0
 FENCE_WIDTH_M = 0.01
-ARC_SEGMENTS = 4  # chords of a quarter circle round corners of the outline: 2 % short
-SAMPLE_SPACING_M = 5.0
-"""Distance between the points at which the width is measured."""
 MIN_HEADLAND_WIDTH_M = 0.5
 """A line nearer to the boundary is the outer edge of the headland, thus the boundary itself."""
 
@@ -211,7 +208,7 @@ def read_headland_edges(document: FieldDocument, frame: FieldFrame, shape: shape
     for _, line in _read_usable_lines(document.headland_edges, frame):
         if len(line.coords) < 3 or not (shape.contains(line.centroid) or shape.intersects(line)):
             continue
-        places = shapely.points(shapely.get_coordinates(shapely.segmentize(line, SAMPLE_SPACING_M)))
+        places = shapely.points(shapely.get_coordinates(shapely.segmentize(line, 5.0)))
         width_m = shapely.distance(places, shape.boundary)
         if np.median(width_m) >= MIN_HEADLAND_WIDTH_M:
             edges.append(HeadlandEdge(line, float(width_m.min()), float(np.median(width_m)), float(width_m.max())))
@@ -281,7 +278,7 @@ def compute_overhang_region(
     strips = [ground]
     for part, metres in parts:
         behind = [_find_ground_behind(other, metres, ground) for other, less in parts if less < metres]
-        strip = part.buffer(metres, quad_segs=ARC_SEGMENTS)
+        strip = part.buffer(metres, quad_segs=4)  # round corners of the outline: 2 % short
         strips.append(subtract(strip, unite(behind)))
     return unite(strips)
 

@@ -22,7 +22,6 @@ DEFAULT_RADIUS_M = {"pole": 0.25, "post": 0.25, "mast": 1.0, "tree": 1.0, "manho
 DEFAULT_WIDTH_M = {"ditch": 1.5, "drain": 0.5, "fence": 0.2, "wall": 0.5, "hedge": 2.0, "pipe": 0.5}
 """Sizes of obstacles if their file gives none; assumed, rather too large than too small."""
 MAX_OBSTACLE_M = 1000.0
-MIN_REMAINING_SHARE = 0.5  # of the ground; the extra margin is dropped if less would remain
 MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away
 
 
@@ -144,10 +143,10 @@ def compute_workable_ground(
 def _shrink_from_obstacles(
     ground: shapely.Polygon, large_obstacles: list[shapely.Polygon], distance_m: float
 ) -> shapely.Polygon:
-    """The largest piece of the ground beyond a distance from obstacles; all the ground if too little would remain."""
+    """The largest piece of the ground beyond a distance from obstacles; all of it if less than half would remain."""
     buffered = shapely.union_all([buffer_geometry(part, distance_m) for part in large_obstacles], grid_size=GRID_M)
     largest = find_largest_polygon(shapely.difference(ground, buffered, grid_size=GRID_M))
-    return largest if largest.area >= MIN_REMAINING_SHARE * ground.area else ground
+    return largest if largest.area >= 0.5 * ground.area else ground
 
 
 def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, max_small_m: float) -> bool:

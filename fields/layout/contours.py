@@ -37,7 +37,6 @@ SMOOTHING_M = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)  # standard deviations tried,
 MIN_CONTOUR_SHARE = 0.25  # of the root of the area: shorter contours say little about the field
 STRAIGHT_M = 0.01  # swaths that leave their chord by less are straight
 DISTANCE_TOLERANCE_M = 0.1  # a line that is nearer to the guide by more comes round to it again
-CHECK_EVERY = 5  # points of a swath
 NEWTON_STEPS = 3
 
 
@@ -251,7 +250,7 @@ def _lay_along_guide(guide: GuideCurve, region: shapely.Geometry, rules: Pattern
     line = guide.build_line(math.dist(region.bounds[:2], region.bounds[2:]))
     shapely.prepare(line)
     for swath, straight in zip(swaths, measured_swaths, strict=True):
-        distances = shapely.distance(line, shapely.points(swath.points_m[::CHECK_EVERY]))
+        distances = shapely.distance(line, shapely.points(swath.points_m[::5]))
         if float(np.abs(distances - abs(straight.start_m[1])).max()) > DISTANCE_TOLERANCE_M:
             return ()
     return number_from_longer_side(swaths)

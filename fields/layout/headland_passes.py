@@ -24,11 +24,9 @@ from fields.geometry.overlays import intersect, subtract
 FloatArray = npt.NDArray[np.float64]
 
 MIN_STRIP_LENGTH = 2.0  # widths
-MIDDLE_STEP = 1.0  # widths between the points of the middle line
 SMOOTHING_TOLERANCE = 0.1  # of the width: largest deviation from the middle
 CORNER_RAD = math.radians(45.0)
 SIMPLIFY_M = 0.03
-CORNER_LENGTH_M = 4.0
 MIN_RING_THICKNESS = 0.15  # of the width: a thinner closed pass would work the same line twice
 MIN_RING_LENGTH = 3.0  # widths, of a closed pass
 MIN_OPEN_AREA = 0.5  # squared widths: smallest unworked strip that gets a pass down its middle
@@ -43,7 +41,7 @@ def find_centre_line(strip: shapely.Polygon, width_m: float) -> FloatArray | Non
     corner, along, length, across = _find_strip_axes(strip)
     if length < MIN_STRIP_LENGTH * width_m:
         return None
-    pieces = max(2, math.ceil(length / (MIDDLE_STEP * width_m)))
+    pieces = max(2, math.ceil(length / width_m))
     aside = np.array([-along[1], along[0]])
     stations_m = np.clip(np.linspace(0.0, length, pieces + 1), 0.01 * length, 0.99 * length)
     foot = corner + stations_m[:, None] * along
@@ -109,7 +107,7 @@ class HeadlandPass:
 
 
 def lay_headland_passes(
-    field: Field, width_m: float, count: int, corner_length_m: float = CORNER_LENGTH_M
+    field: Field, width_m: float, count: int, corner_length_m: float = 4.0
 ) -> tuple[HeadlandPass, ...]:
     """Headland passes, outermost first.
 

@@ -39,7 +39,7 @@ FloatArray = npt.NDArray[np.float64]
 MAX_LINES = 20_000
 MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
-WIDTH_STEP_M = 0.5  # of working widths that are advised
+WIDTH_STEP_M = 0.5  # of widths that are advised, of machines and of headlands
 SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
 PROMISING_COST_RATIO = 1.25
 """To the cheapest direction: within this, a direction may still win once its outer lines are shifted."""

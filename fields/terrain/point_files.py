@@ -47,7 +47,7 @@ from fields.text_files import (
 
 AGOPENGPS_FILE = "elevation.txt"
 AGOPENGPS_HEADER = ("latitude", "longitude", "elevation", "quality")
-RTK_FIXED = 4.0
+RTK_FIXED = 4
 """Quality of a position with centimetres (NMEA 0183, GGA)."""
 POINT_SUFFIXES = (".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".shp", ".zip", GEOPACKAGE_SUFFIX)
 HEIGHT_NAMES = ("elevation", "elev", "altitude", "alt", "height", "ele", "z", "hoehe", "höhe", "elevtn", "elevatn")

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
+from fields.geometry.arithmetic import PARALLEL_RAD
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid, FloatArray
 from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
 from fields.text_files import quote_path, read_text
@@ -34,8 +35,6 @@ MAX_CELLS, MAX_READ_CELLS, MAX_ASCII_CELLS = 2**22, 2**30, 2**24
 """Cells held in memory for one field (4 million, 100 ha in cells of 0.5 m; finer ones are averaged as they are read),
 those read for it (1 billion, 100 ha in cells of 3 cm, in a minute or two), and those of a grid in text.
 """
-MIN_SKEW = 1e-6
-"""Sine of the angle between rows and columns, below which cells lie on a line."""
 NO_DATA = -9999.0
 USUAL_NO_DATA = (NO_DATA, -32768.0, -32767.0, -99999.0)
 """Marks of no data that files use without declaring them."""
@@ -142,7 +141,7 @@ def _check_place(raster: Raster) -> None:
     """Raise ElevationError if the cells of a raster have no size or no place."""
     (a, b, x), (d, e, y) = raster.to_place.tolist()
     across, along, area = math.hypot(a, d), math.hypot(b, e), abs(a * e - b * d)
-    if not math.isfinite(across + along + area + x + y) or not area > MIN_SKEW * across * along:
+    if not math.isfinite(across + along + area + x + y) or not area > PARALLEL_RAD * across * along:
         raise ElevationError(
             f"{quote_path(raster.path)} has cells of {across:.3g} by {along:.3g} (area {area:.3g}) that begin at "
             f"({x:.6g}, {y:.6g}); cells need a place and a size, so export it again with its georeference."

@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from reports.plan.comparison import ComparisonRow
 
 
-MOST_SHOWN_PLANS = 20
 _CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
 _WIDTH = {
     "type": str,
@@ -248,7 +247,7 @@ def plan(
             json=format_ranking_json,
             csv=format_ranking_csv,
             screen=partial(build_first_screen, shows_all=order.simulates_all),
-            table=partial(build_ranking_table, most_plans=None if order.simulates_all else MOST_SHOWN_PLANS),
+            table=partial(build_ranking_table, most_plans=None if order.simulates_all else 20),
         )
     if not result.ranking.is_recommended:
         raise typer.Exit(NO_RESULT_STATUS)

@@ -27,7 +27,7 @@ HIDDEN_EFFECTS = {2: "steering_offset=1.5"}
 HEADLAND_COMMAND = (sys.executable, "-c", "from planner.cli.main import main; main()")
 TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of a machine see command lines
 # Longer than a service waits for its office, and that for its workers: one killed earlier leaves semaphores behind.
-TERMINATION_S, STARTUP_S = 60.0, 600.0
+STARTUP_S = 600.0
 
 demo = create_group("Demonstrations.\n\nExample: headland demo fleet")
 
@@ -149,7 +149,7 @@ def _run_headland_command(arguments: tuple[str, ...], **options: Any) -> Iterato
         try:
             process.terminate()
             try:
-                process.wait(TERMINATION_S)
+                process.wait(60.0)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()

@@ -30,7 +30,7 @@ from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import EffectSetting, Tractor
 from vehicle.model.work_load import WorkLoad
 
-HEIGHT_DECIMALS = 4  # of metres: a saved plan keeps them, and is then driven on the same ground
+SAVED_DECIMALS = 4  # of metres: a saved plan keeps them, and is then driven on the same ground
 TABLE_SUFFIX, NAME_MARK = ".csv", "#"
 
 
@@ -187,7 +187,7 @@ def get_elevation_name(request: PlanRequest, field: Field) -> str | None:
 
 def build_terrain(elevation: ElevationGrid) -> Terrain:
     """The ground to drive on, with heights as a saved plan keeps them."""
-    unit = 10**HEIGHT_DECIMALS
+    unit = 10**SAVED_DECIMALS
     heights_m = np.round(elevation.heights_m * unit) / unit
     return Terrain(elevation.west_m, elevation.south_m, elevation.spacing_m, heights_m)
 

@@ -11,8 +11,6 @@ from vehicle.model.soil import Soil
 from vehicle.model.soil_water import MoistureEstimate
 from vehicle.model.work_load import WorkLoad
 
-HOURS_A_DAY = 24
-
 
 def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     """Heights, soil and load in sentences; nothing where the fuel is not known and the ground is level."""
@@ -50,7 +48,7 @@ def _describe_soil(soil: Soil) -> str:
 
 def _describe_estimate(estimate: MoistureEstimate, *, is_used: bool) -> str:
     """What the rain of the last days makes of the moisture, and whether that counts."""
-    rain = f"{estimate.rain_mm:.3g} mm of rain in the last {HOURS_A_DAY * estimate.days} hours"
+    rain = f"{estimate.rain_mm:.3g} mm of rain in the last {24 * estimate.days} hours"
     loss = f"an evapotranspiration of {estimate.et0_mm:.2g} mm a day"
     moisture, low, high = (f"{pct:.3g}" for pct in (estimate.moisture_pct, estimate.low_pct, estimate.high_pct))
     if is_used:

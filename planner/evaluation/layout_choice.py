@@ -36,7 +36,7 @@ from strategies.programmes.stages import charge_furrows, list_stages
 from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.driving_rules import DrivingRules
 from strategies.site.site import Site
-from vehicle.energy.run_energy import choose_rolling_share, estimate_consumption
+from vehicle.energy.run_energy import STEP_M, choose_rolling_share, estimate_consumption
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Tractor
 from vehicle.model.work_load import WorkLoad
@@ -46,12 +46,11 @@ MAX_SEARCHED_SWATHS = 125  # with more swaths the estimate decides instead of a 
 MAX_COMPARED_SWATHS = 300  # in all layouts compared together: the last layouts are dropped
 PROMISING, DEEPER = 3, 1  # layouts compared inside as many headland passes as turns need, and inside more
 DEEPER_FROM_ONE_PASS = 2  # more passes tried where turns need one only, else one more
-MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS = 0.03, 1.0
+MIN_EFFORT_SHARE = 0.03
 """Layouts whose estimated effort is a share above the least are not compared; the fewer swaths, the more it errs."""
 MIN_GAIN = 0.005  # of the time: a smaller gain may be one of the search, and is not worth another bearing or pass
 Report = Callable[[int, int], None]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
-STEP_M = 4.0
 LEAST_MPS, HALVINGS = 0.2, 30
 Floats = npt.NDArray[np.float64]
 
@@ -156,7 +155,7 @@ def _lay_plain(
 
 def _compute_limit_m(layout: Layout, least_m: float) -> float:
     """The effort up to which a layout may still be the quickest if the least is `least_m`."""
-    return (1.0 + max(MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS / len(layout.swaths))) * least_m
+    return (1.0 + max(MIN_EFFORT_SHARE, 1.0 / len(layout.swaths))) * least_m
 
 
 def _list_promising_layouts(request: PlanRequest, plain: Layout, rates: EffortRates, count: int) -> list[Layout]:

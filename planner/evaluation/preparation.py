@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.geometry.arithmetic import GRID_M
 from fields.geometry.chosen_places import check_entrance, move_entrance_to_outline
 from fields.geometry.field import Field
 from fields.geometry.field_parts import cut_field_part
@@ -81,7 +82,6 @@ MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direc
 
 
 CreateContext = Callable[..., PlanningContext]
-ROUNDING_M = 1e-6
 DETOUR_FACTOR = 1.5  # of the straight line from the farthest corner of the field to the place
 AMPLE_SHARE = 0.8  # of a battery: if one is enough for all work with so much to spare, no stop is planned
 
@@ -309,12 +309,12 @@ def _build_base_rules(
 def describe_shallow_headland(request: PlanRequest, needed_m: float) -> str:
     """A sentence that turns need more headland passes than asked for; "" where they fit or planning decides."""
     passes = request.headland_passes
-    if passes is None or passes * request.width_m > needed_m - ROUNDING_M:
+    if passes is None or passes * request.width_m > needed_m - GRID_M:
         return ""
     subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"
     return (
         f"{subject} {passes * request.width_m:g} m deep, and turns need {needed_m:g} m "
-        f"({math.ceil(needed_m / request.width_m - ROUNDING_M)} passes): where they do not fit, they lead over tracks."
+        f"({math.ceil(needed_m / request.width_m - GRID_M)} passes): where they do not fit, they lead over tracks."
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 
+from fields.layout.swaths import WIDTH_STEP_M
 from fields.units import KMH_PER_MPS
 from planner.farm.machines import FarmTractor
 from planner.request.plan_request import PlanRequest
@@ -15,7 +16,7 @@ from vehicle.model.soil import Soil, Texture
 from vehicle.model.tractor import Tractor
 
 USUAL_TEXTURE: Texture = "medium"  # where no soil is named
-WIDTH_STEP_M, SPEED_STEP_KMH = 0.5, 0.5
+SPEED_STEP_KMH = 0.5
 MIN_SUGGESTED_M, MIN_SUGGESTED_KMH = 1.5, 3.0  # nothing narrower is sold, and nobody tills more slowly
 
 

@@ -28,14 +28,13 @@ from planner.risk.costs import CostTerms
 from strategies.rules.supply import Supply
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
-from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+from vehicle.model.tractor import RADIUS_FACTOR, Implement, Tractor, resolve_tractor
 
 MOST_OFF_M, MOST_OTHER_SHARE = 0.1, 1e-3  # of half of the tracks, and of the ground inside the headland: rounding
 _PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
 FieldChoice = Field | FieldSource | None
 """What replaces the field of a request."""
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
-RADIUS_FACTOR = 1.08
 
 DoneSource = str | DoneWork
 

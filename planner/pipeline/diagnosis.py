@@ -15,6 +15,7 @@ from planner.pipeline.diagnosis_evidence import align_path, build_evidence
 from planner.pipeline.held_out_runs import HeldOut, split_held_out_runs
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
+from planner.risk.assessment import TIMEOUT_FACTOR
 from reports.common.rendering import ResultView, ShownResult
 from reports.diagnosis.replay import build_replay_view
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
@@ -32,6 +33,7 @@ from vehicle.identification.replay.drive_segments import (
     build_rig_and_corrections,
 )
 from vehicle.identification.replay.horizon_errors import (
+    ERROR_PIECE_S,
     compute_horizon_errors,
     compute_piece_errors,
     find_piece_bounds,
@@ -49,12 +51,9 @@ if TYPE_CHECKING:
 PLAN_FIELD = "iwamizawa"
 PLAN_WIDTH_M = 3.0
 MIN_TRACTOR_LENGTH_M = 1.0
-TIMEOUT_FACTOR = 3.0  # times as long as the plan takes with the file: slower drives are not finished at all
 
 Logs = Sequence[Log | str | Path] | Log | str | Path
 """One or more logs."""
-
-SEGMENT_S = 5.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -289,7 +288,7 @@ def replay(
 
 def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
     antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
-    bounds = find_piece_bounds(segment.time, SEGMENT_S)
+    bounds = find_piece_bounds(segment.time, ERROR_PIECE_S)
     errors = compute_piece_errors(segment, antenna, heading, bounds)
     parts = tuple((rows, errors[rows]) for rows in (slice(int(i), int(j)) for i, j in zip(*bounds, strict=True)))
     return ReplayedSegment(segment, align_path(segment, antenna, heading), wheel, speed, parts)

@@ -22,6 +22,7 @@ from vehicle.identification.replay.drive_segments import (
     build_rig_and_corrections,
 )
 from vehicle.identification.replay.horizon_errors import (
+    ERROR_PIECE_S,
     compute_piece_errors,
     fit_rigid_motion,
     list_covering_bounds,
@@ -30,11 +31,10 @@ from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.model.tractor import Settings, Tractor
 
 ALIGNMENT_S = 5.0  # of a path that is then left alone
-PIECES_S = 10.0, 5.0  # long enough to show a bend, else the length of the verdict
+PIECES_S = 2.0 * ERROR_PIECE_S, ERROR_PIECE_S  # long enough to show a bend, else the length of the verdict
 MOST_TIME_BINS, MOST_VALUE_BINS, MOST_SQUARES = 60, 12, 24
 MOST_PATHS, MOST_PATH_S, MOST_PATH_POINTS = 12, 240.0, 240
 SMALLEST_SQUARE_M = 0.1  # model cars drive on a few metres
-FEWEST_BIN_ROWS = 10  # fewer say nothing of a bin
 ROUND_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 
 
@@ -102,7 +102,7 @@ def _round_up(value: float) -> float:
     return float(next(factor * power for factor in ROUND_STEPS if factor * power >= value * (1.0 - 1e-9)))
 
 
-def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = FEWEST_BIN_ROWS) -> PieceErrors:
+def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = 10) -> PieceErrors:
     """Return the root mean squares of errors, given as squares (k, 4), in bins of a value (k,)."""
     number = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     rows = np.bincount(number, minlength=len(edges) - 1)

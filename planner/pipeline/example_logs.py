@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
+from fields.terrain.point_files import RTK_FIXED
 from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.work_order import read_requested_field
@@ -33,7 +34,6 @@ STOP_INTERVAL_S, STOP_LENGTHS_S = 240.0, (12, 20, 35, 60, 90)
 TRAILING_S = 3.0  # logged after the end of work
 START_DATE_AND_S = (date(2026, 5, 4), 8.0 * 3600.0)
 DDI_COLUMNS = ("0043", "0074", "0075", "0076", "0077", "0078", "008D", "018D")
-FIX_QUALITY = 4
 Numbers = npt.NDArray[np.int64]
 
 
@@ -148,7 +148,7 @@ def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
             day + int(days),
             round(lat / DEGREES_PER_UNIT),
             round(lon / DEGREES_PER_UNIT),
-            FIX_QUALITY,
+            RTK_FIXED,
         )
         changed = np.flatnonzero(current != previous)
         rows.append(

@@ -26,6 +26,7 @@ from fields.terrain.slopes import interpolate_gradients
 from fields.text_files import lower_first, quote_path
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.field_physics import compute_tyre_drift
+from planner.task_logs.runs.worked_ground import MARGIN_M, REACH_M
 from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.terrain import get_ground_source
@@ -33,11 +34,10 @@ from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import BY_ROLL, SLOPE_DRIFT
 from vehicle.model.terrain import Terrain
 
-REACH_M, PASS_M = 12.0, 3.0
+PASS_M = 3.0
 """Ground so near to a track counts as driven; and so near to it is where its own heights have to hold."""
 SIMPLIFIED_M = 0.5
 """Of tracks, before they are widened to ground: coarser than their noise and far finer than any surface."""
-GRID_MARGIN_M = 5.0
 MAX_FINELY_LEVELLED = 40
 """Logs that are levelled by their surface, which is fitted once for each; more are levelled where they cross only."""
 HALF_BLOCK_S = 10.0
@@ -243,7 +243,7 @@ def _estimate_offsets(table: Array, owners: Rows, region: shapely.Geometry, leng
 
 
 def _fit_grid(table: Array, region: shapely.Geometry, length_m: float) -> ElevationGrid:
-    grid, scatter_m = fit_surface(table[:, :2], table[:, 2], region, length_m, GRID_MARGIN_M)
+    grid, scatter_m = fit_surface(table[:, :2], table[:, 2], region, length_m, MARGIN_M)
     source = f"smoothed over {length_m:.3g} m; they scatter {100.0 * scatter_m:.2g} cm about that surface"
     return replace(grid, source=source)
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
+from strategies.rules.legs import PATH_STEP_M
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.next_drive import (
     DRIVE_PROGRAMMES,
@@ -25,7 +26,6 @@ from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor import Implement, Tractor
 
-POINT_STEP_M = 0.25
 COURSE_M = 1.0  # of a path, from which its direction at an end is taken
 TURN_SHARE = 0.7  # of full lock, which turns between passes use: gentle enough for any ground
 FIELD_NAME = "drive to do next"
@@ -70,13 +70,13 @@ def _cut_pass(path: Array, time: Array, pieces: ProgrammePieces, pace: float) ->
 
 
 def _thin_points(path: Array) -> Array:
-    """Return points about POINT_STEP_M apart, with both ends."""
+    """Return points about PATH_STEP_M apart, with both ends."""
     steps = np.hypot(*np.diff(path, axis=0).T)
-    number = np.floor(np.concatenate([[0.0], np.cumsum(steps)]) / POINT_STEP_M)
+    number = np.floor(np.concatenate([[0.0], np.cumsum(steps)]) / PATH_STEP_M)
     kept = np.concatenate([[True], np.diff(number) > 0.0])
     kept[-1] = True
     thinned: Array = path[kept]
-    if len(thinned) > 2 and np.hypot(*(thinned[-1] - thinned[-2])) < 0.5 * POINT_STEP_M:
+    if len(thinned) > 2 and np.hypot(*(thinned[-1] - thinned[-2])) < 0.5 * PATH_STEP_M:
         thinned = np.delete(thinned, -2, axis=0)
     return thinned
 
@@ -91,7 +91,7 @@ def _turn_to(before: Leg, path: Array, tractor: Tractor, pace: float) -> Leg:
     radius_m = tractor.wheelbase_m / math.tan(math.radians(TURN_SHARE * tractor.max_steering_deg))
     start = (float(begin[0]), float(begin[1]), _find_course(before.points[::-1]) + math.pi)
     goal = (float(end[0]), float(end[1]), _find_course(path))
-    ((_, points),) = find_forward_path(start, goal, radius_m, TurnCosts(pace, pace, 0.0).speeds).sample(POINT_STEP_M)
+    ((_, points),) = find_forward_path(start, goal, radius_m, TurnCosts(pace, pace, 0.0).speeds).sample(PATH_STEP_M)
     return Leg(points, pace, task=LegTask(TURN))
 
 

@@ -46,7 +46,7 @@ from vehicle.model.effects import DISCREPANCY_KEY
 
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
-MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
+MAX_MARGIN_SHARE_INFEASIBLE = 0.5 * MAX_MARGIN_SHARE  # from here it is to blame if no plan works
 ENTRANCE_SENTENCE = (
     "All tractors enter and leave through the entrance, one after another; these drives are simulated and timed. "
     "Outside the field tractors block nobody. Field work is done when the last one sets out for the entrance."

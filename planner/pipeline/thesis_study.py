@@ -9,15 +9,15 @@ import reports.plan.notebook  # noqa: F401  # how a study is shown
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
-from planner.evaluation.work_order import RADIUS_FACTOR, WorkOrder
+from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
-from planner.request.plan_request import PlanRequest
+from planner.request.plan_request import MIN_CLEARANCE_M, PlanRequest
 from reports.common.plan_results import PlanResult
 from reports.trials.report import FleetStudy, ThesisClaim, ThesisTableRow
+from vehicle.model.tractor import RADIUS_FACTOR
 
 HEADLAND_M = 10.0
-CLEARANCE_M = 0.05  # the thesis keeps no clearance: its tractors must only not touch
 TRACTOR_COUNTS = (1, 3, 5, 7, 9, 11)
 ROW_BY_ROW, OPTIMISED_ROWS = "row-by-row", "row-by-row-optimised"
 COLUMN_BY_COLUMN, SPLIT_FIELD = "col-by-col", "split-field"
@@ -61,7 +61,8 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
     if executor is None:
         with create_executor(len(group_candidates(candidates))) as executor:
             return study(executor=executor, progress=progress)
-    request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, no_headland=True)
+    # The thesis keeps no clearance: its tractors must only not touch.
+    request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=MIN_CLEARANCE_M, no_headland=True)
     context = prepare_context(WorkOrder(replace(request, strategies=(ROW_BY_ROW,))))
     outcomes = iter_outcomes(executor, pack_context(context), candidates, progress)
     results = {candidates[index]: one.result for index, one in outcomes}

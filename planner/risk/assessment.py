@@ -36,12 +36,10 @@ from vehicle.model.tractor import Implement, Tractor
 from vehicle.model.work_load import WorkLoad
 from vehicle.sim.world import World
 
-DEFAULT_DRIVES = 4
 MAX_SPEED_FACTOR = 3.0  # times the planned speed: no leg is simulated faster
-TIMEOUT_FACTOR = 3.0
+TIMEOUT_FACTOR = 3.0  # times as long as expected: slower drives are not finished at all
 MIN_LEG_S = 0.1
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
-ACCELERATION_MPS2 = 0.7
 MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
 Array = npt.NDArray[np.float64]
 
@@ -74,7 +72,7 @@ def check_graph_in_physics(
     *,
     terrain: Terrain | None = None,
     load: WorkLoad | None = None,
-    drive_count: int = DEFAULT_DRIVES,
+    drive_count: int = 4,
     seed: int = 1,
 ) -> PhysicsCheck:
     """Simulate a run again with sampled speed factors on its legs, without stops, breakdowns and late starts.
@@ -105,7 +103,7 @@ def check_graph_in_physics(
     return PhysicsCheck(simulated_s, apply_factors(graph, factor).finish_s, contact_count, unfinished_count)
 
 
-def scale_speeds(plan: Plan, graph: LegGraph, factor: Array, acceleration_mps2: float = ACCELERATION_MPS2) -> Plan:
+def scale_speeds(plan: Plan, graph: LegGraph, factor: Array, acceleration_mps2: float = 0.7) -> Plan:
     """The plan with every leg at the speed at which it takes `factor` (legs,) times its driven time."""
     missions = []
     for tractor, mission in enumerate(plan.missions):

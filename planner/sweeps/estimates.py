@@ -46,7 +46,6 @@ T = TypeVar("T")
 MOST_SKETCHES, MOST_SPEEDS = 150, 40  # of a ground: 50 numbers of tractors with the headland first and last, and more
 UNCERTAINTY_PCT = (3.0, 4.0, 30.0)  # of one, two, more tractors at other speeds, from tests.benchmarks.sweeps
 MOST_KNOWN = len(UNCERTAINTY_PCT)
-DRAWN_M = 0.2  # points of lines that matter less are left out of drawings
 Points = tuple[tuple[float, ...], ...]
 SUMMED = UNLAID | {"speed_mps", "turn_speed_mps", "headland_order"}
 """Parameters whose plans may share a ground, its lines and the moves between them, for estimates of many."""
@@ -194,7 +193,7 @@ class GroundEstimates:
         estimated = []
         for number, line in lines:
             tractor, place, way = places.get(number, (None, None, 0))
-            path = shapely.LineString(line.paths[way]).simplify(DRAWN_M)
+            path = shapely.LineString(line.paths[way]).simplify(0.2)  # a drawing needs no finer
             estimated.append(EstimatedLine(name_line(line.task), tractor, place, tuple(path.coords)))
         return tuple(estimated)
 

@@ -17,7 +17,6 @@ from fields.text_files import count_noun, quote_path, read_text
 from fields.units import MPS_PER_KMH
 from planner.errors import RequestError
 from planner.evaluation.preparation import MAX_REVERSE_SPEED_MPS
-from planner.evaluation.work_order import RADIUS_FACTOR
 from planner.farm.inventory import FarmFile, load_farm, parse_farm
 from planner.farm.machines import FarmImplement
 from planner.request.plan_request import MAX_SPEED_KMH, MIN_SPEED_KMH
@@ -28,7 +27,7 @@ from reports.task_logs.run_results import LearnedOutcome
 from strategies.path_planning.turns import list_allowed_kinds
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_timing import TurnTimer
-from vehicle.model.tractor import Implement, Tractor
+from vehicle.model.tractor import RADIUS_FACTOR, Implement, Tractor
 
 _HEADER = re.compile(r"^\s*\[")
 SLOWEST_MPS, FASTEST_MPS = 0.3, 5.5

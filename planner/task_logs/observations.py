@@ -18,14 +18,13 @@ from planner.task_logs.runs.run_records import Array, ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
 from vehicle.model.effect_kinds import INTERVAL_COVERAGE
 
-BOOTSTRAP_SAMPLES, BOOTSTRAP_SEED = 1_000, 1
-MIN_BOOTSTRAP_RUNS = 5
+BOOTSTRAP_SAMPLES = 1_000
 INTERVAL_QUANTILES = (0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE)
 Statistic = Callable[[Array], float | np.floating[Any]]
 MIN_PASS_S = 20.0
 """Shorter segments of work are not passes."""
 MIN_EVENTS, MAX_SWATHS_OVER = 5, 10
-EDGE_WIDTHS, INNER_WIDTHS, MIN_SHARE = 1.0, 3.0, 0.05
+INNER_WIDTHS, MIN_SHARE = 3.0, 0.05
 """Widths from the outline up to which work is headland, widths from which it is inside, smallest share of either."""
 
 
@@ -47,10 +46,10 @@ def estimate_statistic(events: Mapping[str, Array], statistic: Statistic, min_ev
         return None
     parts = list(used_events.values())
     all_events = np.concatenate(parts)
-    random = np.random.default_rng(BOOTSTRAP_SEED)
+    random = np.random.default_rng(1)
     samples = []
     for _ in range(BOOTSTRAP_SAMPLES):
-        if len(parts) >= MIN_BOOTSTRAP_RUNS:
+        if len(parts) >= MIN_EVENTS:
             resample = np.concatenate([parts[index] for index in random.integers(0, len(parts), len(parts))])
         else:
             resample = all_events[random.integers(0, len(all_events), len(all_events))]
@@ -72,7 +71,7 @@ def estimate_hourly_rate(events: Mapping[str, tuple[int, float]]) -> IntervalEst
         return None
     low = float(chi2.ppf(INTERVAL_QUANTILES[0], 2 * count)) / 2.0 / hours if count else 0.0
     high = float(chi2.ppf(INTERVAL_QUANTILES[1], 2 * count + 2)) / 2.0 / hours
-    if len(used_events) >= MIN_BOOTSTRAP_RUNS:
+    if len(used_events) >= MIN_EVENTS:
         table = {name: np.array([pair], dtype=np.float64) for name, pair in used_events.items()}
         by_run = estimate_statistic(table, lambda rows: float(rows[:, 0].sum() / rows[:, 1].sum()), 1)
         if by_run is not None:
@@ -188,7 +187,7 @@ def _is_edge_first(run: ProjectedRun, width_m: float) -> bool | None:
     if run.outline is None:
         return None
     distance_m = shapely.distance(run.outline.boundary, shapely.points(run.xy))
-    edge = run.is_working & (distance_m < EDGE_WIDTHS * width_m)
+    edge = run.is_working & (distance_m < width_m)
     inner = run.is_working & (distance_m > INNER_WIDTHS * width_m)
     if min(int(edge.sum()), int(inner.sum())) < MIN_SHARE * max(int(run.is_working.sum()), 1):
         return None

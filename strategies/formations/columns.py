@@ -21,7 +21,7 @@ from vehicle.missions.plan import SWATH
 PARALLEL_RAD = 1e-3
 NEIGHBOUR_WIDTHS = 1.5  # working widths within which a parallel column is a neighbour
 STRAIGHT_M = 0.5  # a line that leaves the straight between its ends by more is no column
-FIRST, OTHER = 0, 1  # directions, as of a work line
+FIRST, OTHER = range(2)  # directions, as of a work line
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from strategies.formations.columns import find_runs, list_columns
-from strategies.formations.passing import PassageTracer, PassingWay
+from strategies.formations.passing import LINE_STEP_M, PassageTracer, PassingWay
 from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds, sketch_rounds
 from strategies.formations.rounds import (
     ColumnRound,
@@ -38,7 +38,6 @@ from vehicle.sim.path_conflicts import ClearanceCheck
 ADVICE = "use fewer tractors, or split-field or interleaved"
 T = TypeVar("T")
 Dropped = frozenset[ColumnRound]
-CLEAR_STEP_M = 1.0  # between the places that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,8 +224,8 @@ def _list_traffic(
         find = partial(tracer.find_clear_place, column.get_ends(each.way)[0])
         traffic.append(
             ColumnTraffic(
-                partial(find, before, step_m=CLEAR_STEP_M),
-                partial(find, behind, step_m=-CLEAR_STEP_M),
+                partial(find, before, step_m=LINE_STEP_M),
+                partial(find, behind, step_m=-LINE_STEP_M),
                 comers[tractor].join_m,
                 leavers[tractor].leave_m,
             )

@@ -17,13 +17,13 @@ from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.programmes.move_table import MoveTable
+from strategies.site.ground import CELL_M
 from strategies.site.site import Site
 from vehicle.arrays import measure_along
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 
 Floats = npt.NDArray[np.float64]
 
-POSE_STEP_M = 0.5
 SETTLED_M = 4.0  # beyond the end of a move, on which a tractor is off its line
 LINE_STEP_M = 1.0  # between poses along the lines before the first round and after the last
 MOST_STEPS = 100  # between places that are tried
@@ -38,7 +38,7 @@ def trace_body(site: Site, path: DrivePath) -> Floats:
     guide_m, poses = site.body.guide_m, list[tuple[float, float, float]]()
     angle = path.start[2]
     x, y = path.start[0] - guide_m * math.cos(angle), path.start[1] - guide_m * math.sin(angle)
-    for gear, points in settled.sample(POSE_STEP_M):
+    for gear, points in settled.sample(CELL_M):
         headings = np.arctan2(*np.diff(points, axis=0).T[::-1]).tolist()
         for (px, py), heading in zip(points.tolist(), [*headings, headings[-1]], strict=True):
             angle = math.atan2(py - y, px - x) if gear > 0 else heading + math.pi

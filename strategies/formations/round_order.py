@@ -26,8 +26,9 @@ from strategies.programmes.driven_search import (
 )
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
+from strategies.programmes.order_tours import ANY_WAY_S
 
-ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
+ROUND_VALUE_S = 2.0 * ANY_WAY_S  # a round that can be reached is worth any drive
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,15 +14,10 @@ from operator import itemgetter
 import numpy as np
 import shapely
 
-from strategies.lines.lay_lines import (
-    MIN_LEFT_AREA_WIDTHS,
-    MIN_OWN_SHARE,
-    MIN_PIECE_M,
-    STATION_M,
-    Span,
-    keep_uncovered,
-)
+from fields.layout.headland_passes import MIN_OPEN_AREA
+from strategies.lines.lay_lines import MIN_OWN_SHARE, MIN_PIECE_M, Span, keep_uncovered
 from strategies.lines.work_line import (
+    MOST_OFF_SHARE,
     SHARPEST_RAD,
     STRAIGHT_RAD,
     Floats,
@@ -32,6 +27,7 @@ from strategies.lines.work_line import (
     locate_at,
 )
 from strategies.path_planning.paths import Pose
+from strategies.rules.legs import PATH_STEP_M
 from strategies.site.site import Site
 from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import ENTER, MAX_JOINT_GAP_M, Leg, LegTask
@@ -40,7 +36,6 @@ START_OVERLAP_M = 1.0  # of work that a start joins: an implement takes about a 
 BAR_POINTS = 17  # places on the bar where it is asked what is done: one is less of it than a line is worth driving for
 LOOSE_BEND = 2.0  # turning radii: what bends less sharply is a bent line and no corner
 PLACE_M = 0.02  # length of the line that stands for a place
-BESIDE_WIDTHS, ASTRAY_RAD = 0.25, 0.2  # beside and across a line on which a tractor still is: moves lose it so
 
 
 def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> list[WorkLine]:
@@ -64,7 +59,7 @@ def leave_done_lines(site: Site, lines: Sequence[WorkLine], error_m: float) -> l
             is_whole[task], origins[task] = part is line, line.task
             task = replace(task, piece=counts[task.whole])
             counts[task.whole] += 1
-    least_m2 = MIN_LEFT_AREA_WIDTHS * site.width_m**2
+    least_m2 = MIN_OPEN_AREA * site.width_m**2
     kept = [part for part in keep_uncovered(site, parts) if is_whole[part.task] or part.own_m2 >= least_m2]
     names = {task: origin for origin, task in {origins[part.task]: part.task for part in reversed(kept)}.items()}
     left = Counter(part.task.whole for part in kept)
@@ -101,7 +96,7 @@ def _find_due_spans(site: Site, line: WorkLine, done: shapely.Geometry, join_m: 
     """From where to where along the first path of a line (m) enough of the bar is over ground that is not done."""
     length_m = line.measure_path_m(0)
     bar = extend_line(line.paths[0], line.tool_m, 0.0)
-    stations = np.linspace(0.0, length_m, max(2, math.ceil(length_m / STATION_M) + 1))
+    stations = np.linspace(0.0, length_m, max(2, math.ceil(length_m / PATH_STEP_M) + 1))
     is_due = _measure_due_shares(bar, stations, site.width_m, done) >= MIN_OWN_SHARE
     merged = list[Span]()
     for first, end in find_true_spans(is_due):
@@ -120,8 +115,8 @@ def _measure_due_shares(bar: Floats, stations: Floats, width_m: float, done: sha
     """The share (n,) of the bar at stations along its path that is over ground not done."""
     along = measure_along(bar)
     middle = locate_at(bar, along, stations)
-    ahead = locate_at(bar, along, np.minimum(stations + STATION_M, along[-1])) - locate_at(
-        bar, along, np.maximum(stations - STATION_M, 0.0)
+    ahead = locate_at(bar, along, np.minimum(stations + PATH_STEP_M, along[-1])) - locate_at(
+        bar, along, np.maximum(stations - PATH_STEP_M, 0.0)
     )
     aside = np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.hypot(*ahead.T)[:, None]
     across_m = width_m * ((np.arange(BAR_POINTS) + 0.5) / BAR_POINTS - 0.5)
@@ -200,7 +195,7 @@ def find_orders(
 def _is_on_line(site: Site, line: WorkLine, curve: shapely.LineString, way: int, pose: Pose) -> bool:
     place = shapely.Point(pose[:2])
     turn = math.remainder(line.get_pose(way, float(curve.project(place)))[2] - pose[2], 2.0 * math.pi)
-    return float(curve.distance(place)) <= BESIDE_WIDTHS * site.width_m and abs(turn) <= ASTRAY_RAD
+    return float(curve.distance(place)) <= MOST_OFF_SHARE * site.width_m and abs(turn) <= STRAIGHT_RAD
 
 
 def _iter_rests(
@@ -218,7 +213,7 @@ def _iter_rests(
             ahead_m = (x - pose[0]) * math.cos(heading) + (y - pose[1]) * math.sin(heading)
             is_on_line = _is_on_line(site, line, curve, way, pose)
             is_joined = ahead_m <= join_m and begun_m <= 2.0 * join_m
-            joins_m = begun_m if beside_m <= MAX_JOINT_GAP_M else begun_m + beside_m / ASTRAY_RAD
+            joins_m = begun_m if beside_m <= MAX_JOINT_GAP_M else begun_m + beside_m / STRAIGHT_RAD
             if 2 * number in taken or not (is_on_line and is_joined) or whole_m - joins_m < MIN_PIECE_M:
                 continue
             rest = cut_line(path, joins_m, whole_m)

@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.arithmetic import CURVE_M, SLIVER_M2
 from fields.geometry.overlays import Areas, clip_all_areas, intersect, subtract_area, unite_areas
-from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
+from fields.layout.headland_passes import MIN_OPEN_AREA, HeadlandPass, HeadlandPassSide
 from strategies.lines.work_line import (
     HOLE_PASS,
     Floats,
@@ -26,29 +27,26 @@ from strategies.lines.work_line import (
     extend_line,
     locate_at,
 )
-from strategies.site.ground import measure_rooms
+from strategies.rules.legs import PATH_STEP_M
+from strategies.site.ground import CELL_M, measure_rooms
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
 
-STATION_M = 0.25  # between the places on a line where the body's room is measured
 LINE_MARGIN_M = 0.12  # room kept on lines: a little more than on moves, which begin and end on them
 SCARCE_M = 0.6  # a line with less room is driven on its own before it is believed
 PROOF_ROOM_M = 0.02
 PULL_BACK_M = 0.3  # beyond the place where a drive touches
 MIN_PIECE_M = 3.0
 MOST_MITRE = 1.5  # half widths by which a side is drawn out into a corner
-EXTENSION_STEP_M, BAR_POINTS = 0.5, 9  # places on the bar where it is asked what is covered
+BAR_POINTS = 9  # places on the bar where it is asked what is covered
 MOST_EXTENSION_WIDTHS = 6.0  # beyond the end of a swath
 WORTH_SHARE = 0.3  # of the bar over uncovered ground: there a swath goes on
 RING = "ring"  # group of lines round obstacles
 LEFTOVER = "left"  # group of lines on ground that sides and swaths leave
 MIN_LEFT_HALF_M = 0.5  # half of the least width of such ground
-MIN_LEFT_AREA_WIDTHS = 0.5  # its least area, in widths squared
 LAST_WIDTH_SHARE = 0.25  # a piece this much wider than its lines gets no further one
-RING_TOLERANCE_M = 0.05  # between a ring and its chords
 MIN_OWN_SHARE = 1.0 / MISSED_FACTOR  # of its strip: driving a line that alone covers less costs more than it is worth
-SLIVER_M2 = 1e-6  # strips beside one another share no more
 Span = tuple[float, float]
 
 
@@ -139,7 +137,7 @@ def _list_obstacle_rings(site: Site, left: shapely.Geometry) -> Iterator[LineDra
     lines = [shapely.LineString(swath.points_m) for swath in swaths]
     away_m = max(0.5 * site.width_m + PULL_BACK_M, site.rules.radius_m)
     for count, obstacle in enumerate(site.layout.field.small_obstacles if swaths else ()):
-        ring = obstacle.convex_hull.buffer(away_m).exterior.simplify(RING_TOLERANCE_M)
+        ring = obstacle.convex_hull.buffer(away_m).exterior.simplify(CURVE_M)
         strip = ring.buffer(0.5 * site.width_m)
         if intersect(strip, left).area > MIN_OWN_SHARE * strip.area:
             left = subtract_area(left, strip)
@@ -151,13 +149,13 @@ def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry
     """How far a line is drawn out beyond its last point: to the last place where it covers enough that is uncovered."""
     ahead = (points[-1] - points[-2]) / math.dist(points[-1], points[-2])
     aside = np.array([-ahead[1], ahead[0]])
-    steps_m = np.arange(0.5 * EXTENSION_STEP_M, MOST_EXTENSION_WIDTHS * site.width_m, EXTENSION_STEP_M)
+    steps_m = np.arange(0.5 * CELL_M, MOST_EXTENSION_WIDTHS * site.width_m, CELL_M)
     across_m = site.width_m * (np.arange(BAR_POINTS) + 0.5 - 0.5 * BAR_POINTS) / BAR_POINTS
     places = points[-1] + steps_m[:, None, None] * ahead + across_m[None, :, None] * aside
     shares = shapely.contains_xy(uncovered, places.reshape(-1, 2)).reshape(len(steps_m), BAR_POINTS).mean(axis=1)
     worth = np.flatnonzero(shares >= WORTH_SHARE)
     ends = worth[(np.cumsum(shares)[worth] / (worth + 1.0)) >= WORTH_SHARE]
-    return float(EXTENSION_STEP_M * (ends[-1] + 1)) if len(ends) else 0.0
+    return float(CELL_M * (ends[-1] + 1)) if len(ends) else 0.0
 
 
 def _list_leftover(site: Site, left: shapely.Geometry, lines: Sequence[WorkLine]) -> Iterator[LineDraft]:
@@ -166,7 +164,7 @@ def _list_leftover(site: Site, left: shapely.Geometry, lines: Sequence[WorkLine]
     number = 1 + max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=0)
     count = 0
     for piece in shapely.get_parts(opened).tolist():
-        if piece.geom_type == "Polygon" and piece.area >= MIN_LEFT_AREA_WIDTHS * site.width_m**2:
+        if piece.geom_type == "Polygon" and piece.area >= MIN_OPEN_AREA * site.width_m**2:
             for line in _draw_middles(site, piece):
                 yield LineDraft(HEADLAND_PASS, number, (LEFTOVER, count), line)
                 count += 1
@@ -222,7 +220,7 @@ def _cut_to_room(site: Site, draft: LineDraft) -> Iterator[WorkLine]:
 def _find_spans(site: Site, path: Floats, length_m: float) -> list[Span]:
     """From where to where on a path of the bar the body has room (m), in its direction."""
     along = measure_along(path)
-    stations = np.linspace(0.0, length_m, max(2, math.ceil(length_m / STATION_M) + 1))
+    stations = np.linspace(0.0, length_m, max(2, math.ceil(length_m / PATH_STEP_M) + 1))
     places = (locate_at(path, along, stations), locate_at(path, along, stations + site.rules.tool_m))
     rooms = _measure_rooms_at(site, *places)
     roomy = find_true_spans(rooms >= LINE_MARGIN_M)
@@ -263,7 +261,7 @@ def _settle(site: Site, line: WorkLine) -> WorkLine | None:
 
 def _has_ample_room(site: Site, path: Floats) -> bool:
     along = measure_along(path)
-    stations = np.arange(0.0, along[-1], 4.0 * STATION_M)
+    stations = np.arange(0.0, along[-1], 4.0 * PATH_STEP_M)
     ahead = locate_at(path, along, np.minimum(stations + 0.5, along[-1]))
     behind = locate_at(path, along, np.maximum(np.minimum(stations, along[-1] - 0.5), 0.0))
     return len(path) == 2 and bool((_measure_rooms_at(site, behind, ahead) >= SCARCE_M).all())

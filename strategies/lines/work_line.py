@@ -11,7 +11,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.arithmetic import GRID_M
 from strategies.path_planning.paths import Pose
+from strategies.rules.legs import MIN_LEG_M
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS, LegTask
 
@@ -20,10 +22,8 @@ Floats = npt.NDArray[np.float64]
 HOLE_PASS = "hole"  # group of the sides of a headland pass round a hole
 
 SHARPEST_RAD = 2.0  # corners of the headland beyond this are turned with the implement up
-STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them
-
-SAME_POINT_M = 1e-6
-JOINT_M = 0.05  # points of a line this close to a cut are left out
+STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them, and a tractor is still on its line
+MOST_OFF_SHARE = 0.25  # of the width: a tractor farther beside a line has lost it
 
 
 def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:
@@ -37,7 +37,7 @@ def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:
 def cut_line(points: Floats, first_m: float, last_m: float) -> Floats:
     """The part of a polyline (n, 2) between two distances along it."""
     along = measure_along(points)
-    inner = points[(along > first_m + JOINT_M) & (along < last_m - JOINT_M)]
+    inner = points[(along > first_m + MIN_LEG_M) & (along < last_m - MIN_LEG_M)]
     ends = locate_at(points, along, (first_m, last_m))
     return np.concatenate([ends[:1], inner, ends[1:]])
 
@@ -45,7 +45,7 @@ def cut_line(points: Floats, first_m: float, last_m: float) -> Floats:
 def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
     """A polyline (n, 2) drawn out straight at its ends, without points that coincide."""
     steps = np.hypot(*np.diff(points, axis=0).T)
-    points = points[np.concatenate([[True], steps > SAME_POINT_M])]
+    points = points[np.concatenate([[True], steps > GRID_M])]
     first, last = points[0] - points[1], points[-1] - points[-2]
     begin = points[0] + before_m / np.hypot(*first) * first
     end = points[-1] + after_m / np.hypot(*last) * last

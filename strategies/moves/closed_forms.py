@@ -38,6 +38,7 @@ SAME_S = 0.02  # candidates that take as long as this are one path, built twice
 FARTHEST_M = 60.0  # straights of a plain corner are no longer
 CURVED_REVERSE_S = 20.0  # in reverse the rear axle leads, so that an arc falls short: charged so much
 LEAST_TURN = 0.1  # sine of the angle between two lines that one arc joins
+FEW_FORMS = 12  # tried where many pairs of poses are asked for
 
 
 @compile_function

@@ -17,7 +17,7 @@ import shapely
 
 from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
-from strategies.lines.work_line import extend_line
+from strategies.lines.work_line import MOST_OFF_SHARE, extend_line
 from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
 from strategies.rules.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
@@ -32,11 +32,9 @@ Flags = npt.NDArray[np.bool_]
 SETTLE_M = 20.0  # of the lines before and after a move that are driven with it
 BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured
 STRAIGHT_M = 2.0 * (SETTLE_M + BRAKE_M)  # driven from rest to rest, for what starting and stopping take
-MOST_OFF_SHARE = 0.25  # of the width: a drive that begins a line farther beside it has lost it
 ROOM_TOLERANCE_M = 0.03
 MOST_AT_ONCE = 16  # moves in one simulation, of about the same length
 LEADS_M = (0.0, 1.25, 2.5, 5.0, 10.0, 20.0)  # driven straight after a quarter of a circle
-ALIKE_DIGITS = 2  # stretches of lines are told apart to a centimetre
 START: Pose = (0.0, 0.0, 0.0)
 
 Alike = tuple[Pose, bytes, bool, int, bytes, bytes]
@@ -128,7 +126,7 @@ class MoveDrives:
         move, path, lines = passage.move, passage.move.path, list[bytes]()
         for pose, points in ((path.start, passage.before), (path.end, passage.after)):
             seen = np.empty((0, 2)) if points is None else _see_from(pose, points)
-            lines.append((np.round(seen, ALIKE_DIGITS) + 0.0).tobytes())
+            lines.append((np.round(seen, 2) + 0.0).tobytes())  # to a centimetre
         start = START if self.is_level else move.start
         return start, move.rows.tobytes(), move.is_work, move.is_folded + move.begins_folded, lines[0], lines[1]
 

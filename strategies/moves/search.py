@@ -16,7 +16,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from strategies.moves.closed_forms import back_up, list_closed_forms, measure_backing_up, pick_with_room
+from strategies.moves.closed_forms import FEW_FORMS, back_up, list_closed_forms, measure_backing_up, pick_with_room
 from strategies.path_planning.primitives import TAU, advance_pose
 from strategies.site.ground import AMPLE_M, has_room_on_path, measure_path_room
 from vehicle.copying import copy_table
@@ -32,7 +32,6 @@ GREED = 1.5  # weight of the way that remains: a path a little longer is found m
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
 SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 10, 25  # how often closed forms are tried, near the goal and far from it
-SHOT_FORMS = 12
 SHOT_OUT_M, SHOT_IN_M = np.array([0.0]), np.array([2.5, 0.0, -4.0])
 
 
@@ -90,7 +89,7 @@ def _find_shot(pose, b, radii, costs, settling, kinds, backed, max_reverse, guid
     dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
     goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
     forms, seconds, _ = list_closed_forms(
-        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, max_reverse, SHOT_FORMS
+        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, max_reverse, FEW_FORMS
     )
     numbers = pick_with_room(pose, forms, 1, guide, points, reach, grid, frame, margin)
     if len(numbers) == 0:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 import shapely
 
 POINT_STEP_M = 0.5  # between the points of an outline
+
 Points = npt.NDArray[np.float64]
 MachineBox = tuple[float, float, float]
 """Rear and front end ahead of the rear axle and half the width (m)."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from shapely.ops import nearest_points
 
 from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.primitives import SNAP, TAU
 
 Pose = tuple[float, float, float]
 """x (m, east), y (m, north) and the heading of the vehicle as a mathematical angle (rad, ccw from x)."""
@@ -23,9 +24,7 @@ Pose = tuple[float, float, float]
 Points = NDArray[np.float64]
 
 PATH_KINDS = ("route", "u", "omega", "switch-back")
-_TAU = 2.0 * math.pi
 _SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
-_SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
 EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that nobody stops beyond it
 
 
@@ -117,7 +116,7 @@ def advance_along_segment(pose: Pose, segment: PathSegment) -> Pose:
     return (
         x + chord * math.cos(angle),
         y + chord * math.sin(angle),
-        math.remainder(heading + 2.0 * half, _TAU),
+        math.remainder(heading + 2.0 * half, TAU),
     )
 
 
@@ -136,7 +135,7 @@ def merge_segments(start: Pose, segments: Iterable[PathSegment], kind: str) -> D
     """A path without empty segments, with neighbours of equal curvature and gear merged."""
     merged: list[PathSegment] = []
     for segment in segments:
-        if segment.length_m <= _SNAP:
+        if segment.length_m <= SNAP:
             continue
         last = merged[-1] if merged else None
         if last and last.curvature == segment.curvature and last.gear == segment.gear:

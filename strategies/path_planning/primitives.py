@@ -22,7 +22,7 @@ from vehicle.control.speed_profile import STEERING_DISTANCE_FACTOR, compute_stra
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
 
-ROUTE, U, OMEGA, SWITCH_BACK = 0, 1, 2, 3
+ROUTE, U, OMEGA, SWITCH_BACK = range(4)
 MAX_PRIMITIVES, MAX_PIECES = 16, 5
 TAU = 2.0 * math.pi
 SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
@@ -30,8 +30,10 @@ FULL_TURN_RAD = TAU + 1e-9
 SAME_LENGTH_M = 1e-9
 # Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change, seconds per 1/m of
 # curvature by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
-COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
-COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
+(
+    COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING,
+    COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION,
+) = range(9)  # fmt: skip
 SLOW_WINDOWS = 3.0  # steering distances driven slowly where two curvatures meet
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.layout.swaths import WIDTH_STEP_M
 from strategies.path_planning.paths import DrivePath, build_path_from_rows
 from strategies.path_planning.primitives import (
     MAX_PIECES,
@@ -17,7 +18,6 @@ from strategies.path_planning.primitives import (
 )
 from strategies.path_planning.turn_kinds import TURN_KINDS
 
-HEADLAND_STEP_M = 0.5
 DEPTH_STEP_M = 0.1
 TURN_FAMILIES = add_forward_primitives, add_reverse_arc_primitives, add_reverse_straight_primitives
 
@@ -72,7 +72,7 @@ def compute_headland_m(turn: str, width_m: float, radius_m: float, reach: TurnRe
     depth = radius_m
     if turn == "omega":
         depth += math.sqrt(4.0 * radius_m**2 - (radius_m + min(0.5 * width_m, radius_m)) ** 2)
-    return math.ceil((reach.tool_m + depth + reach.margin_m) / HEADLAND_STEP_M) * HEADLAND_STEP_M
+    return math.ceil((reach.tool_m + depth + reach.margin_m) / WIDTH_STEP_M) * WIDTH_STEP_M
 
 
 def compute_available_turn_depth_m(headland_m: float, reach: TurnReach) -> float:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
-from strategies.programmes.order_tours import NO_MOVE_S
+from strategies.programmes.order_tours import NEIGHBOURS, NO_MOVE_S
 
 Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
@@ -20,10 +20,8 @@ PoseProblem = Callable[[Floats], OrderProblem]
 ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
 
 MOST_ROUNDS = 80  # of searching and driving
-NEAR_NODES = 8  # whose moves from a node are estimated first
 ESTIMATE_ROUNDS = 3  # of searching and asking what the moves of the tours cost
 OTHERS = 4  # moves that are tried for one that failed, from where it leads and to where
-REFINING = 2  # times fewer perturbations once tours are known
 WORTH_SHARE = 0.003  # of the cost: what might still be gained by driving more moves, at least
 
 
@@ -49,7 +47,7 @@ def search_estimated_tours(
 def _list_near(problem: OrderProblem) -> Tours:
     """Pairs of near nodes of lines that the same tractor may work."""
     move_s = _bar_useless(problem, problem.move_s)
-    nearest = np.argsort(move_s, axis=1, kind="stable")[:, :NEAR_NODES]
+    nearest = np.argsort(move_s, axis=1, kind="stable")[:, :NEIGHBOURS]
     nodes, places = np.nonzero(np.take_along_axis(move_s, nearest, axis=1) < NO_MOVE_S)
     near: Tours = np.column_stack([nodes, nearest[nodes, places]]).tolist()
     return near
@@ -100,7 +98,7 @@ def search_driven_tours(
     best, best_s, is_settled = Tours(), math.inf, True
     for number in range(MOST_ROUNDS):
         problem, before = pose_problem(table.estimate_costs()), tours if number else None
-        kicks = problem.kicks if tours is None else problem.kicks // REFINING
+        kicks = problem.kicks if tours is None else problem.kicks // 2  # once tours are known
         tours = search_programmes(problem, kicks if is_settled else 0, seed + number, tours)
         if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             if can_be_driven(best):

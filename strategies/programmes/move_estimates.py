@@ -11,7 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.lines.work_line import WorkLine
-from strategies.moves.closed_forms import LEADS_IN_M, LEADS_OUT_M, list_closed_forms, pick_with_room, weigh_forms
+from strategies.moves.closed_forms import (
+    FEW_FORMS,
+    LEADS_IN_M,
+    LEADS_OUT_M,
+    list_closed_forms,
+    pick_with_room,
+    weigh_forms,
+)
 from strategies.moves.move_finder import MOVE_MARGIN_M, MoveFinder
 from strategies.path_planning.paths import Pose, shift_pose_ahead
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
@@ -30,7 +37,6 @@ CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left 
 MOST_CUT_SHARE = 0.4
 DETOUR_FACTOR = 2.0  # guess of a move that only a search may find, of the way at turning speed
 SEARCHED_S = 40.0  # and about this much beside it: medians of what searches found on four fields were 34 to 51
-MOST_FORMS = 12  # closed forms tried for a pair
 
 
 @dataclass(eq=False)
@@ -208,7 +214,7 @@ def compute_move_costs(a_poses, places, most_cuts, cuts, cut_s_per_m, driving, b
             pose[0] = a_poses[k, 0] - leave * math.cos(a_poses[k, 2])
             pose[1], pose[2] = a_poses[k, 1] - leave * math.sin(a_poses[k, 2]), a_poses[k, 2]
             forms, _, _ = list_closed_forms(
-                goal, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, MOST_FORMS
+                goal, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, FEW_FORMS
             )
             cost, driven_s = _find_cost(pose, forms, speeds, settling, body, kept)
             charged_s = cost + (cut_s_per_m[0] - cut_s_per_m[1]) * cut

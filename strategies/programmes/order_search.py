@@ -25,13 +25,13 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.errors import HeadlandError
+from fields.geometry.arithmetic import ROUNDING
 from strategies.programmes.order_moves import improve_tours, set_move
 from strategies.programmes.order_runs import drop_runs, turn_runs
 from strategies.programmes.order_tours import (
     ANY_WAY_S,
     BEGIN,
     FIRST,
-    LOAD_TOLERANCE,
     MIN_GAIN_S,
     NEIGHBOURS,
     NO_MOVE_S,
@@ -185,7 +185,7 @@ def _charge_excesses(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> f
     if problem.need is None:
         return 0.0
     needs = [sum(float(problem.need[node // 2]) for node in tour) for tour in tours]
-    return RULE_S * sum(max(0.0, need - 1.0 - LOAD_TOLERANCE) for need in needs)
+    return RULE_S * sum(max(0.0, need - 1.0 - ROUNDING) for need in needs)
 
 
 def count_clashes(problem: OrderProblem, tours: Sequence[Sequence[int]]) -> int:

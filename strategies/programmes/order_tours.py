@@ -12,22 +12,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from fields.geometry.arithmetic import ROUNDING
 from vehicle.jit import compile_for_views
 
 SUM_SHARE = 0.1  # of a second of work of a tractor that does not finish last: fuel and wages beside the finish time
 UNREACHED_S = 1e8  # charged where no move leads: more than all lines are worth, and still adds up exactly to 1e-4 s
 RULE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
-NO_MOVE_S = 1e6  # seconds from which on a move counts as none
+NO_MOVE_S = RULE_S  # seconds from which on a move counts as none
 ANY_WAY_S = 1e4  # more than any way takes
 DETOUR_S = 90.0  # guessed for a move that only a search may find, beside its way; charged where two have met
-LOAD_TOLERANCE = 1e-9  # relative rounding of sums
 MIN_GAIN_S = 1e-3  # above the rounding of sums of UNREACHED_S
 PIECES = 4  # segments of which a move makes a tour
 # NumPy's values: for every Python constant passed on, the called function would be compiled once more.
 ONWARD: Any = np.bool_(False)
 REVERSED: Any = np.bool_(True)
 NO_ROW: Any = np.int64(-1)
-NEIGHBOURS = 8  # nodes that may follow or precede a node by a move that is considered
+NEIGHBOURS = 8  # nodes that may follow or precede a node by a move that is considered, and is estimated first
 MOVES, MOVES_PER_ROW = 32 * NEIGHBOURS, 32  # weighed at once, at most 23 for each neighbour and 16 for each tour
 BEGIN: Any = np.int64(0)
 SIDE_A, SIDE_B = BEGIN, np.int64(1)
@@ -158,7 +158,7 @@ def update_row(tours, tables, row) -> None:  # type: ignore[no-untyped-def]
 @compile_for_views
 def _charge_excess(need) -> float:  # type: ignore[no-untyped-def]
     """What a tour is charged whose lines take so many loads (s)."""
-    return RULE_S * max(0.0, need - 1.0 - LOAD_TOLERANCE)  # type: ignore[no-any-return]
+    return RULE_S * max(0.0, need - 1.0 - ROUNDING)  # type: ignore[no-any-return]
 
 
 @compile_for_views

@@ -10,13 +10,12 @@ from strategies.lines.work_line import cut_line
 from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.waiting_places import list_parts_m
+from strategies.programmes.waiting_places import WAIT_STEP_M, list_parts_m
 from strategies.rules.legs import MIN_LEG_M, add_wait_points, make_mission
 from strategies.site.site import Site
 from vehicle.missions.plan import DRIVE, ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 
 ROUTE_WAIT_M = 10.0  # between places to wait on a way in, out or across
-LONG_MOVE_M = 40.0  # longer moves have places to wait
 
 
 Pair = tuple[int, int]
@@ -107,7 +106,7 @@ def build_move(table: MoveTable, following: int, move: Move) -> tuple[Leg, ...]:
         if not move.is_work:
             task = replace(task, kind=ROUTE if move.kind == "route" else TURN)
         legs = build_move_legs(table.site, move, task)
-        if not move.is_work and move.path.length_m > LONG_MOVE_M:
+        if not move.is_work and move.path.length_m > WAIT_STEP_M:
             legs = add_wait_points(legs, ROUTE_WAIT_M)
         known[key] = tuple(legs)
     return known[key]

@@ -20,7 +20,7 @@ from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 Floats = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
-WAIT_STEP_M = 40.0  # between places to wait along a line
+WAIT_STEP_M = 40.0  # between places to wait along a line; longer moves have some too
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing
 
 

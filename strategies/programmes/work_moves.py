@@ -17,6 +17,7 @@ from strategies.lines.work_line import SHARPEST_RAD, STRAIGHT_RAD, WorkLine
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
+from strategies.site.ground import CELL_M
 from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.missions.plan import HEADLAND_PASS
 
@@ -25,7 +26,6 @@ FARTHEST_M = 50.0  # between the ends of pieces joined with the implement down
 BYPASSES_M = (0.0, 2.0, 4.0, 6.0, 9.0, 12.0, 16.0)  # cut from both pieces of a swath, to leave the line and return
 ROUNDER_M = (0.0, 2.0)  # cut from both sides of a corner beyond the tangent of the arc
 LONGEST_DETOUR, DETOUR_M = 1.7, 2.0  # of the way asked for: more is no longer working the same ground
-SAMPLE_M = 0.5
 MOST_CUT_SHARE = 0.5
 
 
@@ -89,7 +89,7 @@ def _measure_missed_m2(
     straight = shapely.LineString(places)
     if path.length_m > LONGEST_DETOUR * straight.length + DETOUR_M:
         return None
-    driven = shapely.LineString(np.concatenate([points for _, points in path.sample(SAMPLE_M)]))
+    driven = shapely.LineString(np.concatenate([points for _, points in path.sample(CELL_M)]))
     half_m = 0.5 * site.width_m
     due = shapely.buffer(straight, half_m, cap_style="flat", join_style="mitre")
     worked = shapely.buffer(driven, half_m, cap_style="flat")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from fields.geometry.arithmetic import GRID_M
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.turns import list_turns, measure_turn_depth_m
@@ -21,7 +22,6 @@ from vehicle.sim.world import simulate
 
 LEAD_M = 15.0  # straight before and after a turn, long enough to reach speed and settle
 MAX_TURN_S = 600.0  # a tractor that has not finished by then never will
-DEPTH_ROUNDING_M = 1e-6
 
 
 @dataclass(frozen=True)
@@ -78,11 +78,7 @@ class TurnTimer:
         max_lines = math.ceil(2.0 * self.driving_rules.radius_m / width_m) + 1
         for lines in range(1, max_lines + 1):
             turns = list_turns(lines * width_m, self.driving_rules.radius_m)
-            fitting = [
-                turn
-                for turn in turns
-                if turn.kind in kinds and measure_turn_depth_m(turn) <= depth_m + DEPTH_ROUNDING_M
-            ]
+            fitting = [turn for turn in turns if turn.kind in kinds and measure_turn_depth_m(turn) <= depth_m + GRID_M]
             turn_times_s = map(self.measure_seconds, fitting)
             times.append(min((time for time in turn_times_s if time is not None), default=None))
         return tuple(times)

@@ -15,10 +15,11 @@ from itertools import accumulate, pairwise
 import numpy as np
 import numpy.typing as npt
 
+from fields.geometry.arithmetic import ROUNDING
 from strategies.programmes.driven_search import Tours, search_driven_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
-from strategies.programmes.order_tours import ANY_WAY_S, LOAD_TOLERANCE, NO_MOVE_S
+from strategies.programmes.order_tours import ANY_WAY_S, NO_MOVE_S
 from strategies.rules.supply import Supply
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, cut_to_loads
@@ -176,7 +177,7 @@ def _fill_loads(gaps: TourGaps) -> Tours:
     loads, left = [list[int]()], 1.0
     for number, (part, need) in enumerate(zip(gaps.tour, _measure_needs(gaps).tolist(), strict=True)):
         left -= need
-        if left < -LOAD_TOLERANCE:
+        if left < -ROUNDING:
             left = 1.0 - need
             loads.append([])
         loads[-1].append(2 * number + part.node % 2)

@@ -37,14 +37,12 @@ from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
 from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
 from strategies.service_stops.tour_parts import TourPart, measure_line_need
 from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
-from strategies.site.ground import measure_rooms
+from strategies.site.ground import CELL_M, measure_rooms
 from strategies.site.site import Site
 from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
 
 STEP_COUNT, STEP_RADII = 8, 0.5  # places tried on either side, and radii between them
 INSET_COUNT, INSET_HALVES = 3, 0.5  # rows tried, the first as near to the edge as the body may be; half widths between
-ROOM_RADII, ROOM_STEP_M = 1.0, 0.5  # radii straight before and behind, and between the poses looked at
-TANGENT_M = 0.5  # to either side of a place on an edge, for its direction
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,14 +229,14 @@ def _list_poses(site: Site, ring: shapely.LinearRing, place: Point, hand: int) -
     for number in range(-STEP_COUNT, STEP_COUNT + 1):
         distance_m = (place_m + number * step_m) % ring.length
         point = ring.interpolate(distance_m)
-        a, b = (ring.interpolate((distance_m + off_m) % ring.length) for off_m in (-TANGENT_M, TANGENT_M))
+        a, b = (ring.interpolate((distance_m + off_m) % ring.length) for off_m in (-CELL_M, CELL_M))
         yield point.x, point.y, math.atan2(hand * (b.y - a.y), hand * (b.x - a.x))
 
 
 def _has_room(site: Site, pose: Pose) -> bool:
     """Whether the body has room on the straight line through a pose, so far that a move may begin and end there."""
-    room_m = ROOM_RADII * site.rules.radius_m
-    along_m = np.linspace(-room_m, room_m, max(2, math.ceil(2.0 * room_m / ROOM_STEP_M) + 1)).tolist()
+    room_m = site.rules.radius_m  # straight before and behind
+    along_m = np.linspace(-room_m, room_m, max(2, math.ceil(2.0 * room_m / CELL_M) + 1)).tolist()
     poses = np.array([shift_pose_ahead(pose, distance_m) for distance_m in along_m])
     body, ground = site.body, site.ground
     rooms = measure_rooms(

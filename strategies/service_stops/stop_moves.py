@@ -14,12 +14,12 @@ from operator import attrgetter
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_estimates import DETOUR_FACTOR, MOST_CUT_SHARE
+from strategies.programmes.move_estimates import CUTS_M, DETOUR_FACTOR, MOST_CUT_SHARE
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.rules.legs import MIN_LEG_M
 
-CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin for a better move
+STOP_CUTS_M = tuple(sorted({cut for cuts in CUTS_M for cut in cuts}))  # of one line, at its end or begin
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class StopMoves:
     def bound_flight_m(self, trip: Trip) -> float:
         """Metres that no move is shorter than."""
         _, a, b = next(self._list_ends(trip, (0.0,)))
-        return max(0.0, math.dist(a[:2], b[:2]) - max(CUTS_M))
+        return max(0.0, math.dist(a[:2], b[:2]) - max(STOP_CUTS_M))
 
     def _find(self, trip: Trip) -> Move | None:
         best: Move | None = None
@@ -91,7 +91,7 @@ class StopMoves:
 
     def _list_options(self, trip: Trip) -> Iterator[Move]:
         """Closed forms on which the body has room, also with the line cut back."""
-        for cut_m, a, b in self._list_ends(trip, CUTS_M):
+        for cut_m, a, b in self._list_ends(trip, STOP_CUTS_M):
             for move in self.table.moves.finder.list_moves(a, b):
                 yield self._charge_cut(trip, move, cut_m)
 

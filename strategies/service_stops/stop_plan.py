@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
+from fields.geometry.arithmetic import ROUNDING
 from strategies.path_planning.paths import Pose
 from strategies.rules.supply import PLACE, Supply
 from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
 from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
 
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
-SUM_TOLERANCE = 1e-9  # relative, of sums of the same legs in another order
 
 
 def build_stop_notes(stopped_missions: Sequence[MissionWithStops], supply: Supply) -> dict[str, Any]:
@@ -123,7 +123,7 @@ def infer_supply(missions: Sequence[Sequence[Leg]], width_m: float, served_at: s
         return None
     max_load_m = max(metres for legs in missions for metres in _list_worked_between_stops_m(legs))
     return Supply(
-        max_load_m * (1.0 + SUM_TOLERANCE) * width_m,
+        max_load_m * (1.0 + ROUNDING) * width_m,
         1.0,
         max(stops_s),
         served_at=PLACE if list_service_points(missions) else served_at,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from vehicle.missions.plan import Leg
 
 SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
-WAIT_POINT_STEP_M = 20.0  # between places to wait on the path to a place and back, with several tractors
+WAIT_POINT_STEP_M = SERVICE_CLEAR_M  # between places to wait on the path to a place and back, with several tractors
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,12 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
+from fields.geometry.arithmetic import ROUNDING
 from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.move_table import MoveTable
+from strategies.programmes.order_tours import NO_MOVE_S
 from strategies.rules.supply import PLACE, Supply
 from strategies.service_stops.stop_moves import StopMoves, Trip
 from strategies.service_stops.stops import SERVICE_CLEAR_M
@@ -27,8 +29,6 @@ from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, me
 from vehicle.missions.plan import ROUTE, Leg, LegTask
 
 Span = tuple[float, float]
-UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
-LOAD_TOLERANCE = 1e-9  # relative rounding of sums
 COST_TOLERANCE_S = 1e-6
 WaitEstimate = Callable[[int, float], float]
 """Seconds that a tractor waits to be served in a gap, given the seconds taken by stops before it."""
@@ -68,7 +68,7 @@ def choose_stops(
     `costs_s` (n) are the extra seconds of a stop in each gap; the first load is whole. Of equal sums the one with later
     stops is taken.
     """
-    count, most = len(needs.lines), capacity * (1.0 + LOAD_TOLERANCE)
+    count, most = len(needs.lines), capacity * (1.0 + ROUNDING)
     longest = most - min(0.0, min(needs.ways_on) + min(needs.ways_off))  # a bend may cut the line before a stop
     begun_s = [0.0] + [math.inf] * count
     came_from = [0] * (count + 1)
@@ -113,7 +113,7 @@ class Detour:
     depart: Move | None = None
 
 
-NOWHERE = Detour(UNREACHABLE_S, UNREACHABLE_S, UNREACHABLE_S, math.inf, math.inf)
+NOWHERE = Detour(NO_MOVE_S, NO_MOVE_S, NO_MOVE_S, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -299,7 +299,7 @@ class TourGaps:
         """Extra seconds of a stop in a gap with all charges, and the time to be served; the least where not found."""
         detour = self.get_bound(gap)
         if math.isinf(detour.off):
-            return UNREACHABLE_S
+            return NO_MOVE_S
         return detour.cost_s + self.load_supply.compute_stop_s(detour.off + detour.on - self.direct_needs[gap])
 
     @cached_property

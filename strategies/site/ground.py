@@ -13,11 +13,14 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from strategies.path_planning.machine_body import POINT_STEP_M
 from vehicle.jit import compile_function
 
 Floats = npt.NDArray[np.float64]
 
-CELL_M = 0.5  # of the grid: interpolated distances err by a few centimetres at corners
+CELL_M = (
+    POINT_STEP_M  # of the grid, and between places that are looked up in it: distances err by centimetres at corners
+)
 BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
 PATH_STEP_M = 0.4  # between the poses checked on a path
 AMPLE_M = 0.25  # beyond the room asked for: more makes no difference

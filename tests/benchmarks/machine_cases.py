@@ -13,7 +13,6 @@ from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m
-from planner.evaluation.work_order import RADIUS_FACTOR
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
@@ -26,7 +25,7 @@ from tests.benchmarks.machine_faults import (
 from tests.benchmarks.machine_fields import Condition, build_field, measure_fit
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
-from vehicle.model.tractor import Tractor, load_tractor
+from vehicle.model.tractor import RADIUS_FACTOR, Tractor, load_tractor
 
 SOLO, FORMATION = "row-by-row-optimised", "row-by-row"
 FORMATION_TRACTORS = 2

@@ -7,7 +7,7 @@ import tomllib
 import pytest
 
 from fields.errors import FieldError
-from fields.nested_text import MAX_JSON_LEVELS, MAX_KEY_PARTS, MAX_TOML_LEVELS, parse_json, parse_toml
+from fields.nested_text import MAX_JSON_LEVELS, MAX_TOML_LEVELS, parse_json, parse_toml
 from fields.text_files import MAX_COLUMNS, MAX_HEADER_CHARS, check_header
 
 AT_ONCE_S = 5.0  # of a hundred thousand characters; what was parsed first took 37 s and more
@@ -44,7 +44,7 @@ def test_strings_without_an_end_are_no_way_to_take_long(quotes: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        ".".join(["a"] * MAX_KEY_PARTS) + " = 1", "a = " + "[" * MAX_TOML_LEVELS + "]" * MAX_TOML_LEVELS, "",
+        ".".join(["a"] * MAX_TOML_LEVELS) + " = 1", "a = " + "[" * MAX_TOML_LEVELS + "]" * MAX_TOML_LEVELS, "",
         'a = "' + "." * 100 + "[" * 100 + '"', "a = '''\n" + "." * 100 + "[" * 100 + "'''", "# " + ".[" * 100,
         'a = """\n' + ". ' [" * 100 + '"""', '"' + "." * 100 + '" = 1.5', "a = [" + "1.5, " * 100 + "]",
         "\n".join(f"a.b{number} = 1.5" for number in range(100)),

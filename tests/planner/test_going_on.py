@@ -36,7 +36,8 @@ from reports.common.wording import format_duration
 from reports.plan.answer import write_answer
 from reports.plan.leg_list import describe_leg
 from reports.plan.plan_wording import describe_ranking
-from strategies.lines.done_lines import ASTRAY_RAD, START_OVERLAP_M
+from strategies.lines.done_lines import START_OVERLAP_M
+from strategies.lines.work_line import STRAIGHT_RAD
 from strategies.rules.supply import Supply
 from vehicle.missions.plan import Leg
 
@@ -134,7 +135,7 @@ def test_tractors_begin_where_they_stand(whole: PlanningResult, rests: dict[tupl
             x0, y0, heading0 = begun.get_poses(before)[-1]
             assert math.hypot(x - x0, y - y0) < 0.2
             # Beside a line and astray of it a tractor goes on as if it headed back to it already.
-            assert abs(math.remainder(heading - heading0, 2.0 * math.pi)) < 2.0 * ASTRAY_RAD
+            assert abs(math.remainder(heading - heading0, 2.0 * math.pi)) < 2.0 * STRAIGHT_RAD
 
 
 @pytest.mark.slow

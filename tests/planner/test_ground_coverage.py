@@ -15,7 +15,7 @@ from fields import Field
 from fields.geometry import overlays
 from fields.geometry.field_lines import EdgeOverhang
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_places import OVERHANG_TOLERANCE_M, Overhang, measure_overhang
+from planner.evaluation.ground.contact_places import Overhang, measure_overhang
 from planner.evaluation.ground.coverage import (
     compute_guided_path,
     count_reversals,
@@ -30,6 +30,7 @@ from planner.evaluation.ground.wheel_traffic import (
     FinishedGroundTraffic,
     measure_finished_ground_traffic,
 )
+from planner.evaluation.site import TOLERANCE_M
 from tests.examples import count_examples
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -372,7 +373,7 @@ class TestOutside:
         run = run_of(small_site, [(18.0, 60.0 + 0.02 * k, NORTH, True) for k in range(801)])
         found = measure_overhang(run, small_site)
         assert found.farthest_m == pytest.approx(76.0 + bar_to_nose - 80.0)
-        assert found.beyond_m == pytest.approx(found.farthest_m - 0.5 - OVERHANG_TOLERANCE_M, abs=0.05)
+        assert found.beyond_m == pytest.approx(found.farthest_m - 0.5 - TOLERANCE_M, abs=0.05)
 
     def test_the_farthest_of_all_tractors_and_the_driving_of_each(self, small_site: Any) -> None:
         run = run_of(small_site, pass_north(0.0, 20.0, 60.0), pass_north(36.0, 10.0, 60.0))

@@ -16,8 +16,8 @@ from strategies.lines.done_lines import (
     leave_done_lines,
     list_places_ahead,
 )
-from strategies.lines.lay_lines import STATION_M
 from strategies.lines.work_line import WorkLine
+from strategies.rules.legs import PATH_STEP_M
 from vehicle.missions.plan import SWATH, Leg, LegTask
 
 WIDTH_M, TOOL_M, LENGTH_M = 4.0, 2.0, 100.0
@@ -60,7 +60,7 @@ def test_a_line_half_done_is_cut_where_it_ends_with_the_overlap_of_a_start(error
     cut, *others = leave(done, error_m)
     join_m = START_OVERLAP_M + error_m
     west, east = measure_worked_x(cut)
-    assert 40.0 - join_m <= west <= 40.0 - join_m + error_m + STATION_M and east == LENGTH_M
+    assert 40.0 - join_m <= west <= 40.0 - join_m + error_m + PATH_STEP_M and east == LENGTH_M
     back = cut.paths[1]
     assert back[0, 0] == LENGTH_M - TOOL_M and back[-1, 0] == pytest.approx(west - TOOL_M)
     assert cut.both_ways and cut.own_m2 == pytest.approx(60.0 * WIDTH_M)
@@ -82,8 +82,8 @@ def test_what_position_errors_leave_is_no_reason_to_drive_a_line_again() -> None
 def test_work_in_the_middle_leaves_two_pieces_with_numbers_of_their_own() -> None:
     first, second, *_ = leave(shapely.box(30.0, -2.0, 60.0, 2.0))
     assert [(line.task.number, line.task.piece) for line in (first, second)] == [(0, 0), (0, 1)]
-    assert measure_worked_x(first)[1] == pytest.approx(31.0, abs=STATION_M)
-    assert measure_worked_x(second)[0] == pytest.approx(59.0, abs=STATION_M)
+    assert measure_worked_x(first)[1] == pytest.approx(31.0, abs=PATH_STEP_M)
+    assert measure_worked_x(second)[0] == pytest.approx(59.0, abs=PATH_STEP_M)
 
 
 def test_a_rest_has_the_name_of_its_line_where_what_came_before_is_not_gone_back_for() -> None:

@@ -7,7 +7,6 @@ import pytest
 from strategies.formations.columns import Column, find_runs
 from strategies.formations.rounds import (
     APPROACH_M,
-    SHORTEST_M,
     ColumnRound,
     ColumnTraffic,
     compute_needed_length_m,
@@ -18,6 +17,7 @@ from strategies.formations.rounds import (
     place_tractors,
 )
 from strategies.rules.driving_rules import DrivingRules
+from vehicle.missions.plan import MAX_JOINT_GAP_M
 
 RULES = DrivingRules(2.0, 2.0, 1.0, 5.0, 1.0)  # rows 10 m apart, 8 m held back
 NORTH, SOUTH = 0.5 * math.pi, -0.5 * math.pi
@@ -62,7 +62,7 @@ def test_who_passes_moves_places_on_and_the_queue_back() -> None:
 def test_the_least_length_has_just_room(tractors: int) -> None:
     rows = max(get_row(tractor, tractors) for tractor in range(tractors))
     needed_m = compute_needed_length_m(RULES, rows)
-    assert needed_m == pytest.approx((rows - 1) * 10.0 + 8.0 + APPROACH_M + SHORTEST_M)
+    assert needed_m == pytest.approx((rows - 1) * 10.0 + 8.0 + APPROACH_M + MAX_JOINT_GAP_M)
     assert has_room(draw_round(tractors, needed_m + 1e-6), RULES)
     assert not has_room(draw_round(tractors, needed_m - 1e-3), RULES)
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from fields.errors import HeadlandError
+from fields.terrain.point_files import RTK_FIXED
 from fields.text_files import count_noun
-from planner.pipeline.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
+from planner.pipeline.example_logs import DDI_COLUMNS, encode_records
 from planner.task_logs.formats.isoxml_logs import TLG_EPOCH, parse_time_log
 from planner.task_logs.formats.log_format import format_time
 from planner.task_logs.log_import import import_runs, read_task_logs
@@ -90,7 +91,7 @@ def test_a_log_cut_off_anywhere_keeps_what_is_whole() -> None:
 
 
 def test_a_log_out_of_step_ends_there() -> None:
-    head = struct.pack("<IHiiB", 0, 16_000, 480_000_000, 150_000_000, FIX_QUALITY)
+    head = struct.pack("<IHiiB", 0, 16_000, 480_000_000, 150_000_000, RTK_FIXED)
     good, bad = head + b"\x01" + struct.pack("<Bi", 0, 7), head + b"\x01" + struct.pack("<Bi", len(DDI_COLUMNS), 7)
     log = parse_time_log(HEADER.encode(), good + bad + good, "x")
     assert len(log.time_s) == 1 and log.lost_bytes == len(bad + good)

@@ -28,6 +28,7 @@ from vehicle.model.validation_messages import describe_validation_errors
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
 
 ROAD_WIDTH_M = 3.0  # of mounted and drawn implements on German roads, at most (StVZO 32)
+RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
 FOLD_S = 30.0  # assumed: hydraulic, from the seat and without the locks that a road asks for
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Seconds = Annotated[float, Field(ge=0, allow_inf_nan=False)]

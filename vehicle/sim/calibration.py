@@ -24,7 +24,7 @@ from vehicle.sim.loop import run_fixed
 from vehicle.sim.pymunk_bridge import PymunkEngine, create_body, create_space
 
 CIRCLE_SPEED_MPS = 5.0 / KMH_PER_MPS  # speed of the thesis's experiments
-MEASURED_STEPS = 60  # the last second, when the circle has settled
+MEASURED_STEPS = round(1.0 / DT_S)  # the last second, when the circle has settled
 BASE_LOCK_DEG = 55.0  # more than any tractor, so that the base model reaches every measured radius
 TABLE_STEPS = 281  # a quarter of a degree apart at a lock of 35
 SETTLING_TIME_S = 20.0  # of a circle: longer changes its radius by less than a millionth

@@ -45,7 +45,7 @@ START_SPACING_M = 1000.0
 MAX_REAR_SLIP_DEG, MAX_GROWTH_DEG = 30.0, 0.5
 CONTROLLED_POINT_M = -0.6  # ahead of the centre of mass; not printed: with it Tables 3.3 and 4.3 come out closest
 UNLIMITED_M = 1000.0  # plans limit the lateral error of Eq. 2.5; the experiments do not, like the thesis
-STEP_LOOKAHEAD_M, WAVE_LOOKAHEAD_M, SLIP_LOOKAHEAD_M = 5.0, 5.0, 1.8
+LOOKAHEAD_M, SLIP_LOOKAHEAD_M = 5.0, 1.8
 
 
 @compile_function
@@ -318,7 +318,7 @@ def configure_tractor(
     tractor: Tractor,
     steering: str = "proposed",
     *,
-    lookahead_m: float = STEP_LOOKAHEAD_M,
+    lookahead_m: float = LOOKAHEAD_M,
     limit_m: float = UNLIMITED_M,
     point_m: float = CONTROLLED_POINT_M,
 ) -> Tractor:

@@ -29,12 +29,12 @@ ANGLES_DEG = (25.0, 30.0, 35.0)
 STRAIGHT_TIME_S, DRIVE_DURATION_S = 1.0, 60.0
 MEASURED_AHEAD_M = 0.6  # the point whose circle is measured: it reproduces the kinematic column of Table 4.1
 BEST_HYPOTHESIS = "speed sags and friction circle as small as the rear side limit, rolling resistance 0.0204, no curve"
-WAVE_DEG, WAVE_PERIOD_S, WAVE_SECONDS = 35.0, 20.0, 80.0  # assumed: Fig. 4.7 is lost
+WAVE_PERIOD_S = 20.0  # assumed, as the four periods driven and the steepest angle: Fig. 4.7 is lost
 STUDY_LIMITS_DEG = tuple(float(limit) for limit in range(1, 11))
 STUDY_SLOPES_PER_DEG = tuple(round(0.001 * step, 3) for step in range(1, 21))
-STUDY_STEERING_DEG, STUDY_DURATION_S, STUDY_RECORD_EVERY = 35.0, 40.0, 6
+STUDY_STEERING_DEG = ANGLES_DEG[-1]
+STUDY_DURATION_S, STUDY_RECORD_EVERY = 40.0, 6
 AXLES = ("front", "rear")
-MASS_STEPS = 11
 MIN_AXLE_DISTANCE_M = 0.7  # the centre of mass stays this far from either axle
 
 
@@ -86,8 +86,8 @@ def drive_table_4_1(tractor: Tractor, curve: FrictionCurve | None = ENGINE_CURVE
 
 def drive_changing_steering(tractor: Tractor) -> dict[str, Trace]:
     """Section 4.3.2: one drive per model, with a sine of the steering applied to the wheels at once."""
-    time = DT_S * np.arange(round(WAVE_SECONDS / DT_S))
-    commands = np.tile(WAVE_DEG * np.sin(2.0 * math.pi * time / WAVE_PERIOD_S)[:, None], (1, len(TYRE_MODELS)))
+    time = DT_S * np.arange(round(4.0 * WAVE_PERIOD_S / DT_S))
+    commands = np.tile(ANGLES_DEG[-1] * np.sin(2.0 * math.pi * time / WAVE_PERIOD_S)[:, None], (1, len(TYRE_MODELS)))
     direct = [replace_steering(tractor, "none")] * len(TYRE_MODELS)
     traces = drive_by_steering_commands(direct, [get_tyres("soil", model) for model in TYRE_MODELS], commands)
     return dict(zip(TYRE_MODELS, traces, strict=True))
@@ -223,7 +223,7 @@ def compute_tyre_maps(
 def sweep_centre_of_mass(tractor: Tractor, *, tyres: Tyres | None = None) -> CentreOfMassSweep:
     """Move the centre of mass from near the front axle to near the rear axle."""
     base = tractor.wheelbase_m
-    places = tuple(float(place) for place in np.linspace(MIN_AXLE_DISTANCE_M, base - MIN_AXLE_DISTANCE_M, MASS_STEPS))
+    places = tuple(float(place) for place in np.linspace(MIN_AXLE_DISTANCE_M, base - MIN_AXLE_DISTANCE_M, 11))
     variants = [move_centre_of_mass(tractor, place) for place in places]
     tractors = variants * len(ANGLES_DEG)
     angles = [angle for angle in ANGLES_DEG for _ in places]

@@ -22,11 +22,10 @@ from vehicle.model.tractor import Tractor
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS
 from vehicle.trials.drive import (
     CONTROLLED_POINT_M,
+    LOOKAHEAD_M,
     RUN_OUT_M,
     SLIP_LOOKAHEAD_M,
-    STEP_LOOKAHEAD_M,
     UNLIMITED_M,
-    WAVE_LOOKAHEAD_M,
     Trace,
     build_sine_mission,
     build_straight_mission,
@@ -35,7 +34,6 @@ from vehicle.trials.drive import (
 )
 
 YARD_M, PASS_M, TURN_RADIUS_M, SPACING_M, YARD_RADIUS_M = 20.0, 167.0, 4.5, 3.0, 6.0
-REVERSE_MPS = 1.0
 FIRST_PASS, SECOND_PASS = 2, 6
 UNMEASURED_END_M = 3.0  # the last metres before a stop are not measured
 OFFSETS_CM = (-200, -150, -100, -50, 50, 100, 150, 200)
@@ -146,7 +144,7 @@ def build_navigation_mission() -> Mission:
     x = float(into[-1, 0])
     second = np.array([[x, top], [x, 0.0]])
     work = {"ground": "soil", "task": LegTask(SWATH)}
-    back_leg = build_leg(back, gear=-1, speed_mps=REVERSE_MPS)
+    back_leg = build_leg(back, gear=-1, speed_mps=1.0)
     first_leg, second_leg = build_leg(first, **work), build_leg(second, **work)
     return Mission(
         (build_leg(yard), build_leg(u_turn), first_leg, build_leg(out), back_leg, build_leg(into), second_leg)
@@ -165,8 +163,8 @@ def drive_navigation(tractor: Tractor, *, position_errors: Table = NO_ERROR, see
 def _measure_pass(mission: Mission, trace: Trace, leg: int) -> ErrorSizes:
     rows = trace.get_column("leg") == leg
     points = mission.legs[leg].points
-    errors = compute_deviation(trace.compute_path()[rows], trace.get_column("angle")[rows], points, STEP_LOOKAHEAD_M)
-    part = errors.along_m < mission.legs[leg].length_m - max(UNMEASURED_END_M, STEP_LOOKAHEAD_M)
+    errors = compute_deviation(trace.compute_path()[rows], trace.get_column("angle")[rows], points, LOOKAHEAD_M)
+    part = errors.along_m < mission.legs[leg].length_m - max(UNMEASURED_END_M, LOOKAHEAD_M)
     return errors.select(part).compute_sizes(100.0)
 
 
@@ -270,7 +268,7 @@ def drive_slip_test(
 
 
 def drive_zigzag(
-    tractor: Tractor, omega: float, steering: str = "proposed", *, lookahead_m: float = WAVE_LOOKAHEAD_M
+    tractor: Tractor, omega: float, steering: str = "proposed", *, lookahead_m: float = LOOKAHEAD_M
 ) -> PathTracking:
     """Section 3.3 at 5 km/h, the path of Eq. 3.1 with the corrected base model."""
     path = build_sine_mission(AMPLITUDE_M, omega, PERIODS, CIRCLE_SPEED_MPS, "soil")

@@ -20,7 +20,7 @@ from vehicle.twin.propagation import CommandBuffer, PropagatedTractor, propagate
 MAX_LATENESS_STEPS = 240  # 4 s
 OUTLIER_SIGMAS = 8.0  # standard deviations beyond which a fix is an outlier
 MAX_OUTLIERS = 3  # as many in a row are accepted
-CORRECTION_STEPS = 60  # between two corrections of the thesis
+CORRECTION_STEPS = round(1.0 / DT_S)  # between two corrections of the thesis
 BLEND_STEPS = 12  # over which a correction is spread (assumed: 0.2 s)
 NO_ADAPTATION = np.zeros(2)
 

@@ -12,24 +12,22 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import subtract, unite
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_excursion_m, measure_outside_m
 from planner.evaluation.machine_outlines import build_body
-from planner.evaluation.site import MAX_OUTSIDE_M
+from planner.evaluation.site import MAX_OUTSIDE_M, TOLERANCE_M
 from reports.common.plan_records import FENCE, OBSTACLE, OUTLINE, PlanFault
 from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 
 CHECK_ROW_STEP = 2  # rows of the 10 Hz record between checks: under half a metre of driving
-TOLERANCE_M = 1e-6
 MIN_OVERLAP_M = 0.01  # thinner overlaps do not count
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are one
 POINT_STEP_M = 0.25  # between the points of a machine's outline whose distance from the field is measured
-FAR_OUTSIDE_M = 1000.0  # beyond the field: no machine gets there
-OVERHANG_TOLERANCE_M = 0.05  # beyond what is allowed does not count: planned paths are followed no closer
 Rows = npt.NDArray[np.int64]
 Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
@@ -163,7 +161,7 @@ class FenceIntrusionCheck(_IntrusionCheck):
     def _measure_boxes_m(self, boxes: Boxes) -> float:
         corners = shapely.points(shapely.get_coordinates(boxes))
         outside = shapely.distance(corners, self._area)
-        nearest = shapely.distance(corners, self._shape) <= outside + TOLERANCE_M
+        nearest = shapely.distance(corners, self._shape) <= outside + GRID_M
         overhang_m = float(np.max(outside[nearest], initial=0.0))  # of the corners of boxes that touch the fence
         return max(overhang_m, _measure_post_depth_m(boxes, self._shape))
 
@@ -351,12 +349,12 @@ def _iter_grounds(
     where parts of machines may be."""
     field = context.layout.field
     outline = shapely.Polygon(field.whole_boundary.exterior)
-    region = field.compute_overhang_region(context.request.overhang_m).buffer(OVERHANG_TOLERANCE_M)
+    region = field.compute_overhang_region(context.request.overhang_m).buffer(TOLERANCE_M)
     for at_gate, gate in ((False, shapely.Polygon()), (True, context.gate_area)):
         ground = unite([outline, gate])
         allowed = unite([region, ground])
         shapely.prepare([ground, allowed])
-        beyond = subtract(ground.envelope.buffer(FAR_OUTSIDE_M, join_style="mitre"), ground)
+        beyond = subtract(ground.envelope.buffer(1000.0, join_style="mitre"), ground)  # no machine gets farther
         for folded, state in ((False, context), (True, context.folded)):
             yield at_gate, folded, TouchTable(state, beyond), ground, allowed
 

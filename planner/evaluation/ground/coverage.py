@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.arithmetic import EDGE_M, MITRE_LIMIT
 from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.left_out import find_left_out_ground
@@ -28,8 +29,6 @@ MIN_CELL_M = 1.0
 BUFFER_FACTOR = 1.05  # buffers have chords for arcs, and are too small by at most this factor
 Points = npt.NDArray[np.float64]
 MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
-TOUCHING_M = 1e-3
-MITRE_LIMIT = 2.0
 
 
 @compile_function
@@ -168,7 +167,7 @@ def _find_largest_piece(unworked: shapely.Geometry, neck_m: float) -> UnworkedPi
     if not len(pieces) + len(thin):
         return None
     areas = np.concatenate([shapely.area(pieces), np.zeros(len(thin))])
-    link, piece = shapely.STRtree(pieces).query(thin, predicate="dwithin", distance=TOUCHING_M)
+    link, piece = shapely.STRtree(pieces).query(thin, predicate="dwithin", distance=EDGE_M)
     for number, part in enumerate(thin):
         adjacent = piece[link == number]
         areas[adjacent[0] if len(adjacent) == 1 else len(pieces) + number] += part.area

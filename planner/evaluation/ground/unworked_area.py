@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from fields.geometry.arithmetic import GRID_M
-from fields.geometry.field import MIN_FENCE_MARGIN_M
+from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
+from fields.geometry.field import MIN_FENCE_MARGIN_M, MIN_REPORTED_M2
 from fields.geometry.overlays import extract_polygons, intersect, subtract, unite
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
@@ -22,12 +22,10 @@ from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
 
 MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
-MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
 HECTARES_FROM_M2 = 1000.0
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle that lines are interrupted by
-MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
 MENTIONED_SHARE = 0.01  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
 LEFT_OUT = "left out as asked"
@@ -70,7 +68,7 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         due = ((why, shapely.difference(part, done, grid_size=GRID_M)) for why, part in parts_by_reason)
         parts_by_reason = [(why, extract_polygons(part)) for why, part in due]
     areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
-    return tuple(one for one in areas if one.area_m2 >= MIN_AREA_M2)
+    return tuple(one for one in areas if one.area_m2 >= MIN_REPORTED_M2)
 
 
 def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None) -> str | None:
@@ -135,7 +133,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
             extract_polygons(band),
         )
     wide = boundary.buffer(-half + EDGE_M, join_style="mitre", mitre_limit=MITRE_LIMIT)
-    wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_LIMIT)
+    wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
     yield f"narrower than the implement ({layout.width_m:g} m)", extract_polygons(subtract(boundary, wide))
     small = unite(layout.field.small_obstacles).buffer(BEND_ZONE_WIDTHS * layout.width_m)
     yield "beside obstacles that are driven round", small

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import Areas, clip_area, intersect, subtract, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.swept_area import Rows, SweptArea, compute_swept_between_rows
@@ -19,7 +20,6 @@ from vehicle.records import REC_POSE
 TYRE_WIDTH_M = 0.4
 WHEEL_ROW_STEP = 5  # rows of the 10 Hz record between points of a wheel's path
 SIMPLIFY_M = 0.0005  # tolerance of a wheel's path
-STILL_M = 1e-6
 LONG_SPAN_ROWS = 200  # twenty seconds of driving are evaluated together
 SHORT_SPAN_ROWS = 20  # two seconds, where the ground is worked meanwhile
 
@@ -183,7 +183,7 @@ def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Rows, *, wid
     )
     wheels = wheels if wide else wheels[2:].mean(axis=0, keepdims=True)
     steps = np.hypot(*np.diff(wheels, axis=1).transpose(2, 0, 1)) * (owner[1:] == owner[:-1])
-    has_moved = np.stack([np.bincount(owner[1:], each, len(spans)) for each in steps], axis=1) > STILL_M
+    has_moved = np.stack([np.bincount(owner[1:], each, len(spans)) for each in steps], axis=1) > GRID_M
     lines = np.empty((len(spans), len(wheels)), dtype=np.object_)
     for k, wheel in enumerate(wheels if len(spans) else ()):
         lines[:, k] = shapely.linestrings(wheel, indices=owner)

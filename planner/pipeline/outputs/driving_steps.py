@@ -20,6 +20,7 @@ from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from planner.request.plan_request import STANDING_CROP_OPERATIONS
 from reports.common.plan_records import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter, name_line
+from strategies.rules.legs import MIN_STEP_M
 from vehicle.arrays import measure_along
 from vehicle.missions.plan import (
     DRIVE,
@@ -50,7 +51,6 @@ MAX_SKEW_SHARE = 0.02  # of the length: swaths of one cell diverge by no more
 MIN_SPACING_SHARE = 0.5  # of the width: swaths of one cell are never nearer
 MAX_TURN_M = 60.0  # a longer one is a route, whatever its shape
 MIN_U_TURN_RAD, MIN_BULB_RAD = math.radians(135.0), math.radians(225.0)  # a turn by less is no U; one by more is a bulb
-MIN_LENGTH_M = 1e-3
 
 MIN_CROSSED_M = 5.0  # on finished ground: less is the end of a turn, and what is not named is less together
 HEADLAND = "headland"  # what finished headland passes are called, beside the names of tracks
@@ -279,7 +279,7 @@ def _compute_bearing_deg(legs: Sequence[Leg]) -> float | None:
     """Direction of the middle half, clear of corners driven in a bend, clockwise from north; None for a loop."""
     begin, end = legs[0].points[0], legs[-1].points[-1]
     length = sum(leg.length_m for leg in legs)
-    if math.hypot(*(end - begin).tolist()) < max(LOOP_SHARE * length, MIN_LENGTH_M):
+    if math.hypot(*(end - begin).tolist()) < max(LOOP_SHARE * length, MIN_STEP_M):
         return None
     line = shapely.LineString(np.concatenate([leg.points for leg in legs]))
     a, b = (line.interpolate(share, normalized=True) for share in (0.25, 0.75))
@@ -292,7 +292,7 @@ def _classify_turn(legs: Sequence[Leg]) -> str:
         return "switch-back"
     points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
     steps = np.diff(points, axis=0)
-    steps = steps[np.hypot(*steps.T) > MIN_LENGTH_M]
+    steps = steps[np.hypot(*steps.T) > MIN_STEP_M]
     bends = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
     left_rad, right_rad = float(bends[bends > 0].sum()), float(-bends[bends < 0].sum())
     if max(left_rad, right_rad) < MIN_U_TURN_RAD:

@@ -23,7 +23,9 @@ from fields.formats.guidance import (
     PlanGuidance,
     TractorLines,
 )
+from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.geodesy import LocalPlane, project
+from fields.layout.contours import STRAIGHT_M
 from planner.errors import RequestError, mark_parameter, suggest_name
 from reports.common.palette import get_tractor_colour
 from reports.plan.guidance_export import GUIDANCE_FORMATS, find_guidance_format
@@ -32,12 +34,6 @@ from vehicle.errors import MissionError
 from vehicle.missions.plan import ENTER, LEAVE, REFILL, Leg, LegTask, Plan
 from vehicle.missions.plan import SWATH as SWATH_TASK
 from vehicle.missions.plan_file import SavedPlan
-
-STRAIGHT_TOLERANCE_M = 0.01
-"""A line within this distance of its chord is straight."""
-CURVE_TOLERANCE_M = 0.001
-"""Tolerance for dropping points of a curve."""
-ORDER_DIGITS = 2
 
 Metres = npt.NDArray[np.float64]
 
@@ -58,7 +54,7 @@ def build_guidance(saved: SavedPlan, tractor: int | None = None) -> PlanGuidance
     """The guidance of a saved plan, or of one of its tractors, counted from 1.
 
     A line is what a tractor works in one go on a swath or a side of a headland pass; it has two points if it is
-    straight to STRAIGHT_TOLERANCE_M. Its name gives tractor, driving order and swath: ``T1 03 track 14``.
+    straight to STRAIGHT_M. Its name gives tractor, driving order and swath: ``T1 03 track 14``.
 
     Raises:
         RequestError: the plan has no coordinate system, or no such tractor.
@@ -110,7 +106,7 @@ def _name_line(task: LegTask) -> str:
 def _iter_lines(plan: Plan, number: int, convert: ConvertToDegrees) -> Iterator[GuidedLine]:
     """The lines of a tractor in driving order."""
     segments = list(_iter_worked_segments(plan.missions[number - 1].legs))
-    digits = max(ORDER_DIGITS, len(str(len(segments))))
+    digits = max(2, len(str(len(segments))))
     for order, (task, points_m) in enumerate(segments, start=1):
         line_name = _name_line(task)
         points = convert(points_m)
@@ -139,13 +135,11 @@ def _simplify_line(points: Metres) -> Metres:
     ends = points[[0, -1]]
     chord = shapely.linestrings(ends)
     if (
-        float(shapely.distance(shapely.points(points), chord).max()) <= STRAIGHT_TOLERANCE_M
+        float(shapely.distance(shapely.points(points), chord).max()) <= STRAIGHT_M
         and np.hypot(*(ends[1] - ends[0])) > 0
     ):
         return ends
-    simplified: Metres = shapely.get_coordinates(
-        shapely.linestrings(points).simplify(CURVE_TOLERANCE_M, preserve_topology=False)
-    )
+    simplified: Metres = shapely.get_coordinates(shapely.linestrings(points).simplify(EDGE_M, preserve_topology=False))
     return simplified
 
 

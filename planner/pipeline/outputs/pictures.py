@@ -12,7 +12,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.geometry.arithmetic import GRID_M
-from fields.geometry.field import Field
+from fields.geometry.field import MIN_REPORTED_M2, Field
 from fields.geometry.obstacles import LINE, POINT, Obstacle
 from fields.layout.cells import Cell
 from fields.layout.swaths import Layout
@@ -26,7 +26,7 @@ from fields.terrain.slopes import (
 )
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
-from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, find_unworked_areas
+from planner.evaluation.ground.unworked_area import UnworkedArea, find_unworked_areas
 from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
@@ -41,7 +41,6 @@ from strategies.moves.move_finder import MoveFinder
 from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH
 from vehicle.missions.run import SimulationRun
 
-OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
 USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
 """Heights are exaggerated so that nine tenths of the slopes look no steeper than this; below the last they are flat."""
 MAX_SHADE_PIXELS = 300
@@ -185,7 +184,7 @@ def _build_cell_outline(cell: Cell) -> CellOutline:
 
 def list_simplified_rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, ...]:
     """Outlines and holes of pieces of ground, simplified for drawing."""
-    plain = (orient(piece.simplify(OUTLINE_TOLERANCE_M), 1.0) for piece in pieces)
+    plain = (orient(piece.simplify(0.1), 1.0) for piece in pieces)  # a picture needs no finer
     return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))
 
 
@@ -357,7 +356,7 @@ def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, flo
 def build_outline_picture(context: PlanningContext) -> PlanDrive:
     """The field with its layout, without tractors; ground that the layout leaves unworked is shown as missed."""
     layout = context.layout
-    unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_AREA_M2]
+    unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_REPORTED_M2]
     unworked.sort(key=lambda piece: -round(piece.area, 3))
     largest = _build_piece(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"

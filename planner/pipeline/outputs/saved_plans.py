@@ -17,7 +17,7 @@ import shapely
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.field_physics import HEIGHT_DECIMALS, FieldPhysics, build_level_physics
+from planner.evaluation.field_physics import SAVED_DECIMALS, FieldPhysics, build_level_physics
 from planner.evaluation.work_order import PlannedLayout, load_gnss_errors, size_implement
 from planner.farm.workday import ROAD, Duty, Workday
 from planner.pipeline.outputs.driving_steps import Steps, delay_steps, list_steps
@@ -55,13 +55,12 @@ LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sec
 """Parameters that plans without them do not name, so that an older Headland can read those."""
 LATER_IMPLEMENT = ("transport_width_m", "fold_s")
 """Values of an implement that are left out where they are usual, for the same reason."""
-COORDINATE_DECIMALS = 4
 STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
 WORKDAY_KEY = "workday"  # among these: what precedes field work, breaks and shift
 MOST_BREAKS = 1000  # of a saved day
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
 MAX_SAVED_NODES = 4_000_000
-_UNIT = 10**HEIGHT_DECIMALS
+_UNIT = 10**SAVED_DECIMALS
 
 
 @dataclass(frozen=True, eq=False)
@@ -367,9 +366,7 @@ def _export_ground(context: PlanningContext) -> dict[str, Any]:
             for one in field.obstacles
             for part in shapely.get_parts(one.shape)
         ],
-        "entrance_m": None
-        if field.entrance is None
-        else [round(value, COORDINATE_DECIMALS) for value in field.entrance],
+        "entrance_m": None if field.entrance is None else [round(value, SAVED_DECIMALS) for value in field.entrance],
     }
 
 
@@ -399,7 +396,7 @@ def read_planned_layout(saved: SavedPlan) -> PlannedLayout:
 
 def _export_rings(polygon: shapely.Polygon) -> list[list[list[float]]]:
     loops = (polygon.exterior, *polygon.interiors)
-    return [shapely.get_coordinates(loop)[:-1].round(COORDINATE_DECIMALS).tolist() for loop in loops]
+    return [shapely.get_coordinates(loop)[:-1].round(SAVED_DECIMALS).tolist() for loop in loops]
 
 
 def export_physics(physics: FieldPhysics, request: PlanRequest, tractor: Tractor) -> dict[str, Any]:

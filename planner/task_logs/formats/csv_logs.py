@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from fields.text_files import CellTable, parse_number, quote_path, read_table
+from fields.units import DAY_S, KILO, MINUTE_S
 from planner.errors import shorten_value, suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import UNIX_EPOCH, parse_timestamp
@@ -47,7 +48,7 @@ REQUIRED_COLUMNS = ("time", "longitude", "latitude")
 TRUE_TEXTS = ("true", "on", "yes", "working", "down")
 FALSE_TEXTS = ("", "false", "off", "no", "not working", "up", "nan", "null", "none", "n/a", "-")
 MAX_SECONDS = 1e10  # in the year 2286, since 1970
-WEEK_S, WEEK_MS, MINUTE_S = 604_800, 604_800_000, 60
+WEEK_S = 7 * DAY_S
 MIN_STEP_MS = 50.0  # between the rows of a receiver
 TIME_HINT = "write seconds, or 2020-01-02T17:30:20"
 
@@ -147,7 +148,7 @@ def _are_times_of_day(numbers: Array) -> bool:
 
 def _are_milliseconds_of_week(numbers: Array) -> bool:
     """Whether numbers are milliseconds of a GPS week: too far apart for seconds, unless these are whole minutes."""
-    is_in_week = numbers.min() >= 0.0 and WEEK_S < numbers.max() <= WEEK_MS
+    is_in_week = numbers.min() >= 0.0 and WEEK_S < numbers.max() <= KILO * WEEK_S
     step = float(np.median(np.diff(numbers))) if len(numbers) > 1 else 0.0
     return bool(is_in_week and (numbers % 1.0 == 0.0).all() and step >= MIN_STEP_MS and step % MINUTE_S != 0.0)
 

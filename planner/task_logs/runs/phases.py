@@ -28,9 +28,8 @@ from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING, TRANSIT, TUR
 
 MIN_STOP_S = 5.0
 MAX_TURN_M = 200.0
-MIN_GAP_S, GAP_STEP_RATIO = 5.0, 5.0  # a step this long, and this many times the median one, is a gap
-GAP_STANDING_MPS = 0.1  # mean speed over a gap below which the machine stood
-U_TURN_DEG, U_TURN_SLACK_DEG = 180.0, 30.0
+GAP_STEP_RATIO = 5.0  # a step as long as a stop, and this many times the median one, is a gap
+U_TURN_SLACK_DEG = 30.0
 BEND_LENGTH_M = 5.0  # of work before and after a turn, for its direction
 Kinds = npt.NDArray[np.int8]
 MOVING_MPS = 0.2  # slower rows do not count for the working speed
@@ -60,7 +59,7 @@ class LoggedTurn:
     @property
     def is_u_turn(self) -> bool:
         """Whether it leads back without a stop."""
-        return abs(self.bend_deg - U_TURN_DEG) <= U_TURN_SLACK_DEG and self.standing_s < MIN_STOP_S
+        return abs(self.bend_deg - 180.0) <= U_TURN_SLACK_DEG and self.standing_s < MIN_STOP_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +75,8 @@ class RunPhases:
 def classify_phases(run: ProjectedRun) -> RunPhases:
     """The kind of every step of a run, and its stops and turns."""
     durations_s, steps_m = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
-    gaps = (durations_s > MIN_GAP_S) & (durations_s > GAP_STEP_RATIO * np.median(durations_s))
-    is_still = np.where(gaps, steps_m < GAP_STANDING_MPS * durations_s, run.speed_mps[:-1] < STANDING_MPS)
+    gaps = (durations_s > MIN_STOP_S) & (durations_s > GAP_STEP_RATIO * np.median(durations_s))
+    is_still = np.where(gaps, steps_m < STANDING_MPS * durations_s, run.speed_mps[:-1] < STANDING_MPS)
     is_standing, stops_s = _find_stops(durations_s, is_still)
     kinds = np.full(len(durations_s), ACTIVITY_KINDS.index(TRANSIT), dtype=np.int8)
     is_working = run.is_working[:-1] & ~gaps
@@ -144,7 +143,7 @@ def summarise_run(run: ProjectedRun) -> RunFigures:
     has_work_state, counters = run.has_work_state, run.counters
     is_working = run.is_working[:-1]
     # Positions drift while a machine stands.
-    is_moving = (run.speed_mps[:-1] >= STANDING_MPS) | (durations_s > MIN_GAP_S)
+    is_moving = (run.speed_mps[:-1] >= STANDING_MPS) | (durations_s > MIN_STOP_S)
     active, inactive = (
         float(steps[rows & is_moving].sum()) if has_work_state else None for rows in (is_working, ~is_working)
     )

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.geometry.coordinates import MAX_NEAR_DEG
 from fields.geometry.geodesy import find_utm_crs, project
 from fields.geometry.outline_cleaning import find_largest_polygon
 from vehicle.identification.logs.gating import FASTEST_MPS
@@ -22,7 +23,6 @@ COUNTERS = (ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S, AREA_M2, FUEL_L)
 """Totals that machines count, by their keys in the files of runs."""
 WGS84 = "EPSG:4326"
 COURSE_STEP_M = 0.3  # distance of positions for a course: ten times the scatter of receivers
-MAX_OUTLINE_DEG = 1.0  # between a run and the outline of its field; one farther off has its axes swapped, or is lost
 STANDING_MPS = 0.15  # about half a km/h; slower is standing
 
 
@@ -110,7 +110,8 @@ class LogContents:
 
 def project_run(run: LoggedRun) -> ProjectedRun:
     """The run in metres of the UTM zone of its field, without an outline that lies elsewhere; raises FieldError."""
-    is_near = bool(run.outline) and bool((np.abs(run.outline[0] - run.lonlat[0]) < MAX_OUTLINE_DEG).all())
+    # An outline farther off has its axes swapped, or is lost.
+    is_near = bool(run.outline) and bool((np.abs(run.outline[0] - run.lonlat[0]) < MAX_NEAR_DEG).all())
     place = run.outline[0][0] if is_near else run.lonlat[0]
     crs = find_utm_crs(float(place[0]), float(place[1]))
     xy = project(run.lonlat, WGS84, crs)

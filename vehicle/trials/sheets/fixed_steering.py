@@ -65,7 +65,6 @@ from vehicle.trials.sheets.sheet import (
 
 CIRCLES = (("2.9", "eg105", "asphalt"), ("2.10", "eg105", "soil"), ("5.1", "mr1000a", "soil"))
 CIRCLE_ANGLES_DEG = (5, 10, 15, 20, 25, 30, 35)
-SHOWN_S = 30.0
 MIN_DRIVE_S, MAX_DRIVE_S, MAX_SPEED_KMH = 20.0, 3600.0, 30.0
 SHOWN_RADII, WIDEST_SHOWN_M = 3.0, 100.0
 MAX_CIRCLE_RADIUS_M = 1e6  # a radius beyond this is no circle
@@ -199,7 +198,7 @@ def _build_fixed_panels(
     return (*paths, *(build_slip_panel(f"Slip at 35 degrees, {title}", drive.trace) for title, drive in shown))
 
 
-def build_trajectory_panel(title: str, traces: dict[str, Trace], seconds: float = SHOWN_S) -> PlotPanel:
+def build_trajectory_panel(title: str, traces: dict[str, Trace], seconds: float = 30.0) -> PlotPanel:
     """Paths of the centre of mass to scale, each from its own start."""
     places = (trace.compute_path(0.0)[trace.time_s <= seconds] for trace in traces.values())
     lines = [build_track_line(label, place, k) for k, (label, place) in enumerate(zip(traces, places, strict=True))]

@@ -10,7 +10,7 @@ import numpy as np
 
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.tractor import Tractor
-from vehicle.trials.drive import CONTROLLED_POINT_M, SLIP_LOOKAHEAD_M, UNLIMITED_M, Trace
+from vehicle.trials.drive import CONTROLLED_POINT_M, LOOKAHEAD_M, SLIP_LOOKAHEAD_M, UNLIMITED_M, Trace
 from vehicle.trials.path_following import (
     AMPLITUDE_M,
     FIRST_PASS,
@@ -51,7 +51,7 @@ from vehicle.trials.sheets.sheet import (
     build_time_panel,
 )
 
-LOOKAHEADS_M = (5.0, 3.0)
+LOOKAHEADS_M = (LOOKAHEAD_M, 3.0)
 SIMULATORS = ("proposed", "traditional", "none")
 NOT_PRINTED = "the thesis shows the zigzag in figures and prints no number"
 POINTS_M = (0.0, -0.3, -0.6, -0.75)

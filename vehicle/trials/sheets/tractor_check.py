@@ -20,7 +20,7 @@ from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 from vehicle.model.gnss import load_default_error_table
 from vehicle.model.ground import list_ground_names
-from vehicle.model.tractor import Implement, Tractor, remove_log_corrections
+from vehicle.model.tractor import RADIUS_FACTOR, Implement, Tractor, remove_log_corrections
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS, SteeringCircle, drive_circle
 from vehicle.sim.world import simulate
 from vehicle.trials.drive import build_straight_mission, follow_mission
@@ -38,9 +38,7 @@ from vehicle.trials.sheets.sheet import (
 TRIAL_GROUND = "soil"
 LANE_M, LANE_AT_M, LANE_TOLERANCE_M = 1.0, 20.0, 0.05
 PATH_LENGTH_M, SETTLING_M = 100.0, 20.0
-RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
 APPROACH_LENGTH_M, EXIT_LENGTH_M, MAX_DRIVE_S = 15.0, 25.0, 600.0
-ARC_POINTS = 91
 CIRCLE_TOLERANCE_SHARE, ACKERMANN_TOLERANCE_SHARE = 0.01, 0.35
 MAX_WEAVING_CM, MAX_SETTLING_M, MAX_OVERSHOOT_CM, MAX_DEVIATION_M = 5.0, 30.0, 50.0, 1.0
 RADIUS_ADVICE = "look at [radius]"
@@ -119,7 +117,7 @@ def drive_lane_change(tractor: Tractor) -> LaneTrial:
 def drive_half_circle(tractor: Tractor) -> HalfCircleTrial:
     """From one swath to another by a half circle as wide as in plans."""
     radius = RADIUS_FACTOR * tractor.compute_smallest_radius_m(TRIAL_GROUND)
-    turned = np.linspace(0.0, math.pi, ARC_POINTS)
+    turned = np.linspace(0.0, math.pi, 91)
     arc = radius * np.stack([1.0 - np.cos(turned), np.sin(turned)], axis=1)
     across = 2.0 * radius
     pieces = (
