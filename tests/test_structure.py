@@ -19,18 +19,19 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 485, 500, 80, 8, 3250
-# Modules: five more than there are. Imports of own modules: all of them, as the fewer modules, the more each imports.
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 475, 500, 80, 8, 3385
+# Modules: five more than there are. Imports of own modules: all of them, types of arrays too, as the fewer modules, the
+# more each imports.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "fields": ("fields",),
-    "vehicle": ("vehicle", "fields.errors", "fields.units", "fields.text_files", "fields.nested_text"),
+    "vehicle": ("vehicle", "fields.arrays", "fields.errors", "fields.units", "fields.text_files", "fields.nested_text"),
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
-        "reports", "fields.errors", "fields.units", "fields.geometry.arithmetic", "fields.formats",
+        "reports", "fields.arrays", "fields.errors", "fields.units", "fields.geometry.arithmetic", "fields.formats",
         "fields.documents.reader",
-        "vehicle.arrays", "vehicle.model", "vehicle.missions.run",
+        "vehicle.model", "vehicle.missions.run",
         "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
         "vehicle.trials.sheets",
     ),

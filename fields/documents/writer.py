@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import FieldError
 from fields.formats.features import build_feature
 from fields.formats.geojson import HEADER_KEY
@@ -109,7 +109,7 @@ def _build_rings(field: Field, polygon: shapely.Polygon) -> list[Any]:
     ]
 
 
-def _convert_to_file_system(field: Field, xy: npt.NDArray[np.float64]) -> list[list[float]]:
+def _convert_to_file_system(field: Field, xy: Floats) -> list[list[float]]:
     """Local metres in the system of the file; every ring ends exactly where it starts."""
     points = xy + np.asarray(field.origin_m) if field.crs is None else field.to_wgs84(xy)
     return [[float(x), float(y)] for x, y in points]

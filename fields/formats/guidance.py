@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import CURVE_M
 from fields.geometry.geodesy import LocalPlane
 
-DegreePoints = npt.NDArray[np.float64]
+DegreePoints = Floats
 """Longitude and latitude (WGS 84) of points, (n, 2). Rings do not repeat their first point."""
 SWATH, HEADLAND_PASS = "track", "round"
 DEGREE_DECIMALS = 9

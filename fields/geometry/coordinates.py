@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
+from fields.arrays import Floats
 from fields.errors import FieldError, attach_parameter, join_first, mark_parameter, shorten_middle, shorten_value
-from fields.geometry.geodesy import FloatArray, can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
+from fields.geometry.geodesy import can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
 from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
 
 MAX_FIELD_SPAN_DEG = 1.0
@@ -51,13 +51,13 @@ class FieldFrame:
     origin_m: tuple[float, float]
     crosses_180: bool = False
 
-    def to_local(self, points: FloatArray) -> FloatArray:
+    def to_local(self, points: Floats) -> Floats:
         """Points of the file, shape (n, 2), in local metres."""
         if self.source_crs is not None and self.crs is not None:
             points = project(self.unwrap_longitudes(points), self.source_crs, self.crs)
         return np.asarray(points - np.asarray(self.origin_m))
 
-    def unwrap_longitudes(self, points: FloatArray) -> FloatArray:
+    def unwrap_longitudes(self, points: Floats) -> Floats:
         """Longitudes without a jump at 180 degrees."""
         if not self.crosses_180:
             return points
@@ -65,7 +65,7 @@ class FieldFrame:
         return np.column_stack([np.where(x < 0.0, x + 360.0, x), y])
 
 
-def build_field_frame(document: FieldDocument, rings: list[FloatArray], local: bool, label: str) -> FieldFrame:
+def build_field_frame(document: FieldDocument, rings: list[Floats], local: bool, label: str) -> FieldFrame:
     """The frame for a field with these rings (file coordinates, outer ring first).
 
     Raises:
@@ -90,12 +90,12 @@ def build_field_frame(document: FieldDocument, rings: list[FloatArray], local: b
     return _build_earth_frame(document, "EPSG:4326", rings, rings, label)
 
 
-def looks_like_degrees(ring: FloatArray) -> bool:
+def looks_like_degrees(ring: Floats) -> bool:
     """Whether the numbers of a ring are longitudes and latitudes of a field: in metres it would be tiny."""
     return bool(np.ptp(ring, axis=0).max() < MAX_FIELD_SPAN_DEG and (np.abs(ring) <= (180.0, 90.0)).all())
 
 
-def _build_local_frame(document: FieldDocument, outer: FloatArray, label: str) -> FieldFrame:
+def _build_local_frame(document: FieldDocument, outer: Floats, label: str) -> FieldFrame:
     if looks_like_degrees(outer):
         x, y = outer[0]
         raise FieldError(
@@ -109,7 +109,7 @@ def _build_local_frame(document: FieldDocument, outer: FloatArray, label: str) -
 
 
 def _build_earth_frame(
-    document: FieldDocument, source_crs: str, rings: list[FloatArray], degrees: list[FloatArray], label: str
+    document: FieldDocument, source_crs: str, rings: list[Floats], degrees: list[Floats], label: str
 ) -> FieldFrame:
     """Frame of a georeferenced field: UTM zone and origin from its centroid."""
     crosses_180 = bool(np.ptp(degrees[0][:, 0]) > 180.0)
@@ -122,7 +122,7 @@ def _build_earth_frame(
     return FieldFrame(source_crs, crs, origin, unshifted.crosses_180)
 
 
-def _check_degrees(outer: FloatArray, label: str, *, has_crs: bool) -> None:
+def _check_degrees(outer: Floats, label: str, *, has_crs: bool) -> None:
     """Refuse metres, and latitude before longitude, in a file that should hold degrees."""
     x, y = outer[np.argmax(np.abs(outer).max(axis=1))]
     span = np.ptp(outer, axis=0)
@@ -142,7 +142,7 @@ def _check_degrees(outer: FloatArray, label: str, *, has_crs: bool) -> None:
         )
 
 
-def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg: FloatArray, label: str) -> None:
+def _check_place(document: FieldDocument, crs: str, outer: Floats, place_deg: Floats, label: str) -> None:
     """Refuse a field in the sea that would be farmland with x and y swapped, or that is at latitude and longitude 0."""
     longitude, latitude = place_deg.tolist()
     is_certain = "crs" in document.header and not document.axes_swapped  # Headland wrote the file
@@ -187,13 +187,13 @@ def _parse_stored_origin(document: FieldDocument, label: str) -> tuple[float, fl
     return float(numbers[0]), float(numbers[1])
 
 
-def _round_centroid_m(outer: FloatArray) -> tuple[float, float]:
+def _round_centroid_m(outer: Floats) -> tuple[float, float]:
     """The centroid of a ring in whole metres."""
     centre = shapely.Polygon(outer).centroid
     return float(round(centre.x)), float(round(centre.y))
 
 
-def parse_ring(raw: Any, label: str) -> FloatArray:
+def parse_ring(raw: Any, label: str) -> Floats:
     """An open ring of shape (n, 2) from a list of positions; height and repeated points are dropped.
 
     Raises:
@@ -223,7 +223,7 @@ def parse_position(raw: Any, label: str) -> tuple[float, float]:
     return _parse_number(raw[0], label), _parse_number(raw[1], label)
 
 
-def parse_rings(raw: Any, label: str) -> list[FloatArray]:
+def parse_rings(raw: Any, label: str) -> list[Floats]:
     """Outer ring first, then the holes, of the ``coordinates`` of a Polygon.
 
     Raises:
@@ -234,7 +234,7 @@ def parse_rings(raw: Any, label: str) -> list[FloatArray]:
     return [parse_ring(entry, label) for entry in raw]
 
 
-def build_polygon(parts: list[FloatArray], label: str) -> shapely.Polygon:
+def build_polygon(parts: list[Floats], label: str) -> shapely.Polygon:
     """Counter-clockwise polygon of an outer ring and its holes.
 
     Raises:
@@ -312,7 +312,7 @@ def describe_swapped_axes(document: FieldDocument, axes_swapped: bool) -> tuple[
     )
 
 
-def _is_far_from_others(place: int, fields: npt.NDArray[np.float64], lines: npt.NDArray[np.float64]) -> bool:
+def _is_far_from_others(place: int, fields: Floats, lines: Floats) -> bool:
     """Whether a field is far from all others, but near some with its axes swapped; up to two fields are compared with
     the lines of the file, as of two distant fields either may be the wrong one.
     """

@@ -13,6 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
+from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.coordinates import MIN_FIELD_AREA_M2
@@ -24,7 +25,7 @@ from fields.geometry.field_lines import (
     check_fence_opening,
     compute_overhang_region,
 )
-from fields.geometry.geodesy import FloatArray, project
+from fields.geometry.geodesy import project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
 from fields.geometry.overlays import subtract, subtract_area, unite
 
@@ -255,7 +256,7 @@ class Field:
                 return zone.name
         return self.default_ground
 
-    def to_wgs84(self, xy: npt.ArrayLike) -> FloatArray:
+    def to_wgs84(self, xy: npt.ArrayLike) -> Floats:
         """Longitude and latitude in degrees, shape (n, 2), of local points in metres, shape (n, 2).
 
         Raises:

@@ -18,14 +18,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter, shorten_value
 
 if TYPE_CHECKING:
     from pyproj import CRS, Geod, Transformer
 
-FloatArray = npt.NDArray[np.float64]
 
 _FILE_PATH = re.compile(r"""(?:^|(?<=[\s"'=@,;|]))(?:[/\\~]|\.\.?[/\\]|[A-Za-z]:[/\\]|[A-Za-z][\w+.-]*://)[^\s"',;]+""")
 _OGC_NAME = re.compile(r"https?://www\.opengis\.net/(?:def/crs|gml/srs)/[\w./#:-]+|urn:[\w.:/-]+")
@@ -134,7 +133,7 @@ def find_utm_crs(longitude_deg: float, latitude_deg: float) -> str:
     return f"EPSG:{(32700 if latitude_deg < 0.0 else 32600) + zone}"
 
 
-def project(points: FloatArray, from_crs: str, to_crs: str) -> FloatArray:
+def project(points: Floats, from_crs: str, to_crs: str) -> Floats:
     """Points of shape (n, 2) from one system to the other, x or longitude first on both sides.
 
     Raises:
@@ -221,7 +220,7 @@ def can_be_farmland(longitude_deg: float, latitude_deg: float) -> bool:
 
 
 @lru_cache(maxsize=1)
-def _read_land_boxes() -> npt.NDArray[np.float64]:
+def _read_land_boxes() -> Floats:
     """West, south, east and north in degrees of areas on land, and of countries with their sea that have no such area.
 
     Empty if the register has another form.

@@ -6,9 +6,9 @@ A line within reach of the drawn one is kept on the safe side of it: the ground 
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import FieldError
 from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, MITRE_LIMIT
 
@@ -23,7 +23,7 @@ MAX_CHANGED_SHARE = 0.1
 
 
 def clean_outline(
-    rings: list[npt.NDArray[np.float64]], label: str, *, is_obstacle: bool = False
+    rings: list[Floats], label: str, *, is_obstacle: bool = False
 ) -> tuple[shapely.Polygon, tuple[str, ...]] | None:
     """The polygon of an outer ring and its holes in metres, and a remark if it had to be cleaned.
 
@@ -118,7 +118,7 @@ def _simplify_on_one_side(core: shapely.Polygon, tolerance_m: float, reach_m: fl
     return find_largest_polygon(line.buffer(-back_m if grow else back_m, join_style="mitre", mitre_limit=MITRE_LIMIT))
 
 
-def _compute_distance_m(points: npt.NDArray[np.float64], shape: shapely.Polygon) -> float:
+def _compute_distance_m(points: Floats, shape: shapely.Polygon) -> float:
     """The distance of the farthest of the points, shape (n, 2), from the outline of a polygon."""
     corners, ring = shapely.get_coordinates(shapely.get_parts(shape.boundary), return_index=True)
     sides = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1)[ring[:-1] == ring[1:]])

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import EDGE_M, GRID_M, SLIVER_M2
 
 ROUNDING_SHARE = 1e-7  # of an area: a smaller difference may be rounding
@@ -118,7 +119,7 @@ def drop_slivers(parts: Areas, min_width_m: float) -> Areas:
     return parts[measure_widths_m(parts) >= min_width_m - GRID_M]
 
 
-def measure_widths_m(parts: Areas) -> npt.NDArray[np.float64]:
+def measure_widths_m(parts: Areas) -> Floats:
     """How wide (n,) a strip each of the polygons fits in, along the line from a corner to the farthest one."""
     if not len(parts):
         return np.empty(0)

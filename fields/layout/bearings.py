@@ -12,9 +12,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import PARALLEL_RAD, ROUNDING, multiply
-
-FloatArray = npt.NDArray[np.float64]
 
 SIMPLIFY_M = 1.0
 MERGE_RAD = math.radians(1.0)
@@ -79,7 +78,7 @@ def list_trial_bearings(boundary: shapely.Polygon) -> list[float]:
     return angles
 
 
-def _measure_edge_directions(boundary: shapely.Polygon) -> tuple[FloatArray, FloatArray]:
+def _measure_edge_directions(boundary: shapely.Polygon) -> tuple[Floats, Floats]:
     """Angle in [0, pi) and length of the edges of the simplified boundary; lengths of parallel edges are added."""
     angles, lengths = [], []
     simplified = boundary.simplify(SIMPLIFY_M)
@@ -116,13 +115,13 @@ def _is_nearly_parallel(angle: float, angles: list[float]) -> bool:
     return any(_compute_angle_between(angle, other) < PARALLEL_RAD for other in angles)
 
 
-def _compute_angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> FloatArray:
+def _compute_angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Floats:
     """Angle between two undirected lines, 0 to pi / 2."""
-    gap: FloatArray = np.abs(np.asarray(a) - np.asarray(b)) % math.pi
+    gap: Floats = np.abs(np.asarray(a) - np.asarray(b)) % math.pi
     return np.asarray(np.minimum(gap, math.pi - gap))
 
 
-def find_handedness(rings: Sequence[FloatArray], marks: Sequence[tuple[float, float]] = ()) -> int:
+def find_handedness(rings: Sequence[Floats], marks: Sequence[tuple[float, float]] = ()) -> int:
     """1 or -1 for rings (n, 2) in metres, closed or not; the mirror image has the opposite sign, symmetric rings 1.
 
     `marks` are places that weigh as MARK_WEIGHT_M of outline each.
@@ -142,7 +141,7 @@ def find_handedness(rings: Sequence[FloatArray], marks: Sequence[tuple[float, fl
 
 
 def choose_longer_reach_direction(
-    bearing_rad: float, rings: Sequence[FloatArray], marks: Sequence[tuple[float, float]] = ()
+    bearing_rad: float, rings: Sequence[Floats], marks: Sequence[tuple[float, float]] = ()
 ) -> float:
     """A direction (radians) or its opposite, in (-pi, pi]: the one in which rings (n, 2) extend farther.
 
@@ -158,7 +157,7 @@ def choose_longer_reach_direction(
     return bearing_rad + math.pi if bearing_rad <= 0.0 else bearing_rad - math.pi
 
 
-def _weigh_points(rings: Sequence[FloatArray], marks: Sequence[tuple[float, float]]) -> tuple[FloatArray, FloatArray]:
+def _weigh_points(rings: Sequence[Floats], marks: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:
     """Points on rings, and marks, about their centroid in radii of gyration (n, 2), and their weights (n,)."""
     places = [_sample_ring(ring) for ring in rings]
     points = np.concatenate([one for one, _ in places] + [np.array(marks).reshape(-1, 2)])
@@ -168,7 +167,7 @@ def _weigh_points(rings: Sequence[FloatArray], marks: Sequence[tuple[float, floa
     return points / math.sqrt(multiply(weights, (points**2).sum(axis=1))), weights
 
 
-def _sample_ring(ring: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _sample_ring(ring: Floats) -> tuple[Floats, Floats]:
     """Gauss points on the edges of a ring (3 n, 2) and their weights in metres (3 n,)."""
     ends = np.roll(ring, -1, axis=0)
     middle, half = 0.5 * (ring + ends), 0.5 * (ends - ring)

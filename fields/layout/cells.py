@@ -19,16 +19,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import split
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, ROUNDING
 from fields.layout.bearings import SIMPLIFY_M
 from fields.layout.parallel_lines import TURN_COST_M, collect_edges, compute_axes
-
-FloatArray = npt.NDArray[np.float64]
 
 REFLEX_RAD = math.radians(20.0)  # beyond a straight angle; a smaller angle hardly interrupts swaths
 CELL_COST_M = 40.0  # for every cell: the way to it and into its pattern
@@ -105,8 +103,8 @@ PLAIN_RATES = EffortRates()
 
 
 def estimate_costs_m(
-    region: shapely.Geometry, bearings: FloatArray, width_m: float, rates: EffortRates = PLAIN_RATES
-) -> FloatArray:
+    region: shapely.Geometry, bearings: Floats, width_m: float, rates: EffortRates = PLAIN_RATES
+) -> Floats:
     """Cost of swaths over a region for each bearing (k,), as a driving length in metres (k,)."""
     edges = collect_edges(region)
     turned = np.einsum("nij,kmj->knim", edges, np.array([compute_axes(bearing) for bearing in bearings]))
@@ -115,12 +113,12 @@ def estimate_costs_m(
     lines = np.maximum(np.ceil(across - CURVE_M / width_m), 1.0)
     slant_m = (1.0 + rates.offset) * ds * np.minimum(1.0, dq / width_m)
     ends = 0.5 * (rates.turn_m / width_m * dq + slant_m).sum(axis=1)
-    cost: FloatArray = (region.area / width_m + ends) * np.maximum(lines / across, 1.0)
+    cost: Floats = (region.area / width_m + ends) * np.maximum(lines / across, 1.0)
     return cost
 
 
 def divide_region(
-    region: shapely.Geometry, bearings: FloatArray, width_m: float, rates: EffortRates = PLAIN_RATES
+    region: shapely.Geometry, bearings: Floats, width_m: float, rates: EffortRates = PLAIN_RATES
 ) -> list[RegionPart]:
     """The region divided into parts, each with one of the bearings (k,), the largest first.
 
@@ -152,13 +150,13 @@ def divide_region(
     return sorted(parts, key=lambda part: -round(part.region.area, 3))
 
 
-def _choose_bearing(region: shapely.Polygon, bearings: FloatArray, width_m: float, rates: EffortRates) -> RegionPart:
+def _choose_bearing(region: shapely.Polygon, bearings: Floats, width_m: float, rates: EffortRates) -> RegionPart:
     cost = np.round(estimate_costs_m(region, bearings, width_m, rates), 6)
     return RegionPart(region, float(bearings[cost.argmin()]), float(cost.min()))
 
 
 def _list_cut_divisions(
-    part: RegionPart, bearings: FloatArray, width_m: float, rates: EffortRates
+    part: RegionPart, bearings: Floats, width_m: float, rates: EffortRates
 ) -> Iterator[list[RegionPart]]:
     """Every way to cut a part into two or more with different bearings."""
     for pieces in _list_cuts(part):
@@ -190,9 +188,9 @@ def _list_cuts(part: RegionPart) -> Iterator[list[shapely.Polygon]]:
             yield _split_across(part.region, place, far_side)
 
 
-def _find_reflex_corners(region: shapely.Polygon) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+def _find_reflex_corners(region: shapely.Polygon) -> list[tuple[Floats, Floats, Floats]]:
     """Reflex corners with the edges before and after them, those with the longest edges first."""
-    corners: list[tuple[float, int, FloatArray, FloatArray, FloatArray]] = []
+    corners: list[tuple[float, int, Floats, Floats, Floats]] = []
     simplified = orient(region.simplify(SIMPLIFY_M), 1.0)
     for ring in (simplified.exterior, *simplified.interiors):
         points = np.asarray(ring.coords)[:-1, :2]
@@ -205,7 +203,7 @@ def _find_reflex_corners(region: shapely.Polygon) -> list[tuple[FloatArray, Floa
     return [corner[2:] for corner in sorted(corners, key=lambda corner: corner[:2])[:MAX_CORNERS]]
 
 
-def _find_far_side(region: shapely.Polygon, place: FloatArray) -> FloatArray | None:
+def _find_far_side(region: shapely.Polygon, place: Floats) -> Floats | None:
     """The nearest point of the outline across a neck from a place on it; None if there is no neck."""
     ring = np.asarray(region.exterior.coords)[:, :2]
     start, step = ring[:-1], np.diff(ring, axis=0)
@@ -224,13 +222,13 @@ def _find_far_side(region: shapely.Polygon, place: FloatArray) -> FloatArray | N
     return next((nearest[k] for k in order.tolist() if ground.covers(shapely.LineString([place, nearest[k]]))), None)
 
 
-def _split_across(region: shapely.Polygon, place: FloatArray, far_side: FloatArray) -> list[shapely.Polygon]:
+def _split_across(region: shapely.Polygon, place: Floats, far_side: Floats) -> list[shapely.Polygon]:
     """The polygons into which the segment between two places on the outline cuts a region."""
     beyond = EDGE_M * (far_side - place) / math.dist(place, far_side)
     return _collect_polygons(split(region, shapely.LineString([place - beyond, far_side + beyond])))
 
 
-def _split_region(region: shapely.Polygon, place: FloatArray, direction: FloatArray) -> list[shapely.Polygon]:
+def _split_region(region: shapely.Polygon, place: Floats, direction: Floats) -> list[shapely.Polygon]:
     """The polygons into which a straight line cuts a region."""
     west, south, east, north = region.bounds
     reach_m = 2.0 * math.hypot(east - west, north - south) + 1.0
@@ -241,7 +239,7 @@ def _split_region(region: shapely.Polygon, place: FloatArray, direction: FloatAr
     return [piece for side in sides for piece in _collect_polygons(side)]
 
 
-def _join_pieces_by_bearing(pieces: list[shapely.Polygon], bearings: FloatArray) -> list[tuple[shapely.Polygon, float]]:
+def _join_pieces_by_bearing(pieces: list[shapely.Polygon], bearings: Floats) -> list[tuple[shapely.Polygon, float]]:
     """The pieces, with touching pieces of the same bearing joined."""
     return [
         (polygon, float(bearing))

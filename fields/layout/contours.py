@@ -16,18 +16,13 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import GRID_M, MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
 from fields.layout.headland_passes import compute_inner_region
-from fields.layout.parallel_lines import FloatArray, PatternRules, compute_axes, fill_region
-from fields.layout.swaths import (
-    Layout,
-    Swath,
-    build_swaths,
-    number_from_longer_side,
-    orient_bearing_by_outline,
-)
+from fields.layout.parallel_lines import PatternRules, compute_axes, fill_region
+from fields.layout.swaths import Layout, Swath, build_swaths, number_from_longer_side, orient_bearing_by_outline
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.slopes import cut_into_steps, interpolate_gradients, trace_height
 
@@ -44,8 +39,8 @@ NEWTON_STEPS = 3
 class GuideCurve:
     """A smooth line, straight beyond its ends: points (n, 2), STEP_M apart, and headings (n,) in radians, unwrapped."""
 
-    points: FloatArray
-    headings: FloatArray
+    points: Floats
+    headings: Floats
 
     @property
     def length_m(self) -> float:
@@ -53,7 +48,7 @@ class GuideCurve:
         return STEP_M * (len(self.points) - 1)
 
     @cached_property
-    def curvatures(self) -> FloatArray:
+    def curvatures(self) -> Floats:
         """Curvature of each step (n - 1,), positive to the left, 1/m."""
         return np.asarray(np.diff(self.headings) / STEP_M)
 
@@ -63,7 +58,7 @@ class GuideCurve:
         first, last = self.place(ends)
         return shapely.LineString(np.concatenate([[first], self.points, [last]]))
 
-    def place(self, measured: FloatArray) -> FloatArray:
+    def place(self, measured: Floats) -> Floats:
         """Points (n, 2) on the ground from places along and beside the guide (n, 2)."""
         along = measured[:, 0]
         stations = STEP_M * np.arange(len(self.points))
@@ -72,10 +67,10 @@ class GuideCurve:
         ahead = np.column_stack([np.cos(heading), np.sin(heading)])
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
         foot = np.column_stack([np.interp(inside, stations, axis) for axis in self.points.T])
-        placed: FloatArray = foot + (along - inside)[:, None] * ahead + measured[:, 1:] * left
+        placed: Floats = foot + (along - inside)[:, None] * ahead + measured[:, 1:] * left
         return placed
 
-    def locate(self, points: FloatArray) -> FloatArray:
+    def locate(self, points: Floats) -> Floats:
         """Places along and beside the guide (n, 2) of points on the ground (n, 2): those nearest to the guide."""
         reach_m = float(np.hypot(*np.ptp(np.concatenate([points, self.points]), axis=0))) + STEP_M
         along = shapely.line_locate_point(self.build_line(reach_m), shapely.points(points)) - reach_m
@@ -145,7 +140,7 @@ def measure_climb(swaths: tuple[Swath, ...], grid: ElevationGrid) -> float:
     return float(climbs.sum() / np.hypot(*vectors.T).sum())
 
 
-def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[FloatArray]:
+def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[Floats]:
     """The longest open contour (n, 2) through a region at each of several heights."""
     inside = grid.frame.find_inside(region)
     if not inside.any():
@@ -160,7 +155,7 @@ def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[Fl
             yield pieces[int(np.argmax(lengths))]
 
 
-def _iter_guides(contour: FloatArray, region: shapely.Geometry, radius_m: float) -> Iterator[GuideCurve]:
+def _iter_guides(contour: Floats, region: shapely.Geometry, radius_m: float) -> Iterator[GuideCurve]:
     """Guides along a contour that may have swaths at any place of a region: the least smoothed, and a straight one."""
     for smoothing_m in SMOOTHING_M:
         guide = smooth_contour(contour, smoothing_m)
@@ -175,7 +170,7 @@ def _iter_guides(contour: FloatArray, region: shapely.Geometry, radius_m: float)
     yield GuideCurve(points, np.full(len(points), heading))
 
 
-def smooth_contour(contour: FloatArray, smoothing_m: float) -> GuideCurve | None:
+def smooth_contour(contour: Floats, smoothing_m: float) -> GuideCurve | None:
     """A guide along a contour (n, 2): its heading, smoothed along it by a Gaussian; None if it is too short for that.
 
     Straight lines and arcs keep their shape, as the heading is continued at its ends as it runs there. The guide has
@@ -203,7 +198,7 @@ def smooth_contour(contour: FloatArray, smoothing_m: float) -> GuideCurve | None
     return _move_onto(GuideCurve(points, node_headings), places)
 
 
-def _fit_end(headings: FloatArray, reach: int) -> float:
+def _fit_end(headings: Floats, reach: int) -> float:
     """The heading at the beginning of a row of them, by a straight fit over the first of them."""
     some = headings[: max(reach, 4)]
     middle = 0.5 * (len(some) - 1)
@@ -211,7 +206,7 @@ def _fit_end(headings: FloatArray, reach: int) -> float:
     return float(some.mean() - middle * multiply(away, some) / multiply(away, away))
 
 
-def _move_onto(guide: GuideCurve, places: FloatArray) -> GuideCurve:
+def _move_onto(guide: GuideCurve, places: Floats) -> GuideCurve:
     """The guide turned and moved so that its points lie as near to as many places (n, 2) as they can (Kabsch)."""
     own, other = guide.points - guide.points.mean(axis=0), places - places.mean(axis=0)
     turn = math.atan2(float((own[:, 0] * other[:, 1] - own[:, 1] * other[:, 0]).sum()), float((own * other).sum()))

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
+from fields.arrays import Floats
 from fields.errors import FieldError
 from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
 from fields.geometry.field import Field
 from fields.geometry.overlays import intersect, subtract
-
-FloatArray = npt.NDArray[np.float64]
 
 MIN_STRIP_LENGTH = 2.0  # widths
 SMOOTHING_TOLERANCE = 0.1  # of the width: largest deviation from the middle
@@ -33,7 +31,7 @@ MIN_OPEN_AREA = 0.5  # squared widths: smallest unworked strip that gets a pass 
 MAX_HEADLAND_PASSES = 200
 
 
-def find_centre_line(strip: shapely.Polygon, width_m: float) -> FloatArray | None:
+def find_centre_line(strip: shapely.Polygon, width_m: float) -> Floats | None:
     """The centre line of a strip narrower than the width, from end to end, shape (n, 2); None if it is too short.
 
     The strip is cut at right angles to its longer axis, and the line connects the middles of the cuts.
@@ -53,7 +51,7 @@ def find_centre_line(strip: shapely.Polygon, width_m: float) -> FloatArray | Non
     return np.asarray(shapely.LineString(points).simplify(SMOOTHING_TOLERANCE * width_m).coords)[:, :2]
 
 
-def _find_strip_axes(strip: shapely.Polygon) -> tuple[FloatArray, FloatArray, float, float]:
+def _find_strip_axes(strip: shapely.Polygon) -> tuple[Floats, Floats, float, float]:
     """A corner of the smallest rectangle round the strip, the direction of its long side, and both lengths (m)."""
     box = np.asarray(shapely.minimum_rotated_rectangle(strip).exterior.coords)[:, :2]
     if shapely.LinearRing(box).is_ccw is False:
@@ -74,7 +72,7 @@ class HeadlandPassSide:
             pass and for a pass without corners.
     """
 
-    points: FloatArray
+    points: Floats
     start_turn_rad: float = 0.0
     end_turn_rad: float = 0.0
 
@@ -172,7 +170,7 @@ def _sort_polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
     return sorted(parts, key=lambda part: (-round(part.area, 3), *np.round(part.centroid.coords[0], 3)))
 
 
-def _split_into_sides(ring: FloatArray, corner_length_m: float) -> tuple[HeadlandPassSide, ...]:
+def _split_into_sides(ring: Floats, corner_length_m: float) -> tuple[HeadlandPassSide, ...]:
     """An open ring (n, 2) split at its corners; one closed side if it has none."""
     corners, ring = _find_corners(ring, corner_length_m)
     if not corners:
@@ -187,15 +185,15 @@ def _split_into_sides(ring: FloatArray, corner_length_m: float) -> tuple[Headlan
     return tuple(sides)
 
 
-def _compute_deflections(ring: FloatArray) -> FloatArray:
+def _compute_deflections(ring: Floats) -> Floats:
     """Turn to the left at each vertex of a ring (n,), radians."""
     step = np.roll(ring, -1, axis=0) - ring
     heading = np.arctan2(step[:, 1], step[:, 0])
-    turn: FloatArray = (heading - np.roll(heading, 1) + math.pi) % (2.0 * math.pi) - math.pi
+    turn: Floats = (heading - np.roll(heading, 1) + math.pi) % (2.0 * math.pi) - math.pi
     return turn
 
 
-def _find_corners(ring: FloatArray, corner_length_m: float) -> tuple[list[int], FloatArray]:
+def _find_corners(ring: Floats, corner_length_m: float) -> tuple[list[int], Floats]:
     """Indices of the corners, and the ring with each sharp bend of several vertices merged into one."""
     turn, count = _compute_deflections(ring), len(ring)
     step = np.hypot(*(np.roll(ring, -1, axis=0) - ring).T)
@@ -221,9 +219,7 @@ def _find_corners(ring: FloatArray, corner_length_m: float) -> tuple[list[int], 
     return _merge_bends(ring, sorted(chosen), corner_length_m)
 
 
-def _merge_bends(
-    ring: FloatArray, bends: list[tuple[int, int]], corner_length_m: float
-) -> tuple[list[int], FloatArray]:
+def _merge_bends(ring: Floats, bends: list[tuple[int, int]], corner_length_m: float) -> tuple[list[int], Floats]:
     """Indices of the corners, and the ring with every bend (first vertex, vertex count) merged into one vertex.
 
     Where the lines before and after a bend do not meet nearby, as at the end of a strip, the bend becomes two corners.
@@ -248,7 +244,7 @@ def _merge_bends(
     return sorted(int(place[corner]) for corner in corners if not is_dropped[corner]), vertex[~is_dropped]
 
 
-def _intersect_lines(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray | None:
+def _intersect_lines(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats | None:
     """Intersection of the line from a beyond b with the one from d beyond c; None without one."""
     u, v, w = b - a, c - d, c - b
     cross = u[0] * v[1] - u[1] * v[0]

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
@@ -27,8 +27,6 @@ from fields.layout.swaths import (
     reverse_line_numbers,
 )
 from fields.text_files import count_noun
-
-FloatArray = npt.NDArray[np.float64]
 
 MIN_DIFFERENCE_RAD = math.radians(5.0)  # closer bearings give much the same swaths
 CLOSE_RAD = math.radians(1.0)  # closer ones are the same
@@ -99,7 +97,7 @@ def list_layout_alternatives(base_layout: Layout, rates: EffortRates = PLAIN_RAT
     return sorted(options, key=lambda option: round(estimate_layout_cost_m(option, rates), 3))
 
 
-def _list_promising_bearings(first: float, angles: FloatArray, cost: FloatArray) -> list[float]:
+def _list_promising_bearings(first: float, angles: Floats, cost: Floats) -> list[float]:
     """Bearings (radians) other than the first, by cost: first those that differ from all before, then close ones."""
     ranked = [
         float(angles[k]) for k in np.argsort(cost, kind="stable").tolist() if cost[k] <= MAX_COST_RATIO * cost.min()

@@ -8,13 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from fields.geometry.arithmetic import CURVE_M, GRID_M, multiply
-
-FloatArray = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 TURN_COST_M = 15.0
 """Driving length charged for every piece, because each ends in a turn."""
@@ -37,10 +34,10 @@ class SwathPattern:
         cost_m: estimated effort as a driving length, metres.
     """
 
-    offsets_m: FloatArray
-    line_index: IntArray
-    start_m: FloatArray
-    end_m: FloatArray
+    offsets_m: Floats
+    line_index: Integers
+    start_m: Floats
+    end_m: Floats
     cost_m: float
 
     @property
@@ -75,7 +72,7 @@ class PatternRules:
     min_spacing_m: float = 0.0
 
 
-def collect_edges(region: shapely.Geometry) -> FloatArray:
+def collect_edges(region: shapely.Geometry) -> Floats:
     """Every edge of the polygons of a region, shape (n, 2, 2): edge, end, coordinate."""
     loops = [
         np.asarray(loop.coords)[:, :2]
@@ -87,13 +84,13 @@ def collect_edges(region: shapely.Geometry) -> FloatArray:
     return np.concatenate(pieces) if pieces else np.empty((0, 2, 2))
 
 
-def compute_axes(bearing_rad: float) -> FloatArray:
+def compute_axes(bearing_rad: float) -> Floats:
     """Rows: unit vector u along the tracks and n to the left of it, shape (2, 2)."""
     c, s = np.cos(bearing_rad), np.sin(bearing_rad)
     return np.array([[c, s], [-s, c]])
 
 
-def find_line_chords(edges: FloatArray, q: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+def find_line_chords(edges: Floats, q: Floats) -> tuple[Integers, Floats, Floats]:
     """Chords of lines at lateral positions q inside closed rings.
 
     The half-open rule (an edge owns its lower end) makes the number of crossings of each line even.
@@ -114,7 +111,7 @@ def find_line_chords(edges: FloatArray, q: FloatArray) -> tuple[IntArray, FloatA
     return line[::2], s[::2], s[1::2]
 
 
-def _find_crossings(low: FloatArray, high: FloatArray, q: FloatArray) -> tuple[IntArray, IntArray]:
+def _find_crossings(low: Floats, high: Floats, q: Floats) -> tuple[Integers, Integers]:
     """Indices of crossing lines and edges: lines at sorted q that are in [low, high) of an edge."""
     down = len(q) > 1 and q[0] > q[-1]
     ascending = q[::-1] if down else q
@@ -125,14 +122,14 @@ def _find_crossings(low: FloatArray, high: FloatArray, q: FloatArray) -> tuple[I
     return (len(q) - 1 - line if down else line), edge
 
 
-def space_lines(low_m: float, high_m: float, width_m: float) -> FloatArray:
+def space_lines(low_m: float, high_m: float, width_m: float) -> Floats:
     """Lateral positions from low to high, evenly spaced by at most one width (and the span tolerance)."""
     gaps = max(int(np.ceil((high_m - low_m - CURVE_M) / width_m)), 0)
-    q: FloatArray = np.linspace(low_m, high_m, gaps + 1)
+    q: Floats = np.linspace(low_m, high_m, gaps + 1)
     return q
 
 
-def find_best_pattern(edges: FloatArray, rules: PatternRules, shifts: tuple[float, ...] = ()) -> SwathPattern | None:
+def find_best_pattern(edges: Floats, rules: PatternRules, shifts: tuple[float, ...] = ()) -> SwathPattern | None:
     """The cheapest pattern over a region, or None when every piece would be too short.
 
     One outer line and then the other is shifted inwards (in widths) if that is cheaper and loses no line; both orders
@@ -148,7 +145,7 @@ def find_best_pattern(edges: FloatArray, rules: PatternRules, shifts: tuple[floa
 
 
 def _search_shifts(
-    edges: FloatArray, rules: PatternRules, extent: tuple[float, float], side: float, shifts: tuple[float, ...]
+    edges: Floats, rules: PatternRules, extent: tuple[float, float], side: float, shifts: tuple[float, ...]
 ) -> SwathPattern | None:
     """The cheapest pattern over the shifts of the two outer lines, the one on `side` first."""
     best, best_near_shift = _build_pattern(edges, rules, extent, side), 0.0
@@ -172,7 +169,7 @@ def is_better(candidate: SwathPattern, incumbent: SwathPattern) -> bool:
     return candidate.total_length_m > incumbent.total_length_m * (1.0 + 1e-9)
 
 
-def _find_extent(edges: FloatArray, rules: PatternRules) -> tuple[float, float]:
+def _find_extent(edges: Floats, rules: PatternRules) -> tuple[float, float]:
     """Lateral positions of the two outermost lines; equal if there is room for one line only."""
     q = edges[..., 1]
     low, high = float(q.min()) + rules.edge_offset_m, float(q.max()) - rules.edge_offset_m
@@ -182,7 +179,7 @@ def _find_extent(edges: FloatArray, rules: PatternRules) -> tuple[float, float]:
 
 
 def _build_pattern(
-    edges: FloatArray,
+    edges: Floats,
     rules: PatternRules,
     extent: tuple[float, float],
     side: float,
@@ -202,7 +199,7 @@ def _build_pattern(
     return SwathPattern(side * q, line, s0, s1, _estimate_cost_m(q, line, s1 - s0, rules))
 
 
-def _estimate_cost_m(q: FloatArray, line: IntArray, length: FloatArray, rules: PatternRules) -> float:
+def _estimate_cost_m(q: Floats, line: Integers, length: Floats, rules: PatternRules) -> float:
     """Driving length of the pieces, a turn for each, and the uncovered area as length at full width."""
     spacing = float(q[1] - q[0]) if len(q) > 1 else rules.width_m
     uncovered = max(rules.field_area_m2 - float(length.sum()) * spacing, 0.0)
@@ -241,11 +238,11 @@ def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRule
     return SwathPattern(q, np.array(line, dtype=np.int64), s[:, 0], s[:, 1], cost)
 
 
-def _spread_lines(q: FloatArray, min_spacing_m: float) -> FloatArray:
+def _spread_lines(q: Floats, min_spacing_m: float) -> Floats:
     """Evenly spaced lines with a minimum spacing, spread from the middle, so that outer swaths may overlap the edge."""
     if len(q) < 2 or q[1] - q[0] >= min_spacing_m:
         return q
-    spread: FloatArray = 0.5 * (q[0] + q[-1]) + min_spacing_m * (np.arange(len(q)) - 0.5 * (len(q) - 1))
+    spread: Floats = 0.5 * (q[0] + q[-1]) + min_spacing_m * (np.arange(len(q)) - 0.5 * (len(q) - 1))
     return spread
 
 

@@ -12,9 +12,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, MIN_SWATH_LENGTH_M, MITRE_LIMIT, multiply
 from fields.geometry.coordinates import MAX_LOCAL_M
@@ -33,8 +33,6 @@ from fields.layout.parallel_lines import (
     find_best_pattern,
     is_better,
 )
-
-FloatArray = npt.NDArray[np.float64]
 
 MAX_LINES = 20_000
 MIN_THICKNESS_M = 1e-5
@@ -65,7 +63,7 @@ class Swath:
     via_m: tuple[tuple[float, float], ...] = member(default=(), compare=False, repr=False)
 
     @property
-    def points_m(self) -> FloatArray:
+    def points_m(self) -> Floats:
         """The centre line, shape (n, 2)."""
         return np.array([self.start_m, *self.via_m, self.end_m])
 
@@ -141,7 +139,7 @@ def measure_min_spacing_m(layout: Layout) -> float:
     return spacing_m
 
 
-def _measure_distances_m(before: Swath, swath: Swath) -> FloatArray:
+def _measure_distances_m(before: Swath, swath: Swath) -> Floats:
     """Distances (n,) of a swath from the line of another; of a curved one those beside it, not beyond its ends."""
     if before.via_m or swath.via_m:
         line, points = shapely.LineString(before.points_m), shapely.points(swath.points_m)
@@ -204,7 +202,7 @@ def lay_swaths(
     return Layout(field, bearing_rad, width_m, headland_m, build_swaths(pattern, compute_axes(bearing_rad)), inner)
 
 
-def _advise_on_turning_room(field: Field, edges: FloatArray, rules: PatternRules, bearing_deg: float | None) -> str:
+def _advise_on_turning_room(field: Field, edges: Floats, rules: PatternRules, bearing_deg: float | None) -> str:
     """What leaves a track between two headlands: another bearing or less headland where either does, tried."""
     free = _choose_pattern(field, edges, rules, None) if bearing_deg is not None else None
     if free is not None:
@@ -326,7 +324,7 @@ def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float 
 
 
 def _choose_pattern(
-    field: Field, edges: FloatArray, rules: PatternRules, bearing_deg: float | None
+    field: Field, edges: Floats, rules: PatternRules, bearing_deg: float | None
 ) -> tuple[float, SwathPattern] | None:
     """Direction in (-pi/2, pi/2] and pattern: for the given bearing, or the cheapest of the candidates.
 
@@ -345,7 +343,7 @@ def _choose_pattern(
     return best
 
 
-def _select_promising_bearings(angles: list[float], edges: FloatArray, rules: PatternRules) -> list[float]:
+def _select_promising_bearings(angles: list[float], edges: Floats, rules: PatternRules) -> list[float]:
     """The directions, in order and in (-pi/2, pi/2], whose pattern without shifts is nearly the cheapest."""
     patterns = [(angle, find_best_pattern(multiply(edges, compute_axes(angle).T), rules)) for angle in angles]
     cost = [(angle, teeth.cost_m) for angle, teeth in patterns if teeth is not None]
@@ -365,7 +363,7 @@ def normalise_bearing(angle_rad: float) -> float:
     return angle_rad - math.pi if angle_rad > math.pi / 2.0 + 1e-12 else angle_rad
 
 
-def build_swaths(pattern: SwathPattern, axes: FloatArray) -> tuple[Swath, ...]:
+def build_swaths(pattern: SwathPattern, axes: Floats) -> tuple[Swath, ...]:
     """The pieces of a pattern as swaths in metres; empty lines before the first piece are not counted."""
     q = pattern.offsets_m[pattern.line_index]
     start = multiply(np.column_stack([pattern.start_m, q]), axes)
@@ -395,7 +393,7 @@ def reverse_line_numbers(swaths: tuple[Swath, ...]) -> tuple[Swath, ...]:
     return tuple(sorted(reversed_swaths, key=lambda track: (track.line, track.piece)))
 
 
-def _trim_region(region: shapely.Geometry, edges: FloatArray, frame: FloatArray, trim_m: float) -> shapely.Geometry:
+def _trim_region(region: shapely.Geometry, edges: Floats, frame: Floats, trim_m: float) -> shapely.Geometry:
     """The region without the ground within ``trim_m`` of its edge, measured along the swaths."""
     reach = trim_m * frame[0]
     slanted = np.abs(multiply(edges[:, 1] - edges[:, 0], frame[1])) > 1e-9

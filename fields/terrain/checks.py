@@ -9,8 +9,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from fields.geometry.field import Field
-from fields.terrain.elevation_grid import BoolArray, ElevationError, FloatArray
+from fields.terrain.elevation_grid import ElevationError
 
 MAX_FILLED_SHARE, MAX_FILLED_M, MIN_REPORTED_SHARE = 0.05, 30.0, 0.002
 """Share of a field without heights, and distance to the nearest one, that are filled in; smaller shares go unsaid."""
@@ -31,7 +32,7 @@ def describe_place(field: Field, x_m: float, y_m: float) -> str:
     return f"longitude {longitude:.5f}, latitude {latitude:.5f}"
 
 
-def check_coverage(measured: BoolArray, inside: BoolArray, spacing_m: float, label: str, field: Field) -> list[str]:
+def check_coverage(measured: Flags, inside: Flags, spacing_m: float, label: str, field: Field) -> list[str]:
     """Remarks on ground of the field without heights.
 
     Args:
@@ -62,7 +63,7 @@ def check_coverage(measured: BoolArray, inside: BoolArray, spacing_m: float, lab
     return [f"{missing}; they are continued from those around."] if share > MIN_REPORTED_SHARE else []
 
 
-def check_height_range(heights: FloatArray, label: str) -> None:
+def check_height_range(heights: Floats, label: str) -> None:
     """Refuse heights that are on no farm, single ones aside; raises ElevationError."""
     known = heights[np.isfinite(heights)]
     if not len(known):
@@ -75,7 +76,7 @@ def check_height_range(heights: FloatArray, label: str) -> None:
         )
 
 
-def describe_spikes(deviations_m: FloatArray, name_place: Callable[[int], str], total: int, label: str) -> list[str]:
+def describe_spikes(deviations_m: Floats, name_place: Callable[[int], str], total: int, label: str) -> list[str]:
     """A remark on heights taken out, given how far they are off and where each is, by its number.
 
     Raises:
@@ -98,7 +99,7 @@ def describe_spikes(deviations_m: FloatArray, name_place: Callable[[int], str], 
     return [f"{found}; it is left out as a spike." if is_one else f"{found}; they are left out."]
 
 
-def check_slopes(slopes: FloatArray, places: FloatArray, label: str, field: Field) -> list[str]:
+def check_slopes(slopes: Floats, places: Floats, label: str, field: Field) -> list[str]:
     """A remark on banks steeper than any worked ground.
 
     Args:

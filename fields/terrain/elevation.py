@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from fields.arrays import Flags, Floats
 from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_value
 from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.field import Field
@@ -22,7 +23,7 @@ from fields.terrain.checks import (
     describe_place,
     describe_spikes,
 )
-from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, fill_gaps, lay_nodes
+from fields.terrain.elevation_grid import ElevationError, ElevationGrid, fill_gaps, lay_nodes
 from fields.terrain.point_files import HeightPoints, read_height_points
 from fields.terrain.point_grids import MAX_NODE_SPACING_M, MIN_NODE_SPACING_M, build_point_grid
 from fields.terrain.rasters import MAX_CELLS, Raster, average_blocks, is_raster_file, open_raster
@@ -189,7 +190,7 @@ def _describe_coarse_cells(cell_m: float, label: str) -> list[str]:
     return [f"{label} has cells of {cell_m:.3g} m; slopes shorter than that are not in it."]
 
 
-def _describe_whole_heights(cells: FloatArray, unit_m: float, spacing_m: float, label: str) -> list[str]:
+def _describe_whole_heights(cells: Floats, unit_m: float, spacing_m: float, label: str) -> list[str]:
     """A remark on heights in whole units whose steps would be taken for slopes.
 
     A step of q rounds heights with a standard deviation of q / sqrt(12), and their difference over two spacings gives
@@ -205,7 +206,7 @@ def _describe_whole_heights(cells: FloatArray, unit_m: float, spacing_m: float, 
             "heights with decimals if there are any."]  # fmt: skip
 
 
-def _convert_to_raster(places_m: FloatArray, field: Field, crs: str | None) -> FloatArray:
+def _convert_to_raster(places_m: Floats, field: Field, crs: str | None) -> Floats:
     """Places of the field's plane in the system of the raster."""
     points = places_m + np.asarray(field.origin_m)
     return points if crs is None or field.crs is None else project(points, field.crs, crs)
@@ -222,7 +223,7 @@ def _measure_cells(raster: Raster, field: Field, outline: shapely.Polygon, crs: 
 
 
 def _choose_window(
-    raster: Raster, at_nodes: FloatArray, extra: int, field: Field, outline: shapely.Polygon, crs: str | None
+    raster: Raster, at_nodes: Floats, extra: int, field: Field, outline: shapely.Polygon, crs: str | None
 ) -> tuple[slice, slice]:
     """Rows and columns of the cells that the nodes need, and `extra` ones round them."""
     low, high = np.floor(at_nodes.min(axis=0)) - extra, np.ceil(at_nodes.max(axis=0)) + extra + 1
@@ -255,7 +256,7 @@ def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon,
 
 
 def _remove_spikes(
-    cells: FloatArray, cell_m: float, raster: Raster, window: tuple[int, int, int], field: Field, crs: str | None
+    cells: Floats, cell_m: float, raster: Raster, window: tuple[int, int, int], field: Field, crs: str | None
 ) -> list[str]:
     """Set cells that stand out from the median of their neighbours to NaN, in place; remarks on them.
 
@@ -293,7 +294,7 @@ def _remove_spikes(
     return describe_spikes(deviations, name_place, int(known.sum()), quote_path(raster.path))
 
 
-def _sample_cells(cells: FloatArray, at: FloatArray, factors: tuple[int, ...]) -> tuple[FloatArray, BoolArray]:
+def _sample_cells(cells: Floats, at: Floats, factors: tuple[int, ...]) -> tuple[Floats, Flags]:
     """Heights (n,) at places (column, row) among the cells, NaN beyond, and whether the cell there has a height.
 
     Cells are averaged over blocks of `factors` rows and columns; a cubic spline leads through them, which follows
@@ -318,7 +319,7 @@ def _sample_cells(cells: FloatArray, at: FloatArray, factors: tuple[int, ...]) -
     return np.where(is_beyond, np.nan, heights), measured
 
 
-def _evaluate_spline(blocks: FloatArray, at: FloatArray) -> FloatArray:
+def _evaluate_spline(blocks: Floats, at: Floats) -> Floats:
     """A cubic spline through the centres of cells, of lower degree where there are fewer than four."""
     from scipy.interpolate import RectBivariateSpline
 

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from dataclasses import field as member
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats
 from fields.errors import HeadlandError
 
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 MIN_NODES, MAX_NODES = 4, 250_000
 """Nodes along each side that a smooth surface through them needs, and nodes of one grid at most."""
 STENCILS = (
@@ -46,13 +44,13 @@ class NodeFrame:
     rows: int
     columns: int
 
-    def list_places(self) -> FloatArray:
+    def list_places(self) -> Floats:
         """All nodes, shape (rows * columns, 2), row by row from the south-west."""
         xs = self.west_m + self.spacing_m * np.arange(self.columns)
         ys = self.south_m + self.spacing_m * np.arange(self.rows)
         return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
 
-    def find_inside(self, region: shapely.Geometry) -> BoolArray:
+    def find_inside(self, region: shapely.Geometry) -> Flags:
         """Whether each node is in a region, shape (rows, columns)."""
         shapely.prepare(region)
         x, y = self.list_places().T
@@ -78,8 +76,8 @@ class ElevationGrid:
     west_m: float
     south_m: float
     spacing_m: float
-    heights_m: FloatArray
-    is_measured: BoolArray | None = None
+    heights_m: Floats
+    is_measured: Flags | None = None
     source: str = ""
     remarks: tuple[str, ...] = member(default=())
 
@@ -99,12 +97,12 @@ class ElevationGrid:
         return NodeFrame(self.west_m, self.south_m, self.spacing_m, *self.heights_m.shape)
 
     @property
-    def xs_m(self) -> FloatArray:
+    def xs_m(self) -> Floats:
         """Places of the columns, metres east."""
         return np.asarray(self.west_m + self.spacing_m * np.arange(self.heights_m.shape[1]))
 
     @property
-    def ys_m(self) -> FloatArray:
+    def ys_m(self) -> Floats:
         """Places of the rows, metres north."""
         return np.asarray(self.south_m + self.spacing_m * np.arange(self.heights_m.shape[0]))
 
@@ -125,7 +123,7 @@ def lay_nodes(region: shapely.Geometry, spacing_m: float, margin_m: float) -> No
     )
 
 
-def fill_gaps(heights: FloatArray, near: BoolArray) -> FloatArray:
+def fill_gaps(heights: Floats, near: Flags) -> Floats:
     """Heights (rows, columns) without NaN.
 
     Nodes of `near` minimise the sum of squared second differences, so a plane is continued as the same plane; all
@@ -146,7 +144,7 @@ def fill_gaps(heights: FloatArray, near: BoolArray) -> FloatArray:
     return np.asarray(filled[rows, columns])
 
 
-def _solve_corrections(filled: FloatArray, unknown: BoolArray, wanted: BoolArray) -> FloatArray:
+def _solve_corrections(filled: Floats, unknown: Flags, wanted: Flags) -> Floats:
     """What to add to the nearest heights at the `wanted` nodes, in their order."""
     from scipy.sparse import coo_matrix, identity
     from scipy.sparse.linalg import spsolve
@@ -175,7 +173,7 @@ def _solve_corrections(filled: FloatArray, unknown: BoolArray, wanted: BoolArray
     return np.asarray(spsolve(normal, -(matrix.T @ np.concatenate(residuals))))
 
 
-def _shift(values: FloatArray | BoolArray, place: tuple[int, int]) -> FloatArray | BoolArray:
+def _shift(values: Floats | Flags, place: tuple[int, int]) -> Floats | Flags:
     """The inner part of an array, moved by rows and columns of a stencil."""
     rows, columns = values.shape
     return values[1 + place[0] : rows - 1 + place[0], 1 + place[1] : columns - 1 + place[1]]

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from fields.formats.features import get_member_object
 from fields.formats.gdal import (
     GEOPACKAGE_DRIVER,
@@ -31,7 +32,7 @@ from fields.formats.markup import check_xml_root
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
 from fields.nested_text import parse_json
 from fields.raw_document import LOCAL_METRES
-from fields.terrain.elevation_grid import ElevationError, FloatArray
+from fields.terrain.elevation_grid import ElevationError
 from fields.terrain.height_units import find_axis_units, find_unit_m, name_unit
 from fields.terrain.rasters import RASTER_SUFFIXES
 from fields.text_files import (
@@ -72,8 +73,8 @@ class HeightPoints:
 
     path: str
     crs: str | None
-    places: FloatArray
-    heights_m: FloatArray
+    places: Floats
+    heights_m: Floats
     remarks: tuple[str, ...] = ()
 
 
@@ -295,7 +296,7 @@ def _collect_table_points(
     return _build_points(path, crs, np.concatenate(places), all_heights, tuple(remarks))
 
 
-def _check_any_height(heights_m: FloatArray, path: str) -> None:
+def _check_any_height(heights_m: Floats, path: str) -> None:
     """Raise ElevationError for third coordinates that were written as 0 because there were none."""
     if len(heights_m) and not (np.isfinite(heights_m) & (heights_m != 0.0)).any():
         raise ElevationError(
@@ -305,7 +306,7 @@ def _check_any_height(heights_m: FloatArray, path: str) -> None:
 
 
 def _build_points(
-    path: str, crs: str | None, places: FloatArray, heights_m: FloatArray, remarks: tuple[str, ...]
+    path: str, crs: str | None, places: Floats, heights_m: Floats, remarks: tuple[str, ...]
 ) -> HeightPoints:
     """The points with finite numbers, with a remark on the others."""
     is_usable = np.isfinite(places).all(axis=1) & np.isfinite(heights_m)

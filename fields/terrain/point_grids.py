@@ -12,21 +12,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers
 from fields.terrain.checks import MAX_SLOPE, check_height_range, describe_spikes
-from fields.terrain.elevation_grid import (
-    BoolArray,
-    ElevationError,
-    ElevationGrid,
-    FloatArray,
-    NodeFrame,
-    fill_gaps,
-    lay_nodes,
-)
+from fields.terrain.elevation_grid import ElevationError, ElevationGrid, NodeFrame, fill_gaps, lay_nodes
 
-Whole = npt.NDArray[np.int64]
 MIN_LENGTH_M = 5.0
 LENGTH_PER_PASS_SPACING = 0.75
 MAX_PASS_SPACING_M = 60.0
@@ -53,8 +44,8 @@ ANCHOR_WEIGHT = 1e-6
 
 
 def build_point_grid(
-    points: FloatArray,
-    heights_m: FloatArray,
+    points: Floats,
+    heights_m: Floats,
     region: shapely.Geometry,
     margin_m: float,
     label: str,
@@ -84,7 +75,7 @@ def build_point_grid(
     return replace(grid, source=source, remarks=tuple(remarks))
 
 
-def choose_length_m(points: FloatArray, region: shapely.Geometry, label: str) -> float:
+def choose_length_m(points: Floats, region: shapely.Geometry, label: str) -> float:
     """L for points (n, 2) over a region.
 
     Raises:
@@ -106,7 +97,7 @@ def choose_length_m(points: FloatArray, region: shapely.Geometry, label: str) ->
     return max(MIN_LENGTH_M, LENGTH_PER_PASS_SPACING * spacing_m)
 
 
-def find_spikes(points: FloatArray, heights_m: FloatArray, length_m: float) -> tuple[BoolArray, FloatArray]:
+def find_spikes(points: Floats, heights_m: Floats, length_m: float) -> tuple[Flags, Floats]:
     """Points that stand out from the median of the cells around, and by how much (n,).
 
     Ground of MAX_SLOPE over the distance of these cells is no spike.
@@ -122,7 +113,7 @@ def find_spikes(points: FloatArray, heights_m: FloatArray, length_m: float) -> t
 
 
 def fit_surface(
-    points: FloatArray, heights_m: FloatArray, region: shapely.Geometry, length_m: float, margin_m: float
+    points: Floats, heights_m: Floats, region: shapely.Geometry, length_m: float, margin_m: float
 ) -> tuple[ElevationGrid, float]:
     """The surface through points (n, 2) over a region and a margin round it, and how far the points scatter about it.
 
@@ -152,8 +143,8 @@ def fit_surface(
 
 
 def _average_cells(
-    points: FloatArray, heights_m: FloatArray, length_m: float, use_median: bool = False
-) -> tuple[FloatArray, FloatArray]:
+    points: Floats, heights_m: Floats, length_m: float, use_median: bool = False
+) -> tuple[Floats, Floats]:
     """Mean places and mean or median heights of the points in square cells, so that dense logs cost no more."""
     _, owners, counts = _group_cells(points * (CELLS_PER_LENGTH / length_m))
     centres = np.column_stack([np.bincount(owners, points[:, axis]) for axis in (0, 1)]) / counts[:, None]
@@ -164,14 +155,14 @@ def _average_cells(
     return centres, heights_m[order][middle]
 
 
-def _group_cells(places: FloatArray) -> tuple[Whole, Whole, Whole]:
+def _group_cells(places: Floats) -> tuple[Integers, Integers, Integers]:
     """Cells (n, 2) that hold places, given in sides of a cell; the number of each place's cell; and their counts."""
     own_cells = np.floor(places).astype(np.int64)
     cells, owners, counts = np.unique(own_cells, axis=0, return_inverse=True, return_counts=True)
     return cells, owners.ravel(), counts
 
 
-def _fit_nodes(nodes: FloatArray, points: FloatArray, heights: FloatArray, length_m: float) -> FloatArray:
+def _fit_nodes(nodes: Floats, points: Floats, heights: Floats, length_m: float) -> Floats:
     """Heights (n,) of the local surfaces at nodes (n, 2); NaN where the points are too far or on one line."""
     from scipy.spatial import cKDTree
 
@@ -199,7 +190,7 @@ def _fit_nodes(nodes: FloatArray, points: FloatArray, heights: FloatArray, lengt
     return np.concatenate(parts)
 
 
-def _measure_scatter(frame: NodeFrame, heights: FloatArray, points: FloatArray, heights_m: FloatArray) -> float:
+def _measure_scatter(frame: NodeFrame, heights: Floats, points: Floats, heights_m: Floats) -> float:
     """How far points lie from the surface, as a standard deviation by their median."""
     from scipy.interpolate import RectBivariateSpline
 
@@ -210,7 +201,7 @@ def _measure_scatter(frame: NodeFrame, heights: FloatArray, points: FloatArray, 
     return 1.4826 * float(np.median(np.abs(spline.ev(rows[is_on], columns[is_on]) - heights_m[is_on])))
 
 
-def level_tracks(tracks: Sequence[FloatArray]) -> FloatArray:
+def level_tracks(tracks: Sequence[Floats]) -> Floats:
     """How much the heights of each track (n, 3) lie above those of the others, mean 0 (least squares over cells).
 
     Tracks that share fewer than MIN_SHARED_CELLS cells say nothing about each other.

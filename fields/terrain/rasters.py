@@ -17,9 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
 from fields.geometry.arithmetic import PARALLEL_RAD
-from fields.terrain.elevation_grid import ElevationError, ElevationGrid, FloatArray
+from fields.terrain.elevation_grid import ElevationError, ElevationGrid
 from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
 from fields.text_files import quote_path, read_text
 
@@ -62,13 +63,13 @@ class Raster:
 
     path: str
     crs: str | None
-    to_place: FloatArray
+    to_place: Floats
     shape: tuple[int, int]
     unit_m: float = 1.0
     remarks: tuple[str, ...] = ()
-    cells: FloatArray | None = None
+    cells: Floats | None = None
 
-    def read_cells(self, rows: slice, columns: slice, step: int = 1) -> FloatArray:
+    def read_cells(self, rows: slice, columns: slice, step: int = 1) -> Floats:
         """Heights in metres of a window, means of `step` by `step` cells, NaN where there are none.
 
         Raises:
@@ -90,19 +91,19 @@ class Raster:
             parts.append(average_blocks(np.where(is_mark, np.nan, cells) * self.unit_m, (step, step)))
         return np.concatenate(parts)
 
-    def find_cells(self, places: FloatArray) -> FloatArray:
+    def find_cells(self, places: Floats) -> Floats:
         """Column and row (n, 2) of places in the coordinates of the raster; centres of cells are whole numbers."""
         matrix = self.to_place[:, :2]
         return np.asarray(np.linalg.solve(matrix, (places - self.to_place[:, 2]).T).T - 0.5)
 
-    def list_corners(self) -> FloatArray:
+    def list_corners(self) -> Floats:
         """The four corners, shape (4, 2), in the coordinates of the raster."""
         rows, columns = self.shape
         corners = np.array([[0.0, 0.0, 1.0], [columns, 0.0, 1.0], [columns, rows, 1.0], [0.0, rows, 1.0]])
         return np.asarray(corners @ self.to_place.T)
 
 
-def average_blocks(cells: FloatArray, factors: tuple[int, ...]) -> FloatArray:
+def average_blocks(cells: Floats, factors: tuple[int, ...]) -> Floats:
     """Means of whole blocks of rows and columns, without cells that have no height; NaN where fewer than half have one.
 
     Rows and columns that make no whole block are left out, as their mean would lie beside the middle of a block.
@@ -208,7 +209,7 @@ def _choose_unit(stated: str, wkt: str | None, path: str) -> tuple[float, tuple[
     return unit_m, () if unit_m == 1.0 else (f"Heights of {quote_path(path)} are in {name_unit(unit_m)}; converted.",)
 
 
-def _read_window(path: str, rows: slice, columns: slice) -> FloatArray:
+def _read_window(path: str, rows: slice, columns: slice) -> Floats:
     """Heights in file units, NaN without data, with the scale and offset of the band applied."""
     with _open_dataset(path) as dataset:
         window = ((rows.start, rows.stop), (columns.start, columns.stop))
@@ -277,7 +278,7 @@ def _parse_ascii_grid(path: str) -> Raster:
     return Raster(path, crs, to_place, (rows, columns), unit_m, remarks, cells.reshape(rows, columns))
 
 
-def _parse_heights(text: str, path: str) -> FloatArray:
+def _parse_heights(text: str, path: str) -> Floats:
     """Numbers between spaces and line ends, without a Python object for each.
 
     Commas beside points stand between numbers, and without points they are decimal marks; whether that is right, the
@@ -353,9 +354,7 @@ def render_raster(grid: ElevationGrid, crs: str, path: Path) -> tuple[bytes, ...
     return _render_ascii_grid(heights, (west_m, south_m), grid.spacing_m, crs)
 
 
-def _render_geotiff(
-    heights: FloatArray, corner_m: tuple[float, float], spacing_m: float, crs: str, path: Path
-) -> bytes:
+def _render_geotiff(heights: Floats, corner_m: tuple[float, float], spacing_m: float, crs: str, path: Path) -> bytes:
     try:
         from rasterio import Affine
         from rasterio.io import MemoryFile
@@ -377,9 +376,7 @@ def _render_geotiff(
         return bytes(memory.read())
 
 
-def _render_ascii_grid(
-    heights: FloatArray, corner_m: tuple[float, float], spacing_m: float, crs: str
-) -> tuple[bytes, ...]:
+def _render_ascii_grid(heights: Floats, corner_m: tuple[float, float], spacing_m: float, crs: str) -> tuple[bytes, ...]:
     from pyproj import CRS
 
     rows, columns = heights.shape

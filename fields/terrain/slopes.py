@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.terrain.elevation_grid import ElevationGrid, FloatArray
+from fields.arrays import Floats
+from fields.terrain.elevation_grid import ElevationGrid
 
 LIGHT_AZIMUTH_DEG, LIGHT_HEIGHT_DEG = 315.0, 45.0
 """Light from the north-west, as maps have it: from below, hills would look like hollows."""
@@ -47,13 +48,13 @@ class SlopeSummary:
     highest_m: float
 
 
-def compute_gradients(grid: ElevationGrid) -> FloatArray:
+def compute_gradients(grid: ElevationGrid) -> Floats:
     """(dz/dx, dz/dy) at the nodes, shape (rows, columns, 2), by central differences."""
     north, east = np.gradient(grid.heights_m, grid.spacing_m, edge_order=2)
     return np.stack([east, north], axis=-1)
 
 
-def interpolate_gradients(grid: ElevationGrid, points: FloatArray) -> FloatArray:
+def interpolate_gradients(grid: ElevationGrid, points: Floats) -> Floats:
     """(dz/dx, dz/dy) at places (n, 2), shape (n, 2), bilinear between nodes; beyond an edge, those of the edge."""
     rows, columns = grid.heights_m.shape
     east = np.clip((points[:, 0] - grid.west_m) / grid.spacing_m, 0.0, columns - 1.0)
@@ -66,9 +67,7 @@ def interpolate_gradients(grid: ElevationGrid, points: FloatArray) -> FloatArray
     return np.asarray((1.0 - up) * low + up * high)
 
 
-def compute_directional_slopes(
-    gradients: FloatArray, headings_rad: FloatArray | float
-) -> tuple[FloatArray, FloatArray]:
+def compute_directional_slopes(gradients: Floats, headings_rad: Floats | float) -> tuple[Floats, Floats]:
     """Slopes along and across headings (...), for gradients of shape (..., 2); headings counter-clockwise from east.
 
     Along is positive uphill; across is positive where the ground falls to the right.
@@ -103,7 +102,7 @@ def summarise_slopes(grid: ElevationGrid, region: shapely.Geometry) -> SlopeSumm
     )
 
 
-def compute_hill_shade(grid: ElevationGrid, exaggeration: float = 1.0) -> FloatArray:
+def compute_hill_shade(grid: ElevationGrid, exaggeration: float = 1.0) -> Floats:
     """Brightness of the nodes (rows, columns) from 0 (dark) to 1: Lambert's cosine law for light from the north-west.
 
     Level ground has sin(45 degrees) = 0.71; `exaggeration` multiplies heights, as fields are flat.
@@ -122,7 +121,7 @@ def choose_contour_interval_m(grid: ElevationGrid, region: shapely.Geometry) -> 
     return next((one for one in CONTOUR_INTERVALS_M if span_m <= MAX_CONTOURS * one), CONTOUR_INTERVALS_M[-1])
 
 
-def trace_height(grid: ElevationGrid, height_m: float) -> list[FloatArray]:
+def trace_height(grid: ElevationGrid, height_m: float) -> list[Floats]:
     """The pieces of the line of one height, points (n, 2) in metres each; a closed one ends where it begins."""
     from contourpy import contour_generator
 
@@ -130,7 +129,7 @@ def trace_height(grid: ElevationGrid, height_m: float) -> list[FloatArray]:
     return [np.asarray(points, dtype=np.float64) for points in generator.lines(height_m)]
 
 
-def trace_contours(grid: ElevationGrid, interval_m: float) -> list[tuple[float, FloatArray]]:
+def trace_contours(grid: ElevationGrid, interval_m: float) -> list[tuple[float, Floats]]:
     """Lines of equal height at multiples of an interval: height and points (n, 2) in metres of each piece."""
     first = math.ceil(float(grid.heights_m.min()) / interval_m)
     last = math.floor(float(grid.heights_m.max()) / interval_m)
@@ -138,13 +137,13 @@ def trace_contours(grid: ElevationGrid, interval_m: float) -> list[tuple[float, 
     return [(height_m, points) for height_m in heights_m for points in trace_height(grid, height_m)]
 
 
-def cut_into_steps(points: FloatArray, step_m: float = 2.0) -> tuple[FloatArray, FloatArray]:
+def cut_into_steps(points: Floats, step_m: float = 2.0) -> tuple[Floats, Floats]:
     """Middles and vectors (n, 2) of steps of at most `step_m` along a polyline (k, 2)."""
     places = shapely.get_coordinates(shapely.segmentize(shapely.LineString(points), step_m))
     return 0.5 * (places[1:] + places[:-1]), np.diff(places, axis=0)
 
 
-def measure_fall_line_share(lines: Iterable[FloatArray], grid: ElevationGrid) -> float:
+def measure_fall_line_share(lines: Iterable[Floats], grid: ElevationGrid) -> float:
     """The share of the length of lines (n, 2) within FALL_LINE_RAD of the fall line on slopes over ERODIBLE_SLOPE."""
     vectors, gradients = _measure_steps(lines, grid)
     length, slope = np.hypot(*vectors.T), np.hypot(*gradients.T)
@@ -152,14 +151,14 @@ def measure_fall_line_share(lines: Iterable[FloatArray], grid: ElevationGrid) ->
     return float(length[downhill & (slope > ERODIBLE_SLOPE)].sum() / length.sum())
 
 
-def measure_cross_slope(lines: Iterable[FloatArray], grid: ElevationGrid) -> float:
+def measure_cross_slope(lines: Iterable[Floats], grid: ElevationGrid) -> float:
     """The largest slope (m/m) across lines (n, 2), to either side."""
     vectors, gradients = _measure_steps(lines, grid)
     _, across = compute_directional_slopes(gradients, np.arctan2(vectors[:, 1], vectors[:, 0]))
     return float(np.abs(across).max())
 
 
-def _measure_steps(lines: Iterable[FloatArray], grid: ElevationGrid) -> tuple[FloatArray, FloatArray]:
+def _measure_steps(lines: Iterable[Floats], grid: ElevationGrid) -> tuple[Floats, Floats]:
     """Vectors of short steps along all lines, and the gradients at their middles, (n, 2) each."""
     steps = [cut_into_steps(points) for points in lines]
     middles = np.concatenate([middle for middle, _ in steps])

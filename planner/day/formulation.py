@@ -13,8 +13,8 @@ from datetime import date
 from statistics import NormalDist
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats
 from fields.geometry.field import Field
 from fields.units import DAY_S, HOUR_S
 from planner.day.field_times import FieldTime, FieldTimeTable, find_left_ha
@@ -34,7 +34,6 @@ from planner.risk.random_events import create_generator, draw_lognormal
 
 PLANNING_SAMPLES = 1000  # for the mean time and cost of a field in planning
 MAX_ONSETS = 24  # rain onsets used in planning; samples use all
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ def build_problem(
     day: DayFile,
     farm: FarmFile,
     fields: Sequence[Field],
-    road_km: Array,
+    road_km: Floats,
     table: FieldTimeTable,
     frame: DayHours,
     seed: int,
@@ -211,7 +210,7 @@ def build_problem(
 
 
 def _compute_travel(
-    day: DayFile, farm: FarmFile, fleet: int, road_km: Array
+    day: DayFile, farm: FarmFile, fleet: int, road_km: Floats
 ) -> tuple[tuple[tuple[int, ...], ...], tuple[tuple[float, ...], ...]]:
     """Seconds and costs of a fleet from place to place with handling; transport is paid on the way to a field."""
     count, yard = day.fleets[fleet].count, len(road_km) - 1
@@ -292,12 +291,12 @@ class FleetDaySamples:
     time, both (fields,).
     """
 
-    start_s: Array
-    done_s: Array
-    end_s: Array
-    in_time: npt.NDArray[np.bool_]
-    work_cost: Array
-    lost_cost: Array
+    start_s: Floats
+    done_s: Floats
+    end_s: Floats
+    in_time: Flags
+    work_cost: Floats
+    lost_cost: Floats
 
     def estimate_in_time_probability(self, position: int) -> tuple[float, tuple[float, float]]:
         """Probability that a field is done in time, with its interval."""
@@ -309,7 +308,7 @@ def sample_fleet_day(
     stops: Sequence[PlannedRouteField],
     uncertainty: UncertaintySettings,
     begin_s: float,
-    rain_s: Array,
+    rain_s: Floats,
     *,
     seed: int,
     fleet: str,
@@ -342,6 +341,6 @@ def sample_fleet_day(
     )
 
 
-def convert_rain_onsets(onset_s: Array, start_s: float, clock: Workday) -> Array:
+def convert_rain_onsets(onset_s: Floats, start_s: float, clock: Workday) -> Floats:
     """Rain onsets (seconds after the start) as working seconds of the day."""
     return start_s + clock.compute_work_s(onset_s)

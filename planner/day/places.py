@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from datetime import date
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.geometry.field import Field
 from fields.geometry.geodesy import measure_distance_m, project
 from fields.units import DAY_S, KILO, MINUTE_S
@@ -21,7 +21,6 @@ from reports.day.results import MapPlace
 
 YARD = "yard"
 ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
-Array = npt.NDArray[np.float64]
 LonLat = tuple[float, float]
 
 
@@ -91,7 +90,7 @@ def locate_yard(day: DayFile, farm: FarmFile) -> DayPlace | None:
     return DayPlace(YARD, None) if any(YARD in road.between for road in day.roads) else None
 
 
-def compute_road_km(day: DayFile, places: Sequence[DayPlace], road_factor: float) -> Array:
+def compute_road_km(day: DayFile, places: Sequence[DayPlace], road_factor: float) -> Floats:
     """Kilometres of road between all places, (n, n): as given, else straight lines times a factor.
 
     Raises RequestError for a road to an unknown place, two lengths of one road, a pair with neither road nor places,

@@ -10,9 +10,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 import reports.day.page  # noqa: F401  # how a day is shown
+from fields.arrays import Floats
 from fields.documents.reader import read_field
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
@@ -57,7 +57,6 @@ from reports.day.results import DayJob, DayResult, FleetDay, UnworkedField, list
 from reports.plan.shortfall_wording import question_pull
 
 CACHE_FAILED = "Field times could not be cached, so the next run simulates them again; try another folder (--cache)."
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -113,7 +112,7 @@ class PreparedDay:
     farm: FarmFile
     fields: tuple[Field, ...]
     places: tuple[DayPlace, ...]
-    road_km: Array
+    road_km: Floats
     frame: DayHours
     orders: list[list[WorkOrder | None]]
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import shapely
 
+from fields.arrays import Integers
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
@@ -30,7 +31,6 @@ from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_la
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.supply import Supply
 from strategies.rules.turn_costs import TurnCosts
-from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor
 
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
@@ -99,7 +99,7 @@ class PlanningContext:
     free_space: shapely.Geometry
     turn_kinds: tuple[str, ...]
     fitting_turns: tuple[bool, ...]
-    position_errors: Table
+    position_errors: Integers
     headland_passes: tuple[HeadlandPass, ...] = ()
     criteria: DecisionCriteria | None = None
     supply: Supply | None = None

@@ -10,8 +10,8 @@ from functools import partial
 from itertools import accumulate
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.geometry.field import Field
 from fields.geometry.overlays import clip_area
 from fields.layout.cells import CELL_COST_M, PLAIN_RATES, EffortRates
@@ -52,7 +52,6 @@ MIN_GAIN = 0.005  # of the time: a smaller gain may be one of the search, and is
 Report = Callable[[int, int], None]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
 LEAST_MPS, HALVINGS = 0.2, 30
-Floats = npt.NDArray[np.float64]
 
 
 def build_effort_rates(rules: DrivingRules, turn_times: Sequence[float | None]) -> EffortRates:

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from fields.documents.reader import FieldSource, read_field
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, set_entrance
 from fields.geometry.field import Field
@@ -26,7 +26,7 @@ from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms
 from strategies.rules.supply import Supply
-from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
+from vehicle.model.gnss import NO_ERROR, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import RADIUS_FACTOR, Implement, Tractor, resolve_tractor
 
@@ -50,7 +50,7 @@ class PlannedLayout:
 
     origin_m: tuple[float, float]
     inside: shapely.Geometry
-    middles: npt.NDArray[np.float64]
+    middles: Floats
 
     def find_index(self, layouts: Sequence[Layout]) -> int | None:
         """Index of the layout with these tracks inside this headland; None where there is none."""
@@ -149,7 +149,7 @@ def resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:
     return replace(request, guidance_line=None, bearing_deg=bearing_deg)
 
 
-def load_gnss_errors(request: PlanRequest) -> Table:
+def load_gnss_errors(request: PlanRequest) -> Integers:
     """The table of position errors of a request; raises VehicleError for a file that holds none."""
     if not request.gnss:
         return NO_ERROR

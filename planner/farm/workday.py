@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.geometry.field import Field
 from fields.units import DAY_S, MPS_PER_KMH
 from planner.errors import RequestError
@@ -21,7 +21,6 @@ from planner.farm.settings import FarmTimes, Yard
 MAX_ROAD_KM = 200.0  # straight line; longer roads indicate wrong degrees
 ROAD, UNFOLD, FOLD, BREAK, NIGHT = "road", "unfold", "fold", "break", "night"
 MAX_DAYS = 1000
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ class Workday:
         worked = starts - paused[:-1]
         return work_s + float(paused[np.searchsorted(worked, work_s, "right" if begins else "left")])
 
-    def compute_work_s(self, clock_s: Array) -> Array:
+    def compute_work_s(self, clock_s: Floats) -> Floats:
         """Seconds of work possible until these times after the start, in an array of any shape; infinity is kept."""
         starts, ends, paused = self._pause_table
         pause_count = np.searchsorted(starts, clock_s, "right")
@@ -141,7 +140,7 @@ class Workday:
         return tuple(self._iter_pauses(0.0, until_s))
 
     @cached_property
-    def _pause_table(self) -> tuple[Array, Array, Array]:
+    def _pause_table(self) -> tuple[Floats, Floats, Floats]:
         """Starts and ends of all pauses (n,), and seconds paused before each of them and after the last (n + 1,)."""
         spans = np.array([(one.from_s, one.to_s) for one in self._iter_pauses(0.0, MAX_DAYS * DAY_S)]).reshape(-1, 2)
         return spans[:, 0], spans[:, 1], np.concatenate(([0.0], np.cumsum(spans[:, 1] - spans[:, 0])))

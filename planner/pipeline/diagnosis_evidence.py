@@ -11,9 +11,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.results import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.series import mark_spans
 from vehicle.identification.replay.drive_segments import (
     DriveSegment,
@@ -68,7 +69,7 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
 
 def _measure_segment(
     segment: DriveSegment, rigs: Sequence[tuple[ReplayRig, Settings]], piece_s: float, driven_s: float
-) -> list[Array]:
+) -> list[Floats]:
     """Of rows of all pieces: driving time, speed, wheel angle (deg), place, and squared errors (k, 4) in cm2: across
     before and after, then along before and after."""
     poses = [simulate_instruments(rig, segment, settings)[:2] for rig, settings in rigs]
@@ -85,14 +86,14 @@ def _measure_segment(
     return list(map(np.concatenate, zip(*parts, strict=True)))
 
 
-def choose_edges(values: Array) -> Array:
+def choose_edges(values: Floats) -> Floats:
     """Choose round edges of at most MOST_VALUE_BINS bins of equal width that hold all values."""
     if len(values) == 0:
         return np.array([0.0, 1.0])
     low, high = float(values.min()), float(values.max())
     step = _round_up((high - low) / (MOST_VALUE_BINS - 1)) if high > low else 1.0
     first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
-    edges: Array = step * np.arange(first, last + 1, dtype=np.float64)
+    edges: Floats = step * np.arange(first, last + 1, dtype=np.float64)
     return edges
 
 
@@ -102,7 +103,7 @@ def _round_up(value: float) -> float:
     return float(next(factor * power for factor in ROUND_STEPS if factor * power >= value * (1.0 - 1e-9)))
 
 
-def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = 10) -> PieceErrors:
+def bin_errors(values: Floats, squares: Floats, edges: Floats, fewest_rows: int = 10) -> PieceErrors:
     """Return the root mean squares of errors, given as squares (k, 4), in bins of a value (k,)."""
     number = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
     rows = np.bincount(number, minlength=len(edges) - 1)
@@ -113,7 +114,7 @@ def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = 1
     return PieceErrors(edges[:-1][kept], edges[1:][kept], rows[kept].astype(np.float64), *means)
 
 
-def _map_errors(place: Array, squared: Array, logs: Sequence[Log], origin: tuple[float, float]) -> PlaceErrors:
+def _map_errors(place: Floats, squared: Floats, logs: Sequence[Log], origin: tuple[float, float]) -> PlaceErrors:
     """Return the errors in squares of a map, both kinds together, and the slope of the ground, where every log knows
     its fall and every square has rows of it."""
     if len(place) == 0:
@@ -151,7 +152,7 @@ def _pair_paths(segment: DriveSegment, name: str, rigs: Sequence[tuple[ReplayRig
     return PathPair(name, segment.start_s + segment.time[rows], measured, *paths)
 
 
-def align_path(segment: DriveSegment, antenna: Array, heading: Array) -> Array:
+def align_path(segment: DriveSegment, antenna: Floats, heading: Floats) -> Floats:
     """Return a simulated path (k, 2), turned and shifted so that its first seconds lie on the measurement."""
     rows = max(int(np.searchsorted(segment.time, ALIGNMENT_S)), 2)
     x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])

@@ -13,8 +13,8 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
 from fields.terrain.point_files import RTK_FIXED
@@ -23,7 +23,7 @@ from planner.errors import HeadlandError, RequestError
 from planner.evaluation.work_order import read_requested_field
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
 from planner.task_logs.formats.isoxml_logs import DEGREES_PER_UNIT, TLG_EPOCH
-from planner.task_logs.runs.run_records import WGS84, Array, Mask
+from planner.task_logs.runs.run_records import WGS84
 from vehicle.missions.plan import LEAVE
 from vehicle.records import WORKING
 
@@ -34,16 +34,15 @@ STOP_INTERVAL_S, STOP_LENGTHS_S = 240.0, (12, 20, 35, 60, 90)
 TRAILING_S = 3.0  # logged after the end of work
 START_DATE_AND_S = (date(2026, 5, 4), 8.0 * 3600.0)
 DDI_COLUMNS = ("0043", "0074", "0075", "0076", "0077", "0078", "008D", "018D")
-Numbers = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class SimulatedLog:
     """The content of one tractor's log: seconds (n,), metres (n, 2), at work (n,), and its stops in seconds."""
 
-    time_s: Array
-    xy: Array
-    is_working: Mask
+    time_s: Floats
+    xy: Floats
+    is_working: Flags
     stops_s: tuple[float, ...]
 
 
@@ -99,7 +98,7 @@ def _simulate_log(saved_run: SavedPlanRun, tractor: int, random: np.random.Gener
     return SimulatedLog(clock_s, locate_antenna(saved_run, tractor)[rows], is_working, tuple(s for _, s in stops))
 
 
-def find_work_state(saved_run: SavedPlanRun, tractor: int) -> Mask:
+def find_work_state(saved_run: SavedPlanRun, tractor: int) -> Flags:
     """Whether a tractor of a plan works (t,): with its implement down, and not on its way out."""
     run = saved_run.run
     legs = run.plan.missions[tractor].legs
@@ -108,7 +107,7 @@ def find_work_state(saved_run: SavedPlanRun, tractor: int) -> Mask:
     return np.asarray(is_down[leg_numbers] & (run.get_statuses(tractor) == WORKING))
 
 
-def locate_antenna(saved_run: SavedPlanRun, tractor: int) -> Array:
+def locate_antenna(saved_run: SavedPlanRun, tractor: int) -> Floats:
     """Positions of the antenna of a tractor (t, 2), metres of the plan."""
     machine, _ = read_machines(saved_run.saved, saved_run.request)
     x, y, angle = saved_run.run.get_poses(tractor).T
@@ -116,7 +115,7 @@ def locate_antenna(saved_run: SavedPlanRun, tractor: int) -> Array:
     return np.column_stack([x + forward_m * np.cos(angle), y + forward_m * np.sin(angle)])
 
 
-def _build_values(truth: SimulatedLog, width_m: float) -> Numbers:
+def _build_values(truth: SimulatedLog, width_m: float) -> Integers:
     """Integers (n, len(DDI_COLUMNS)) as devices send them: mm, m2, mm, mm, s, s, state, mm/s."""
     steps_m = np.concatenate([[0.0], np.hypot(*np.diff(truth.xy, axis=0).T)])
     durations_s = np.concatenate([[0.0], np.diff(truth.time_s)])
@@ -136,7 +135,7 @@ def _build_values(truth: SimulatedLog, width_m: float) -> Numbers:
     return np.asarray(np.rint(np.column_stack(table)), dtype=np.int64)
 
 
-def encode_records(time_s: Array, lonlat: Array, values: Numbers) -> bytes:
+def encode_records(time_s: Floats, lonlat: Floats, values: Integers) -> bytes:
     """The binary file of a time log: a record per row with the changed values (n, columns)."""
     day = (START_DATE_AND_S[0] - TLG_EPOCH.date()).days
     rows, previous = [], np.full(values.shape[1], -1)

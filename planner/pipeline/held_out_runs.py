@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Flags
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Log, Mask
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Log
 
 AUTO = "auto"
 LOG_SUFFIXES = (".csv", ".parquet", ".pq")
@@ -113,7 +114,7 @@ def _split_single_run(log: Log) -> HeldOutSplit:
     )
 
 
-def _slice_log(log: Log, rows: Mask, name: str) -> Log:
+def _slice_log(log: Log, rows: Flags, name: str) -> Log:
     """Return the log of some rows, its segments numbered from 0."""
     columns: dict[str, Any] = {
         each.name: column[rows]

@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers
 from fields.geometry.field import Field
 from fields.geometry.geodesy import is_wgs84_longitude_latitude
 from fields.geometry.overlays import unite
@@ -28,7 +28,7 @@ from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.field_physics import compute_tyre_drift
 from planner.task_logs.runs.worked_ground import MARGIN_M, REACH_M
 from vehicle.identification.diagnosis.results import Diagnosis
-from vehicle.identification.logs.schema import Array, Log, Mask
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.terrain import get_ground_source
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import BY_ROLL, SLOPE_DRIFT
@@ -44,7 +44,6 @@ HALF_BLOCK_S = 10.0
 """Heights of alternate pieces of this length make two surfaces, whose difference is their noise."""
 MAX_NOISE_SHARE = 0.1  # of the variance of the slope: a fitted drift is then at most so much too small
 MIN_MEASURED_SHARE = 0.9  # of the rows: on the others the slope across is not known from heights of single passes
-Rows = npt.NDArray[np.int64]
 OWN_SOURCE = "The heights of the logs (elevation_m)"
 
 
@@ -133,7 +132,7 @@ def _add_remark(logs: Sequence[Log], *remarks: str) -> list[Log]:
     return [replace(first, set_remarks=(*first.set_remarks, *remarks)), *others]
 
 
-def _list_places(log: Log, rows: Mask) -> Array:
+def _list_places(log: Log, rows: Flags) -> Floats:
     return np.column_stack([log.easting_m[rows], log.northing_m[rows]])
 
 
@@ -227,7 +226,7 @@ def _fit_own_heights(logs: Sequence[Log]) -> ElevationGrid:
     return grids[0]
 
 
-def _estimate_offsets(table: Array, owners: Rows, region: shapely.Geometry, length_m: float) -> Array:
+def _estimate_offsets(table: Floats, owners: Integers, region: shapely.Geometry, length_m: float) -> Floats:
     """How much the heights of each log lie above those of the others, mean 0: what lets a smooth surface fit them best.
 
     Heights and offsets are both taken off their smooth surfaces, and the former regressed on the latter (Speckman
@@ -242,13 +241,13 @@ def _estimate_offsets(table: Array, owners: Rows, region: shapely.Geometry, leng
     return np.asarray(np.linalg.lstsq(np.column_stack(left[1:]), left[0], rcond=1e-6)[0])
 
 
-def _fit_grid(table: Array, region: shapely.Geometry, length_m: float) -> ElevationGrid:
+def _fit_grid(table: Floats, region: shapely.Geometry, length_m: float) -> ElevationGrid:
     grid, scatter_m = fit_surface(table[:, :2], table[:, 2], region, length_m, MARGIN_M)
     source = f"smoothed over {length_m:.3g} m; they scatter {100.0 * scatter_m:.2g} cm about that surface"
     return replace(grid, source=source)
 
 
-def _check_own_surface(grids: Sequence[ElevationGrid], places: Array) -> None:
+def _check_own_surface(grids: Sequence[ElevationGrid], places: Floats) -> None:
     """Refuse a surface (the first) that single passes leave open across, or whose slope differs between its halves."""
     is_measured = np.stack([_find_measured(grid, places) for grid in grids])
     share = float(is_measured[0].mean())
@@ -262,11 +261,11 @@ def _check_own_surface(grids: Sequence[ElevationGrid], places: Array) -> None:
         raise ElevationError("they show no slope above their noise.")
 
 
-def _find_measured(grid: ElevationGrid, places: Array) -> Mask:
+def _find_measured(grid: ElevationGrid, places: Floats) -> Flags:
     """Whether the node nearest to each place has a height of its own."""
     assert grid.is_measured is not None
     rows, columns = grid.heights_m.shape
     row = np.clip(np.round((places[:, 1] - grid.south_m) / grid.spacing_m), 0, rows - 1).astype(np.int64)
     column = np.clip(np.round((places[:, 0] - grid.west_m) / grid.spacing_m), 0, columns - 1).astype(np.int64)
-    out: Mask = grid.is_measured[row, column]
+    out: Flags = grid.is_measured[row, column]
     return out

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fields.arrays import Floats
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
 from strategies.rules.legs import PATH_STEP_M
 from vehicle.identification.diagnosis.corrections import correct_logs
@@ -20,7 +21,7 @@ from vehicle.identification.diagnosis.next_drive import (
     simulate_programme,
 )
 from vehicle.identification.diagnosis.results import NextDrive
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig_and_corrections
 from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
@@ -58,7 +59,7 @@ def build_next_drive_plan(drive: NextDrive, logs: Sequence[Log], tractor: Tracto
     )
 
 
-def _cut_pass(path: Array, time: Array, pieces: ProgrammePieces, pace: float) -> list[Leg]:
+def _cut_pass(path: Floats, time: Floats, pieces: ProgrammePieces, pace: float) -> list[Leg]:
     """Return a leg per piece of constant command; each begins where the one before ends."""
     ends_s = np.cumsum([seconds for seconds, *_ in pieces])
     rows = [0, *np.minimum(np.searchsorted(time, ends_s), len(time) - 1)]
@@ -69,19 +70,19 @@ def _cut_pass(path: Array, time: Array, pieces: ProgrammePieces, pace: float) ->
     return legs
 
 
-def _thin_points(path: Array) -> Array:
+def _thin_points(path: Floats) -> Floats:
     """Return points about PATH_STEP_M apart, with both ends."""
     steps = np.hypot(*np.diff(path, axis=0).T)
     number = np.floor(np.concatenate([[0.0], np.cumsum(steps)]) / PATH_STEP_M)
     kept = np.concatenate([[True], np.diff(number) > 0.0])
     kept[-1] = True
-    thinned: Array = path[kept]
+    thinned: Floats = path[kept]
     if len(thinned) > 2 and np.hypot(*(thinned[-1] - thinned[-2])) < 0.5 * PATH_STEP_M:
         thinned = np.delete(thinned, -2, axis=0)
     return thinned
 
 
-def _turn_to(before: Leg, path: Array, tractor: Tractor, pace: float) -> Leg:
+def _turn_to(before: Leg, path: Floats, tractor: Tractor, pace: float) -> Leg:
     """Return the turn from the end of a leg to the beginning of a path."""
     # Searching for turns is loaded where a drive has more than one pass.
     from strategies.moves.closed_forms import find_forward_path
@@ -95,7 +96,7 @@ def _turn_to(before: Leg, path: Array, tractor: Tractor, pace: float) -> Leg:
     return Leg(points, pace, task=LegTask(TURN))
 
 
-def _find_course(path: Array) -> float:
+def _find_course(path: Floats) -> float:
     """Return the direction (rad) in which a path begins."""
     gaps = np.hypot(*(path - path[0]).T)
     row = int(np.argmax(gaps >= min(COURSE_M, float(gaps.max()))))

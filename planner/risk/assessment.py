@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, PlanRequest
@@ -41,7 +41,6 @@ TIMEOUT_FACTOR = 3.0  # times as long as expected: slower drives are not finishe
 MIN_LEG_S = 0.1
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
 MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,8 +51,8 @@ class PhysicsCheck:
     neither can be compared with the graph.
     """
 
-    simulated_s: Array
-    graph_s: Array
+    simulated_s: Floats
+    graph_s: Floats
     contact_count: int
     unfinished_count: int
 
@@ -103,7 +102,7 @@ def check_graph_in_physics(
     return PhysicsCheck(simulated_s, apply_factors(graph, factor).finish_s, contact_count, unfinished_count)
 
 
-def scale_speeds(plan: Plan, graph: LegGraph, factor: Array, acceleration_mps2: float = 0.7) -> Plan:
+def scale_speeds(plan: Plan, graph: LegGraph, factor: Floats, acceleration_mps2: float = 0.7) -> Plan:
     """The plan with every leg at the speed at which it takes `factor` (legs,) times its driven time."""
     missions = []
     for tractor, mission in enumerate(plan.missions):
@@ -180,7 +179,7 @@ class DecisionCriteria:
             limits.append("before the rain")
         return " and ".join(dict.fromkeys(limits))
 
-    def sample_field_limit_s(self) -> Array:
+    def sample_field_limit_s(self) -> Floats:
         """Seconds of field work that fit before the deadline or the rain, (samples,); infinite without either."""
         samples, deadline_s = self.samples, self.request.time_limit_s
         rain = np.full(samples, math.inf) if self.rain is None else self.rain.draw_onsets(samples, self.request.seed)

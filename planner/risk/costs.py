@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.units import HOUR_S, PCT
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
@@ -23,7 +23,6 @@ from vehicle.missions.run import SimulationRun
 PCT_TO_SHARE = 1.0 / PCT
 ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
 IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -190,7 +189,7 @@ def list_cost_figures(outcomes: SampledOutcomes, terms: CostTerms, area_ha: floa
     }
 
 
-def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
+def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Floats:
     """What is paid in each sample, (samples,).
 
     A fleet is paid from its actual start, and supervised until the last tractor is done.
@@ -211,7 +210,7 @@ class DrivenTimes:
     `resting` tractors more have nothing to do, and are not paid.
     """
 
-    tractor_s: Array
+    tractor_s: Floats
     work_s: float
     turn_s: float
     resting: int = 0
@@ -276,7 +275,7 @@ def compute_travel_cost(terms: CostTerms) -> float:
     return transport + (hourly + people) / HOUR_S
 
 
-def _compute_machine_cost(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
+def _compute_machine_cost(outcomes: SampledOutcomes, terms: CostTerms) -> Floats:
     """Cost of machines and fuel, (samples,): each tractor until it is done; engines idle while waiting."""
     prices, efficiency = terms.prices, terms.motor_efficiency
     rates = compute_hourly_rates(prices, terms.tractor, terms.implement, efficiency)

@@ -14,7 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, Integers, find_true_spans
+from fields.arrays import Flags, Floats, Integers, find_true_spans
 from vehicle.energy.fuel import build_power_source
 from vehicle.energy.run_energy import compute_run_energy
 from vehicle.missions.plan import LEAVE, SWATH, Leg, Mission
@@ -74,7 +74,7 @@ class LegGraph:
     order: tuple[int, ...]
     links: tuple[WaitLink, ...]
     stand_s: Floats
-    leaving: Booleans | None = None
+    leaving: Flags | None = None
     fuel: LegConsumption | None = None
     resting: tuple[int, ...] = ()
 
@@ -217,7 +217,7 @@ def _read_leg_record(run: SimulationRun, tractor: int) -> _LegRecord:
     )
 
 
-def _count_leading(flags: Booleans) -> int:
+def _count_leading(flags: Flags) -> int:
     """How many flags are true before the first that is not."""
     return int(np.argmin(np.append(flags, False)))
 

@@ -7,8 +7,8 @@ from collections import defaultdict
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import ROUNDING
 from fields.units import PCT
 from planner.farm.random_inputs import (
@@ -23,7 +23,6 @@ from planner.risk.random_events import StopEvents, create_generator, draw_lognor
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 
 MAX_SLIP_SHARE = MAX_SLIP_PCT / PCT
-Array = npt.NDArray[np.float64]
 
 VARIANCE_SAMPLES = 2000
 DEFAULT_SAMPLES = 10_000
@@ -41,18 +40,18 @@ class SampledOutcomes:
     tractors idle; None where not known.
     """
 
-    finish_s: Array
-    tractor_finish_s: Array
-    work_s: Array
-    turn_s: Array
-    worked_share: Array
-    start_delay_s: Array
-    leg_factors: Array | None = None
-    exit_start_s: Array | None = None
-    energy: Array | None = None
+    finish_s: Floats
+    tractor_finish_s: Floats
+    work_s: Floats
+    turn_s: Floats
+    worked_share: Floats
+    start_delay_s: Floats
+    leg_factors: Floats | None = None
+    exit_start_s: Floats | None = None
+    energy: Floats | None = None
 
     @property
-    def work_finish_s(self) -> Array:
+    def work_finish_s(self) -> Floats:
         """When the last tractor has done its work, (samples,)."""
         return self.finish_s if self.exit_start_s is None else self.exit_start_s
 
@@ -63,7 +62,7 @@ def sample_outcomes(
     *,
     samples: int,
     seed: int,
-    limit_s: Array | None = None,
+    limit_s: Floats | None = None,
     keep_factors: bool = False,
 ) -> SampledOutcomes:
     """Sample the graph with random inputs; `limit_s` (samples,) is when work must be done.
@@ -75,7 +74,7 @@ def sample_outcomes(
     return _walk_longest_path(_start_walk(graph, uncertainty, samples, seed), limits_s, keep_factors)
 
 
-def apply_factors(graph: LegGraph, leg_factors: Array) -> SampledOutcomes:
+def apply_factors(graph: LegGraph, leg_factors: Floats) -> SampledOutcomes:
     """Outcomes of the graph with these factors (legs, samples) on its driving times and no other variation."""
     samples = leg_factors.shape[1]
     walk = _start_walk(graph, build_certain_settings(), samples, seed=0)
@@ -83,7 +82,7 @@ def apply_factors(graph: LegGraph, leg_factors: Array) -> SampledOutcomes:
     return _walk_longest_path(walk, np.full(samples, math.inf), keep_factors=False)
 
 
-def compute_slip_factor(uncertainty: UncertaintySettings, normals: Array) -> Array:
+def compute_slip_factor(uncertainty: UncertaintySettings, normals: Floats) -> Floats:
     """Driving time at a sampled wheel slip relative to the median; ground speed is wheel speed x (1 - slip)."""
     median = 0.01 * uncertainty.slip_pct
     slip = np.minimum(median * np.exp(compute_log_deviation(uncertainty.slip_cv) * normals), MAX_SLIP_SHARE)
@@ -99,20 +98,20 @@ class _GraphWalk:
     """
 
     graph: LegGraph
-    job_factor: Array
-    pass_factor: Array
-    start_delay_s: Array
+    job_factor: Floats
+    pass_factor: Floats
+    start_delay_s: Floats
     generators: list[np.random.Generator]
     deviation: tuple[float, float, float]
     events: list[StopEvents]
-    now_s: Array
-    driven_clock_s: Array
+    now_s: Floats
+    driven_clock_s: Floats
     current_group: list[int]
-    factors: list[Array]
-    fixed_factors: Array | None = None
-    opened_s: dict[int, Array] = field(default_factory=dict)
+    factors: list[Floats]
+    fixed_factors: Floats | None = None
+    opened_s: dict[int, Floats] = field(default_factory=dict)
 
-    def get_factor(self, node: int) -> Array:
+    def get_factor(self, node: int) -> Floats:
         """The factor of a leg; every new pass or turn draws its numbers, whether they have an effect or not."""
         if self.fixed_factors is not None:
             return np.asarray(self.fixed_factors[node])
@@ -124,7 +123,7 @@ class _GraphWalk:
             self.factors[tractor] = common_factor * np.exp(spread * normals) if spread > 0.0 else common_factor
         return self.factors[tractor]
 
-    def apply_waits(self, links: list[int], time_s: Array, at_end: bool) -> Array:
+    def apply_waits(self, links: list[int], time_s: Floats, at_end: bool) -> Floats:
         """The time, delayed to the opening of links of this kind."""
         for index in links:
             link = self.graph.links[index]
@@ -132,7 +131,7 @@ class _GraphWalk:
                 time_s = np.maximum(time_s, self.opened_s.pop(index) + link.delay_s)
         return time_s
 
-    def apply_stops(self, tractor: int, seconds: float, time_s: Array) -> Array:
+    def apply_stops(self, tractor: int, seconds: float, time_s: Floats) -> Floats:
         """The time, delayed by stops and breakdowns in the tractor's next `seconds` of driving."""
         events, start = self.events[tractor], float(self.driven_clock_s[tractor])
         hit = events.find_between(start, start + seconds)
@@ -140,14 +139,16 @@ class _GraphWalk:
             np.add.at(time_s, events.sample[hit], events.duration_s[hit])
         return time_s
 
-    def set_link_openings(self, links: list[int], tractor: int, begin_s: Array, factor: Array, seconds: float) -> None:
+    def set_link_openings(
+        self, links: list[int], tractor: int, begin_s: Floats, factor: Floats, seconds: float
+    ) -> None:
         """Set the opening times of links from a leg of a tractor."""
         for index in links:
             offset = self.graph.links[index].offset_s
             self.opened_s[index] = self.apply_stops(tractor, min(offset, seconds), begin_s + offset * factor)
 
 
-def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> SampledOutcomes:
+def _walk_longest_path(walk: _GraphWalk, limit_s: Floats, keep_factors: bool) -> SampledOutcomes:
     """The longest path; values of a leg are kept only as long as later legs need them."""
     graph, samples = walk.graph, len(limit_s)
     links_to, links_from = defaultdict[int, list[int]](list), defaultdict[int, list[int]](list)
@@ -159,7 +160,7 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
     total_m = float(graph.worked_m.sum())
     leg_factors = np.ones((graph.node_count, samples)) if keep_factors else None
     exit_start_s = None if graph.leaving is None else np.zeros(samples)
-    begun_legs: dict[int, tuple[Array, Array]] = {}
+    begun_legs: dict[int, tuple[Floats, Floats]] = {}
     for node in graph.order:
         tractor, incoming = int(graph.tractor[node]), links_to[node]
         if node not in begun_legs:
@@ -226,7 +227,7 @@ def _start_walk(graph: LegGraph, uncertainty: UncertaintySettings, samples: int,
     )
 
 
-def _compute_done_share(begin_s: Array, end_s: Array, limit_s: Array) -> Array | float:
+def _compute_done_share(begin_s: Floats, end_s: Floats, limit_s: Floats) -> Floats | float:
     """Share of a leg driven at the limit."""
     if bool((end_s <= limit_s).all()):
         return 1.0

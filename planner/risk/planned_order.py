@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from vehicle.arrays import Floats, Integers, measure_along
+from fields.arrays import Floats, Integers, measure_along
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor

@@ -9,8 +9,8 @@ from datetime import datetime, time
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.text_files import parse_number, parse_table, read_table_text
 from fields.units import DAY_S, HOUR_S, PCT
 from planner.errors import RequestError, mark_parameter, shorten_value
@@ -20,7 +20,6 @@ from planner.risk.random_events import create_generator
 MAX_HOURS = 1000.0
 MAX_MEMBERS = 100_000
 RAIN_FORMATS = "a time (17:00), times with percentages (16:30=20,17:00=50,18:00=30), a rate (0.2/h) or a CSV file"
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class RainForecast:
         """When rain begins, where that is certain and its time known; else None."""
         return self.onsets_s[0] if len(self.onsets_s) == 1 and sum(self.probabilities) == 1.0 else None
 
-    def draw_onsets(self, samples: int, seed: int) -> Array:
+    def draw_onsets(self, samples: int, seed: int) -> Floats:
         """Onsets (samples,), infinite where it stays dry; the same for all plans with one seed."""
         generator = create_generator(seed, "rain")
         if self.rate_per_s > 0.0:

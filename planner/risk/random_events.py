@@ -7,13 +7,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats, Integers
 from fields.units import HOUR_S
 from planner.farm.random_inputs import UncertaintySettings, compute_log_deviation
-
-Array = npt.NDArray[np.float64]
-IntArray = npt.NDArray[np.int64]
 
 
 def create_generator(seed: int, *names: str | int) -> np.random.Generator:
@@ -30,9 +27,9 @@ class StopEvents:
     `sample` is the sample of each event, `duration_s` its duration.
     """
 
-    at_s: Array
-    sample: IntArray
-    duration_s: Array
+    at_s: Floats
+    sample: Integers
+    duration_s: Floats
 
     def find_between(self, start_s: float, end_s: float) -> slice:
         """Events from `start_s` to before `end_s`."""
@@ -41,7 +38,7 @@ class StopEvents:
 
 
 def draw_stop_events(
-    uncertainty: UncertaintySettings, seed: int, tractor: int, driven_s: float, job_factor: Array
+    uncertainty: UncertaintySettings, seed: int, tractor: int, driven_s: float, job_factor: Floats
 ) -> StopEvents:
     """Stops and breakdowns of a tractor that drives `driven_s` in the simulation, times `job_factor` (samples,).
 
@@ -66,7 +63,7 @@ def draw_stop_events(
     return StopEvents(at_s[order], sample[order].astype(np.int64), duration_s[order])
 
 
-def draw_lognormal(mean: float, cv: float, normals: Array) -> Array:
+def draw_lognormal(mean: float, cv: float, normals: Floats) -> Floats:
     """Lognormal values with this mean and coefficient of variation, from standard normal numbers."""
     spread = compute_log_deviation(cv)
     return np.asarray(mean * np.exp(spread * normals - 0.5 * spread * spread))
@@ -77,8 +74,8 @@ def _draw_event_times(
     per_hour: float,
     duration_law: tuple[float, float, tuple[float, ...]],
     driven_s: float,
-    job_factor: Array,
-) -> Iterator[tuple[Array, IntArray, Array]]:
+    job_factor: Floats,
+) -> Iterator[tuple[Floats, Integers, Floats]]:
     """The first, second, ... events of all samples, until none comes before the tractor is done."""
     if per_hour <= 0.0:
         return

@@ -13,14 +13,15 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases, find_true_segments
-from planner.task_logs.runs.run_records import Array, ProjectedRun
+from planner.task_logs.runs.run_records import ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
 from vehicle.model.effect_kinds import INTERVAL_COVERAGE
 
 BOOTSTRAP_SAMPLES = 1_000
 INTERVAL_QUANTILES = (0.5 - 0.5 * INTERVAL_COVERAGE, 0.5 + 0.5 * INTERVAL_COVERAGE)
-Statistic = Callable[[Array], float | np.floating[Any]]
+Statistic = Callable[[Floats], float | np.floating[Any]]
 MIN_PASS_S = 20.0
 """Shorter segments of work are not passes."""
 MIN_EVENTS, MAX_SWATHS_OVER = 5, 10
@@ -39,7 +40,7 @@ class IntervalEstimate:
     runs: tuple[str, ...]
 
 
-def estimate_statistic(events: Mapping[str, Array], statistic: Statistic, min_events: int) -> IntervalEstimate | None:
+def estimate_statistic(events: Mapping[str, Floats], statistic: Statistic, min_events: int) -> IntervalEstimate | None:
     """A statistic of the events (n, ...) of all runs; None for fewer than `min_events`."""
     used_events = {name: run_events for name, run_events in events.items() if len(run_events)}
     if sum(map(len, used_events.values())) < min_events:
@@ -87,7 +88,7 @@ def estimate_share(hits: int, runs: tuple[str, ...]) -> IntervalEstimate:
     return IntervalEstimate(hits / len(runs), float(interval.low), float(interval.high), len(runs), runs)
 
 
-def compute_variation_coefficient(values: Array) -> float:
+def compute_variation_coefficient(values: Floats) -> float:
     """Coefficient of variation of a sample (n,)."""
     return float(np.std(values, ddof=1) / np.mean(values)) if len(values) > 1 else 0.0
 
@@ -112,7 +113,7 @@ class RunObservations:
         ratios = {name: mps / mps.mean() for name, mps in self.pass_speeds.items() if len(mps) >= MIN_EVENTS}
         return estimate_statistic(ratios, compute_variation_coefficient, MIN_EVENTS)
 
-    def list_u_turn_seconds(self, swaths: int) -> Mapping[str, Array]:
+    def list_u_turn_seconds(self, swaths: int) -> Mapping[str, Floats]:
         """Seconds of U-turns without a stop over so many swaths, by run."""
         return {
             name: np.array([
@@ -171,7 +172,7 @@ class RunObservations:
         return estimate_share(sum(first_by_run.values()), tuple(first_by_run)) if first_by_run else None
 
 
-def _find_pass_speeds(run: ProjectedRun) -> Array:
+def _find_pass_speeds(run: ProjectedRun) -> Floats:
     """Mean speeds (n,) of the segments of work."""
     pass_speeds = []
     for first, last in find_true_segments(run.is_working):

@@ -13,24 +13,22 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from planner.traffic.deadlock_search import find_first_place_row
 from planner.traffic.trajectories import SoloTrajectory, TrajectoryCache
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 from vehicle.sim.path_conflicts import ClearanceCheck
 
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 MERGE_GAP_S = 2.0  # spans of head starts nearer than this are merged
 PLACE_KINDS = 4  # a place inside a segment or at its end, on either trajectory
 NO_ENCOUNTERS = np.zeros((0, 3), np.int64), np.zeros((0, 2)), np.zeros((0, 2), np.int64), np.zeros((0, 2))
 
 
 def find_encounters(
-    meeting_rows: Ints, times: tuple[Floats, Floats], holds: tuple[Ints, Ints], bases: tuple[int, int]
-) -> tuple[Ints, Floats, Ints, Floats]:
+    meeting_rows: Integers, times: tuple[Floats, Floats], holds: tuple[Integers, Integers], bases: tuple[int, int]
+) -> tuple[Integers, Floats, Integers, Floats]:
     """How two trajectories interact where they meet, rows as from vehicle.sim.path_conflicts.
 
     Rows (segment, other segment, kind) with time spans; then rows (hold point, segment of the other) with the first and
@@ -45,7 +43,7 @@ def find_encounters(
     return apart[:count] + np.array([base_a, base_b, 0]), apart_s[:count], stands, np.concatenate([by_a_s, by_b_s])
 
 
-def _list_visits(holds: Ints, low: Ints, high: Ints, first: Ints, last: Ints) -> Ints:
+def _list_visits(holds: Integers, low: Integers, high: Integers, first: Integers, last: Integers) -> Integers:
     """Rows (hold point, first and last place of another trajectory there) for all hold points from `low` to `high`."""
     begins = np.searchsorted(holds, low)
     counts = np.searchsorted(holds, high, side="right") - begins
@@ -54,7 +52,7 @@ def _list_visits(holds: Ints, low: Ints, high: Ints, first: Ints, last: Ints) ->
     return np.column_stack([begins[rows] + numbers, first[rows], last[rows]])
 
 
-def _merge_exclusions(keys: Ints, spans: Floats) -> tuple[Ints, Ints, Floats]:
+def _merge_exclusions(keys: Integers, spans: Floats) -> tuple[Integers, Integers, Floats]:
     """Segments, other segments and time spans between them; spans nearer than MERGE_GAP_S are merged."""
     order = np.lexsort((spans[:, 0], keys[:, 2], keys[:, 1], keys[:, 0]))
     keys, spans = np.ascontiguousarray(keys[order]), np.ascontiguousarray(spans[order])
@@ -195,12 +193,12 @@ class ConflictTable:
     (k, 2) are times in s.
     """
 
-    start: Ints
-    at: Ints
+    start: Integers
+    at: Integers
     span_s: Floats
 
     @classmethod
-    def from_rows(cls, rows: Ints, at: Ints, span_s: Floats, places: int) -> ConflictTable:
+    def from_rows(cls, rows: Integers, at: Integers, span_s: Floats, places: int) -> ConflictTable:
         """From rows in any order."""
         order = np.lexsort((span_s[:, 1], span_s[:, 0], at, rows))
         start = np.concatenate(([0], np.cumsum(np.bincount(rows, minlength=places))))
@@ -218,12 +216,12 @@ class ConflictZones:
     """
 
     trajectories: list[SoloTrajectory]
-    base: Ints
+    base: Integers
     begins_s: Floats
     apart: ConflictTable
     stands: ConflictTable
     blockers: ConflictTable
-    interacts: npt.NDArray[np.bool_]
+    interacts: Flags
 
 
 def find_conflict_zones(
@@ -237,7 +235,7 @@ def find_conflict_zones(
     `cache` may hold results for checks that differ only in the clearance beside each other.
     """
     cache = cache or TrajectoryCache()
-    pair_meetings: dict[tuple[int, int], Ints] = {}
+    pair_meetings: dict[tuple[int, int], Integers] = {}
     for i, j in combinations(range(len(trajectories)), 2):
         a, b = trajectories[i], trajectories[j]
         key = a, b, check.beside_clearance_m
@@ -255,7 +253,7 @@ def find_conflict_zones(
     )
 
 
-def _drop_idle_holds(trajectory: SoloTrajectory, used: npt.NDArray[np.bool_], gated: set[int]) -> SoloTrajectory:
+def _drop_idle_holds(trajectory: SoloTrajectory, used: Flags, gated: set[int]) -> SoloTrajectory:
     """The trajectory without hold points before segments that are in nobody's way."""
     counts = np.add.reduceat(np.append(used, False), np.asarray(trajectory.holds), dtype=np.int64)
     ends = used[np.asarray(trajectory.holds[1:])]
@@ -267,7 +265,7 @@ def _drop_idle_holds(trajectory: SoloTrajectory, used: npt.NDArray[np.bool_], ga
     return trajectory.drop_holds(idle)
 
 
-def _build_zones(trajectories: list[SoloTrajectory], pair_meetings: dict[tuple[int, int], Ints]) -> ConflictZones:
+def _build_zones(trajectories: list[SoloTrajectory], pair_meetings: dict[tuple[int, int], Integers]) -> ConflictZones:
     """The conflict zones of all meetings."""
     holds = [np.asarray(trajectory.holds, dtype=np.int64) for trajectory in trajectories]
     base = np.concatenate(([0], np.cumsum([len(own_holds) for own_holds in holds]))).astype(np.int64)

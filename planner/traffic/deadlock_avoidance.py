@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from planner.traffic.conflict_zones import ConflictTable, ConflictZones
 from planner.traffic.deadlock_search import (
     ScheduleNet,
@@ -26,8 +26,6 @@ from vehicle.missions.plan import FollowOrder, LegGate, Plan
 
 MAX_DROPPED_GATES = 80  # times that gates of the plan are dropped to undo a deadlock
 FOLLOW_DELAY_S = 4.0  # after this time the tractor followed is far enough ahead
-Ints = npt.NDArray[np.int64]
-Floats = npt.NDArray[np.float64]
 FleetState = tuple[int, ...]
 """The hold point each tractor stands at."""
 TractorSegment = tuple[int, int]
@@ -168,7 +166,7 @@ class DeadlockAvoidance:
         fill_safe_pairs(net)
         return net
 
-    def _build_waits(self, owner: Ints) -> tuple[Ints, Ints, Floats, Ints]:
+    def _build_waits(self, owner: Integers) -> tuple[Integers, Integers, Floats, Integers]:
         """The gates that are not dropped, as `waits` and `last_wait` of ScheduleNet."""
         base = self.zones.base
         rows = [
@@ -191,7 +189,7 @@ class DeadlockAvoidance:
 
 def _list_waits(
     plan: Plan, trajectories: list[SoloTrajectory]
-) -> tuple[dict[TractorSegment, list[PlannedWait]], npt.NDArray[np.bool_]]:
+) -> tuple[dict[TractorSegment, list[PlannedWait]], Flags]:
     """What segments wait for, and who waits for whom; in a large fleet many wait for the same place."""
     waits: dict[TractorSegment, list[PlannedWait]] = {}
     passings: dict[LegGate, tuple[int, float]] = {}

@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.timetable_search import (
@@ -31,8 +31,6 @@ from planner.traffic.timetable_search import (
 from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-Floats = npt.NDArray[np.float64]
 
 EAGERNESS = (0.0, 0.5, 1.0)
 """How the next tractor is picked: by when it can go on (0) or, the more eager (1), by how long it has waited."""

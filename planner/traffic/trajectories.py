@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.arrays import measure_along
+from fields.arrays import Floats, Integers, measure_along
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import REC_ANGLE, REC_PLACE
@@ -20,7 +20,6 @@ from vehicle.sim.path_conflicts import PosePath, build_poses
 POSE_STEP_M = 0.8  # between poses of a trajectory
 MAX_CACHED_POSES = 1_000_000  # of all cached trajectories
 TURN_WEIGHT_M = 3.0  # metres of driving that count as much as a radian of turning
-Floats = npt.NDArray[np.float64]
 SoloSimulation = Callable[[Plan, Sequence[int]], Iterable[SimulationRun]]
 """Simulates some tractors of a plan, by number, each with nobody else on the field."""
 
@@ -36,7 +35,7 @@ class SoloTrajectory:
 
     poses: npt.NDArray[np.void]
     time_s: Floats
-    leg: npt.NDArray[np.int64]
+    leg: Integers
     leg_distance_m: Floats
     holds: tuple[int, ...]
     hold_legs: tuple[int, ...]
@@ -108,7 +107,7 @@ class TrajectoryCache:
     """
 
     trajectories: dict[bytes, SoloTrajectory | None] = field(default_factory=dict)
-    meetings: dict[tuple[SoloTrajectory, SoloTrajectory, float], npt.NDArray[np.int64]] = field(default_factory=dict)
+    meetings: dict[tuple[SoloTrajectory, SoloTrajectory, float], Integers] = field(default_factory=dict)
     pose_count: int = 0
 
     def find_trajectories(self, plan: Plan, simulate_alone: SoloSimulation) -> list[SoloTrajectory | None]:

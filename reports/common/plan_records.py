@@ -10,16 +10,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-import numpy as np
-import numpy.typing as npt
-
+from fields.arrays import Floats, Integers
 from reports.common.rendering import ShownResult
 
 ShortfallKind = Literal["pull", "worked", "rain", "budget", "late"]
 
 OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
-
-Points = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -200,7 +196,7 @@ class HeadlandPassLine:
     first point is repeated, and its name."""
 
     number: int
-    points: Points
+    points: Floats
     name: str = ""
 
 
@@ -210,7 +206,7 @@ class CellOutline:
 
     number: int
     bearing_deg: float
-    rings: tuple[Points, ...]
+    rings: tuple[Floats, ...]
     x_m: float
     y_m: float
 
@@ -223,9 +219,9 @@ class Relief:
     west, south, east and north `bounds_m`; `contours` are heights and lines (n, 2) in metres, `interval_m` apart.
     """
 
-    shade: Points
+    shade: Floats
     bounds_m: tuple[float, float, float, float]
-    contours: tuple[tuple[float, Points], ...]
+    contours: tuple[tuple[float, Floats], ...]
     interval_m: float
 
     @property
@@ -264,26 +260,26 @@ class PlanDrive(ShownResult):
     """
 
     title: str
-    boundary: Points
-    holes: tuple[Points, ...]
-    swaths: Sequence[Points]
+    boundary: Floats
+    holes: tuple[Floats, ...]
+    swaths: Sequence[Floats]
     width_m: float
     step_s: float
-    xy: tuple[Points, ...]
-    status: tuple[npt.NDArray[np.int64], ...]
+    xy: tuple[Floats, ...]
+    status: tuple[Integers, ...]
     finish_s: tuple[float, ...]
     seconds: dict[str, tuple[float, ...]]
     entrance: tuple[float, float] | None = None
-    unworked: tuple[Points, ...] = ()
-    done: tuple[Points, ...] = ()
+    unworked: tuple[Floats, ...] = ()
+    done: tuple[Floats, ...] = ()
     largest_missed: UnworkedPiece | None = None
     missed_m2: float = 0.0
     swath_names: tuple[str, ...] = ()
     headland_passes: tuple[HeadlandPassLine, ...] = ()
     headland_sides: tuple[HeadlandPassLine, ...] = ()
     cells: tuple[CellOutline, ...] = ()
-    obstacles: tuple[Points, ...] = ()
-    fences: tuple[Points, ...] = ()
+    obstacles: tuple[Floats, ...] = ()
+    fences: tuple[Floats, ...] = ()
     steps: tuple[tuple[DriverLeg, ...], ...] = ()
     cut_off: tuple[UnworkedPiece, ...] = ()
     worked_pct: float | None = None

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from fields.arrays import Floats
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.plan_records import Points
 from reports.common.rendering import ShownResult
 from reports.common.text_tables import MOST_NAMED
 from reports.common.wording import (
@@ -105,7 +105,7 @@ class MapPlace:
     name: str
     x_m: float
     y_m: float
-    outline: Points | None = None
+    outline: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,8 +8,8 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from reports.common.drawing_sizes import BAR_FRAME, CURVE_FRAME
 from reports.common.rendering import make_json_safe
 from reports.common.wording import format_number, get_effect_label
@@ -185,7 +185,7 @@ def _draw_places(places: PlaceErrors) -> dict[str, Any]:
     }
 
 
-def _shade_squares(places: PlaceErrors, shades: npt.NDArray[np.float64], words: Sequence[str]) -> list[dict[str, str]]:
+def _shade_squares(places: PlaceErrors, shades: Floats, words: Sequence[str]) -> list[dict[str, str]]:
     """The squares of a map with their words; a shade of 1 or more is the darkest."""
     left, top = float(places.west_m.min()), float(places.south_m.max())
     return [

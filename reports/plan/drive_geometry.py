@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
-from reports.common.plan_records import PlanDrive, Points
+from fields.arrays import Floats, Integers
+from reports.common.plan_records import PlanDrive
 from reports.common.rendering import ReportError
 
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
@@ -48,7 +48,7 @@ class MapExtent:
         return max(self.width, self.height)
 
     @property
-    def corners(self) -> Points:
+    def corners(self) -> Floats:
         """The lower left and the upper right corner (2, 2), metres."""
         return np.array([(self.west, self.south), (self.east, self.north)])
 
@@ -62,18 +62,18 @@ class Viewport:
     scale: float = 100.0
     margin: float = 0.0
 
-    def convert_points(self, points: Points) -> list[tuple[int, int]]:
+    def convert_points(self, points: Floats) -> list[tuple[int, int]]:
         """Points (n, 2) on the picture."""
         flat = (points - (self.west, self.north)) * (self.scale, -self.scale) + self.margin
         return [(int(x), int(y)) for x, y in np.rint(flat)]
 
-    def format_path(self, points: Points, is_closed: bool = False) -> str:
+    def format_path(self, points: Floats, is_closed: bool = False) -> str:
         """SVG path data of a polyline (n, 2); moves after the first are relative, which halves the text."""
         flat = self.convert_points(points)
         steps = [f"{x - x0} {y - y0}" for (x0, y0), (x, y) in pairwise(flat) if (x, y) != (x0, y0)]
         return f"M{flat[0][0]} {flat[0][1]}" + (f"l{' '.join(steps)}" if steps else "") + ("z" if is_closed else "")
 
-    def format_rings(self, rings: Iterable[Points]) -> str:
+    def format_rings(self, rings: Iterable[Floats]) -> str:
         """SVG path data of closed rings (n, 2)."""
         return "".join(self.format_path(ring, is_closed=True) for ring in rings)
 
@@ -122,15 +122,15 @@ def compute_extent(drive: PlanDrive) -> MapExtent:
     return bound_points([drive.boundary, *drive.xy, *([] if drive.entrance is None else [np.array([drive.entrance])])])
 
 
-def bound_points(clouds: Sequence[Points]) -> MapExtent:
+def bound_points(clouds: Sequence[Floats]) -> MapExtent:
     """The box around some points (n, 2) each; one of no size at the origin where there are none."""
     points = np.concatenate(clouds) if clouds else np.zeros((1, 2))
     return MapExtent(*map(float, (*points.min(axis=0), *points.max(axis=0))))
 
 
 def split_by_status(
-    xy: Points, status: npt.NDArray[np.int64], tolerance_m: float = SIMPLIFY_TOLERANCE_M
-) -> list[tuple[int, Points]]:
+    xy: Floats, status: Integers, tolerance_m: float = SIMPLIFY_TOLERANCE_M
+) -> list[tuple[int, Floats]]:
     """Status and polyline (n, 2) of the pieces of a path (t, 2) cut where the status (t,) changes, in order of time.
 
     The step between two samples has the status of the later one. Time standing still leaves no piece. Every
@@ -138,7 +138,7 @@ def split_by_status(
     """
     if len(xy) < 2:
         return []
-    path_pieces = list[tuple[int, Points]]()
+    path_pieces = list[tuple[int, Floats]]()
     for step_status, start, end in list_status_runs(status[1:]):
         line = shapely.LineString(xy[start : end + 1])
         if line.length > 0:
@@ -147,14 +147,14 @@ def split_by_status(
     return path_pieces
 
 
-def list_status_runs(status: npt.NDArray[np.int64]) -> list[tuple[int, int, int]]:
+def list_status_runs(status: Integers) -> list[tuple[int, int, int]]:
     """Runs of one status of steps (k,): status, first sample, last sample."""
     cuts = [0, *(np.flatnonzero(np.diff(status)) + 1).tolist(), len(status)]
     return [(int(status[start]), start, end) for start, end in pairwise(cuts) if end > start]
 
 
 def find_stops(
-    xy: Points, status: npt.NDArray[np.int64], step_s: float, stop_status: int = WAITING
+    xy: Floats, status: Integers, step_s: float, stop_status: int = WAITING
 ) -> list[tuple[float, float, float]]:
     """Stops of a tractor with a status, waiting by default: x, y in metres and seconds of each."""
     return [
@@ -164,7 +164,7 @@ def find_stops(
     ]
 
 
-def build_swath_outline(centre_line: Points, width_m: float) -> Points:
+def build_swath_outline(centre_line: Floats, width_m: float) -> Floats:
     """Outline (m, 2) of the strip of `width_m` around a centre line (n, 2), metres; of a straight one, its corners."""
     if len(centre_line) > 2:
         strip = shapely.LineString(centre_line).buffer(0.5 * width_m, cap_style="flat", join_style="mitre")
@@ -175,13 +175,13 @@ def build_swath_outline(centre_line: Points, width_m: float) -> Points:
     return np.array([centre_line[0] + side, centre_line[1] + side, centre_line[1] - side, centre_line[0] - side])
 
 
-def build_hatching(rings: Sequence[Points], apart_m: float) -> Points:
+def build_hatching(rings: Sequence[Floats], apart_m: float) -> Floats:
     """Lines (n, 2, 2) at 45 degrees across the area within closed rings (m, 2), holes left out.
 
     Lines are `apart_m` apart, in one pattern for all rings. A place inside an even number of rings is outside the area.
     """
 
-    def turn(places: Sequence[Points]) -> Points:
+    def turn(places: Sequence[Floats]) -> Floats:
         """Places (m, 2) in metres along and across the lines."""
         x, y = np.concatenate([np.empty((0, 2)), *places]).T
         return np.column_stack([x + y, y - x]) / math.sqrt(2.0)
@@ -205,7 +205,7 @@ def choose_round_length_m(length_m: float) -> float:
     return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= length_m * (1 + 1e-12))
 
 
-def place_swath_numbers(swaths: Sequence[Points], beyond_m: float, apart_m: float) -> list[tuple[int, Points]]:
+def place_swath_numbers(swaths: Sequence[Floats], beyond_m: float, apart_m: float) -> list[tuple[int, Floats]]:
     """Places for numbers of tracks (n, 2) each: index and place (2,), `beyond_m` outside both ends.
 
     At each end no two are nearer than `apart_m`.
@@ -226,7 +226,7 @@ def place_swath_numbers(swaths: Sequence[Points], beyond_m: float, apart_m: floa
     return numbers
 
 
-def build_arrow_head(line: Points, length_m: float) -> Points | None:
+def build_arrow_head(line: Floats, length_m: float) -> Floats | None:
     """The head (3, 2) of an arrow, tip first, half way along a polyline; None if that has no length."""
     steps = np.diff(line, axis=0)
     lengths = np.hypot(steps[:, 0], steps[:, 1])

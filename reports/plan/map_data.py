@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE
-from reports.common.plan_records import PlanDrive, Points, Relief
+from reports.common.plan_records import PlanDrive, Relief
 from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
@@ -76,9 +77,9 @@ SmallMap = dict[str, Any]
 class TimedPath:
     """The thinned path of a tractor: samples of knots (k,), positions (k, 2) in metres, statuses between (k - 1,)."""
 
-    samples: npt.NDArray[np.int64]
-    xy: Points
-    status: npt.NDArray[np.int64]
+    samples: Integers
+    xy: Floats
+    status: Integers
 
 
 def thin_paths(drive: PlanDrive, most_knots: int) -> Sequence[TimedPath]:
@@ -113,7 +114,7 @@ def thin_paths(drive: PlanDrive, most_knots: int) -> Sequence[TimedPath]:
     ]
 
 
-def _find_status_changes(status: npt.NDArray[np.int64]) -> list[int]:
+def _find_status_changes(status: Integers) -> list[int]:
     """First sample, changes of status and last sample."""
     return sorted({0, *(np.flatnonzero(np.diff(status[1:])) + 1).tolist(), len(status) - 1})
 
@@ -385,7 +386,7 @@ def _round_coordinates(values: npt.NDArray[Any]) -> Any:
     return np.round(values, _COORDINATE_DECIMALS).tolist()
 
 
-def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> SmallMap:
+def build_small_map(drive: PlanDrive, driven_over: Sequence[Floats] = ()) -> SmallMap:
     """The field with headland passes, the path of every tractor, missed ground, and rings of ground `driven_over`."""
     box = compute_extent(drive)
     size_m = box.size or 1.0

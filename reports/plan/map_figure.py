@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
-from reports.common.plan_records import PlanDrive, Points
+from reports.common.plan_records import PlanDrive
 from reports.common.rendering import create_figure
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
@@ -106,7 +107,7 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
         axes.plot(*line.T, color=palette.INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
 
 
-def build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
+def build_patch(rings: Sequence[Floats], **look: object) -> PathPatch:
     """Closed rings as one shape, holes left out."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline

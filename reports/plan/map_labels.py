@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from string import ascii_lowercase
 
 import numpy as np
-import numpy.typing as npt
 
-from reports.common.plan_records import HeadlandPassLine, PlanDrive, Points
+from fields.arrays import Floats
+from reports.common.plan_records import HeadlandPassLine, PlanDrive
 from reports.common.wording import format_area
 from reports.plan.drive_geometry import (
     WORKING,
@@ -41,10 +41,10 @@ class MapLabel:
     """A text and the place (2,) it is centred on, metres."""
 
     text: str
-    place: Points
+    place: Floats
 
 
-LegMark = tuple[Points, MapLabel]
+LegMark = tuple[Floats, MapLabel]
 """The head (3, 2) of an arrow on a worked leg, tip first, and behind it the number of the leg, "" without one."""
 
 
@@ -89,7 +89,7 @@ def place_headland_pass_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
     return _choose_free_places(candidates, boxes, size)
 
 
-def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Points]:
+def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Floats]:
     """Boxes of the names of cells and of unworked ground."""
     return [
         _compute_label_box(label, size, _LARGE_TEXT_SCALE)
@@ -111,7 +111,7 @@ def _list_pass_label_places(headland_pass: HeadlandPassLine) -> list[MapLabel]:
 
 
 def _choose_free_places(
-    candidates: Sequence[Sequence[MapLabel]], boxes: Sequence[Points], size: float
+    candidates: Sequence[Sequence[MapLabel]], boxes: Sequence[Floats], size: float
 ) -> list[MapLabel]:
     """For every label the first place that overlaps no box and no earlier label; labels without one are dropped."""
     occupied = np.array(boxes).reshape(-1, 2, 2)
@@ -126,12 +126,12 @@ def _choose_free_places(
     return chosen
 
 
-def _is_taken(label_box: Points, occupied: Points) -> bool:
+def _is_taken(label_box: Floats, occupied: Floats) -> bool:
     """Whether a box (2, 2) overlaps one of others (n, 2, 2)."""
     return bool(((label_box[0] < occupied[:, 1]) & (occupied[:, 0] < label_box[1])).all(axis=1).any())
 
 
-def _compute_label_box(label: MapLabel, size: float, scale: float = 1.0) -> Points:
+def _compute_label_box(label: MapLabel, size: float, scale: float = 1.0) -> Floats:
     """Lower left and upper right corner (2, 2) of a text, metres."""
     sides_pct = np.array([_LETTER_WIDTH_PCT * len(label.text), _LINE_HEIGHT_PCT]) + _TEXT_MARGIN_PCT
     half = 0.5 * scale * size / 100 * sides_pct
@@ -221,11 +221,11 @@ def place_ground_labels(drive: PlanDrive, box: MapExtent) -> list[MapLabel]:
     return [*([missed] if missed else []), *place_cut_off_labels(drive)]
 
 
-def _is_apart(place: Points, other_places: Points, apart_m: float) -> bool:
+def _is_apart(place: Floats, other_places: Floats, apart_m: float) -> bool:
     return float(((other_places - place) ** 2).sum(axis=1).min(initial=np.inf)) >= apart_m**2
 
 
-def _iterate_worked_legs(drive: PlanDrive, tractor: int) -> Iterator[tuple[str, Points]]:
+def _iterate_worked_legs(drive: PlanDrive, tractor: int) -> Iterator[tuple[str, Floats]]:
     """Number in the list of legs ("" without a list) and path (n, 2) of every worked leg."""
     xy, status = drive.xy[tractor], drive.status[tractor]
     if not drive.steps:
@@ -237,9 +237,9 @@ def _iterate_worked_legs(drive: PlanDrive, tractor: int) -> Iterator[tuple[str, 
             yield str(number), xy[first : last + 1]
 
 
-def _iterate_arrow_heads(line: Points, length_m: float) -> Iterator[Points]:
+def _iterate_arrow_heads(line: Floats, length_m: float) -> Iterator[Floats]:
     """Heads of arrows at several places along a path, the middle first; none on a path shorter than two heads."""
-    along: npt.NDArray[np.float64] = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+    along: Floats = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
     if along[-1] < 2.0 * length_m:
         return
     for share in _ARROW_SHARES:

@@ -12,8 +12,8 @@ from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats, Integers
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanResult, choose_plan
 from reports.common.rendering import ShownResult
@@ -32,7 +32,6 @@ from reports.common.wording import (
 from reports.plan.shortfall_wording import describe_lacks, question_pull
 
 MOST_ROWS = 20  # of a table
-Floats = npt.NDArray[np.float64]
 
 ESTIMATED = mark_text(
     "Estimated: for each layout and number of tractors a plan was driven at one speed. Times at others follow from it, "
@@ -165,7 +164,7 @@ def find_front(aims: Floats) -> list[int]:
     return kept
 
 
-def measure_influences(values: Floats, numbers: npt.NDArray[np.int64]) -> Floats:
+def measure_influences(values: Floats, numbers: Integers) -> Floats:
     """Shares (k,) of the variance of values (n,) that options with these numbers of their values (n, k) explain.
 
     Sums of one effect for each value are fitted for any of the options together; an option has what it adds to those
@@ -192,7 +191,7 @@ def measure_influences(values: Floats, numbers: npt.NDArray[np.int64]) -> Floats
     return np.clip(shares, 0.0, 1.0)
 
 
-def _multiply_effects(values: Floats, numbers: npt.NDArray[np.int64]) -> tuple[Floats, Floats, npt.NDArray[np.int64]]:
+def _multiply_effects(values: Floats, numbers: Integers) -> tuple[Floats, Floats, Integers]:
     """Normal equations of one effect for each value of options: products (m, m), sums (m,), whose effect it is (m,)."""
     count, options = numbers.shape
     sizes = numbers.max(axis=0) + 1

@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from rich.console import Group, RenderableType
 
+from fields.arrays import Floats
 from fields.units import KMH_PER_MPS
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
@@ -41,7 +42,6 @@ from reports.task_logs.run_results import (
     ImportedRun,
     LearnedOutcome,
     PlanComparison,
-    Points,
 )
 
 if TYPE_CHECKING:
@@ -280,7 +280,7 @@ def _draw_lines(axes: Axes, side: ComparisonSide, colour: str, name: str, width:
             )  # fmt: skip
 
 
-def _draw_ground_pieces(axes: Axes, rings: Sequence[Points], colour: str, name: str, hatch: str | None) -> None:
+def _draw_ground_pieces(axes: Axes, rings: Sequence[Floats], colour: str, name: str, hatch: str | None) -> None:
     if rings:
         look: dict[str, Any] = {"facecolor": "none" if hatch else colour, "edgecolor": colour, "hatch": hatch}
         look |= {"linewidth": 0.6, "alpha": 0.8 if hatch else 0.45, "zorder": 2.5, "label": name}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from reports.common.plan_records import Points as Points
+from fields.arrays import Floats
 
 WORKING, TURNING, TRANSIT, STANDING, UNLOGGED = "working", "turning", "ways", "standing", "not logged"
 ACTIVITY_KINDS = (WORKING, TURNING, TRANSIT, STANDING, UNLOGGED)
@@ -85,8 +85,8 @@ class GroundCoverage:
     worked_m2: float
     overlap_m2: float
     missed_m2: float
-    unworked: tuple[Points, ...]
-    overlaps: tuple[Points, ...]
+    unworked: tuple[Floats, ...]
+    overlaps: tuple[Floats, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +102,8 @@ class ComparisonSide:
 
     machines: int
     figures: RunFigures
-    work_lines: tuple[Points, ...]
-    idle_lines: tuple[Points, ...]
+    work_lines: tuple[Floats, ...]
+    idle_lines: tuple[Floats, ...]
     ground: GroundCoverage | None
 
 
@@ -130,7 +130,7 @@ class PlanComparison:
 
     name: str
     field_m2: float | None
-    boundary: tuple[Points, ...]
+    boundary: tuple[Floats, ...]
     width_m: float
     planned: ComparisonSide
     as_driven: ComparisonSide

@@ -11,18 +11,15 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, measure_along
 from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.programmes.move_table import MoveTable
 from strategies.site.ground import CELL_M
 from strategies.site.site import Site
-from vehicle.arrays import measure_along
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
-
-Floats = npt.NDArray[np.float64]
 
 SETTLED_M = 4.0  # beyond the end of a move, on which a tractor is off its line
 LINE_STEP_M = 1.0  # between poses along the lines before the first round and after the last
@@ -142,7 +139,7 @@ class PassageTracer:
                 return float(along_m[1 + clear[0]])
         return math.copysign(math.inf, step_m)
 
-    def _find_blocked(self, begin: Pose, along_m: Floats, passages: Sequence[PassingWay]) -> npt.NDArray[np.bool_]:
+    def _find_blocked(self, begin: Pose, along_m: Floats, passages: Sequence[PassingWay]) -> Flags:
         """At which distances along a column from its begin one stands in the way of any passage."""
         x, y, heading = begin
         ahead_m = along_m - self.site.back_m

@@ -12,9 +12,8 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from strategies.formations.passing import Floats
+from fields.arrays import Floats, Integers
 from strategies.formations.rounds import ColumnRound, RoundPlace, get_row, place_tractors
 from strategies.moves.move import Move
 from strategies.programmes.driven_search import (
@@ -146,7 +145,7 @@ def _pose_problem(
     )
 
 
-def _estimate_ways_s(table: MoveTable, begins: npt.NDArray[np.int64]) -> Floats:
+def _estimate_ways_s(table: MoveTable, begins: Integers) -> Floats:
     """Seconds (n,) straight from the entrance to where rounds begin; zeros without one."""
     entrance = table.site.layout.field.entrance
     if entrance is None:

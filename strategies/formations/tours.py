@@ -12,9 +12,8 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from strategies.formations.passing import Floats
+from fields.arrays import Flags, Floats, Integers
 from strategies.formations.round_order import DirectedRound
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
@@ -57,7 +56,7 @@ class _Pieces:
     """
 
     table: MoveTable
-    clashes: npt.NDArray[np.bool_] | None
+    clashes: Flags | None
     lines: tuple[int, ...]
     chains: tuple[tuple[int, ...], ...]
     chain_s: float
@@ -95,7 +94,7 @@ class _Pieces:
             clashes=self._list_clashes(entries, exits),
         )
 
-    def _list_clashes(self, entries: list[int], exits: list[int]) -> npt.NDArray[np.bool_] | None:
+    def _list_clashes(self, entries: list[int], exits: list[int]) -> Flags | None:
         """As `clashes`, for the nodes of the search."""
         if self.clashes is None:
             return None
@@ -105,7 +104,7 @@ class _Pieces:
         """The moves that tours of the search use, as pairs of nodes of the table."""
         return list_pairs(self.table, [self.expand(tour).nodes for tour in tours])
 
-    def _list_stages(self, order: str) -> npt.NDArray[np.int64]:
+    def _list_stages(self, order: str) -> Integers:
         """Columns left over follow the rounds, headland sides come before or after both as what comes first says."""
         first = find_first_tasks(self.table.site, self.table.lines, order)
         tasks = [self.table.lines[line].task for line in self.lines]
@@ -156,9 +155,7 @@ def share_lines(
     return [_keep_connected(table, tour) for tour in best]
 
 
-def _cut_pieces(
-    table: MoveTable, rounds: Sequence[DirectedRound], clashes: npt.NDArray[np.bool_] | None = None
-) -> _Pieces:
+def _cut_pieces(table: MoveTable, rounds: Sequence[DirectedRound], clashes: Flags | None = None) -> _Pieces:
     """The ways of all tractors through rounds, and the lines in none of these."""
     tractors = range(len(rounds[0].one.columns))
     chains = tuple(tuple(node for each in rounds for node in each.list_nodes(k)) for k in tractors)

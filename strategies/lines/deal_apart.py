@@ -9,20 +9,19 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats
 from strategies.lines.work_line import WorkLine
 from strategies.rules.dealing import cut_balanced_blocks, group_swath_lines
 from vehicle.missions.plan import HEADLAND_PASS, SWATH
 
-Bools = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 Tours = Sequence[Sequence[int]]
-SketchTours = Callable[[Bools], Tours]
+SketchTours = Callable[[Flags], Tours]
 """Sketches tours by a deal of lines."""
 
 
 def list_deals_apart(
-    lines: Sequence[WorkLine], allowed: Bools, sketch_tours: SketchTours, places: Floats | None = None
-) -> list[Bools]:
+    lines: Sequence[WorkLine], allowed: Flags, sketch_tours: SketchTours, places: Floats | None = None
+) -> list[Flags]:
     """Deals (tractors, lines) after one in which several may work the same, where they meet less and less.
 
     First headland is dealt in stretches, by the `places` (tractors, 2) where tractors stand, then the swaths that
@@ -33,7 +32,7 @@ def list_deals_apart(
     return [deal for before, deal in pairwise(deals) if not np.array_equal(before, deal)]
 
 
-def deal_sides(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None = None) -> Bools:
+def deal_sides(lines: Sequence[WorkLine], allowed: Flags, places: Floats | None = None) -> Flags:
     """The deal in which every side of the headland is one tractor's in all passes.
 
     The ring along the edge is cut into stretches, equal by length, and rings round obstacles are whole; each is the
@@ -47,7 +46,7 @@ def deal_sides(lines: Sequence[WorkLine], allowed: Bools, places: Floats | None 
     return _deal_rings(lines, allowed, rings, find_swath_middles(lines, allowed) if places is None else places)
 
 
-def deal_tours(allowed: Bools, tours: Tours) -> Bools:
+def deal_tours(allowed: Flags, tours: Tours) -> Flags:
     """The deal in which every line of some tours is that tractor's alone."""
     dealt = allowed.copy()
     for tractor, tour in enumerate(tours):
@@ -56,7 +55,7 @@ def deal_tours(allowed: Bools, tours: Tours) -> Bools:
     return dealt
 
 
-def deal_runs(lines: Sequence[WorkLine], allowed: Bools, tours: Tours) -> Bools:
+def deal_runs(lines: Sequence[WorkLine], allowed: Flags, tours: Tours) -> Flags:
     """The deal in which the swaths of each tractor are a run of neighbours, as near as can be to those of its tour.
 
     Tractors come along the swaths in the order of the middles of their own. Swaths stay as dealt where no tractors in
@@ -101,7 +100,7 @@ def list_rings(lines: Sequence[WorkLine]) -> list[list[list[int]]]:
     return sorted(rings.values(), key=lambda ring: -sum(_measure_sides_m(lines, ring)))
 
 
-def find_swath_middles(lines: Sequence[WorkLine], blocks: Bools) -> Floats:
+def find_swath_middles(lines: Sequence[WorkLine], blocks: Flags) -> Floats:
     """The middle (tractors, 2) of the swaths of each tractor."""
     return np.array([_find_middle([lines[number] for number in _list_swaths(lines, own)]) for own in blocks])
 
@@ -115,7 +114,7 @@ def find_near_blocks(middles: Floats, places: Floats) -> npt.NDArray[np.intp]:
     return blocks
 
 
-def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list[int]]], homes: Floats) -> Bools:
+def _deal_rings(lines: Sequence[WorkLine], allowed: Flags, rings: list[list[list[int]]], homes: Floats) -> Flags:
     """The deal with rings of the headland in stretches or whole, near the homes (tractors, 2)."""
     dealt = allowed.copy()
     dealt[:, [number for ring in rings for side in ring for number in side]] = False
@@ -128,7 +127,7 @@ def _deal_rings(lines: Sequence[WorkLine], allowed: Bools, rings: list[list[list
     return dealt
 
 
-def _list_swaths(lines: Sequence[WorkLine], own: Bools) -> list[int]:
+def _list_swaths(lines: Sequence[WorkLine], own: Flags) -> list[int]:
     return [number for number, line in enumerate(lines) if own[number] and line.task.kind == SWATH]
 
 

@@ -14,13 +14,13 @@ from operator import itemgetter
 import numpy as np
 import shapely
 
+from fields.arrays import Floats, find_true_spans, measure_along
 from fields.layout.headland_passes import MIN_OPEN_AREA
 from strategies.lines.lay_lines import MIN_OWN_SHARE, MIN_PIECE_M, Span, keep_uncovered
 from strategies.lines.work_line import (
     MOST_OFF_SHARE,
     SHARPEST_RAD,
     STRAIGHT_RAD,
-    Floats,
     WorkLine,
     cut_line,
     extend_line,
@@ -29,7 +29,6 @@ from strategies.lines.work_line import (
 from strategies.path_planning.paths import Pose
 from strategies.rules.legs import PATH_STEP_M
 from strategies.site.site import Site
-from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import ENTER, MAX_JOINT_GAP_M, Leg, LegTask
 
 START_OVERLAP_M = 1.0  # of work that a start joins: an implement takes about a metre to work as deep as it should

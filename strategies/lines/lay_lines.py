@@ -13,24 +13,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, find_true_spans, measure_along
 from fields.geometry.arithmetic import CURVE_M, SLIVER_M2
 from fields.geometry.overlays import Areas, clip_all_areas, intersect, subtract_area, unite_areas
 from fields.layout.headland_passes import MIN_OPEN_AREA, HeadlandPass, HeadlandPassSide
-from strategies.lines.work_line import (
-    HOLE_PASS,
-    Floats,
-    WorkLine,
-    cut_line,
-    extend_line,
-    locate_at,
-)
+from strategies.lines.work_line import HOLE_PASS, WorkLine, cut_line, extend_line, locate_at
 from strategies.rules.legs import PATH_STEP_M
 from strategies.site.ground import CELL_M, measure_rooms
 from strategies.site.site import MISSED_FACTOR, Site
-from vehicle.arrays import find_true_spans, measure_along
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
 
 LINE_MARGIN_M = 0.12  # room kept on lines: a little more than on moves, which begin and end on them
@@ -282,7 +274,7 @@ def _find_driven_span(site: Site, line: WorkLine, direction: int) -> Span | None
     return (float(first), float(last)) if last - first >= MIN_PIECE_M else None
 
 
-def measure_proof_rooms(site: Site, poses: Floats, is_folded: npt.NDArray[np.bool_] | None = None) -> Floats:
+def measure_proof_rooms(site: Site, poses: Floats, is_folded: Flags | None = None) -> Floats:
     """Room (t,) of the body on the proof ground at poses (t, 3) of the centre of mass (m), folded where `is_folded`."""
     ground, places, rooms = site.proof_ground, np.ascontiguousarray(poses), np.empty(len(poses))
     for folded, rows in ((False, slice(None)), (True, is_folded)):

@@ -5,15 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-import numpy.typing as npt
-
+from fields.arrays import Flags
 from fields.errors import HeadlandError
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import StrategyError
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
-
-Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ class LineWishes:
         """The numbers of lines that nobody is to work."""
         return _find_lines(self.left_out, lines)
 
-    def limit(self, lines: Sequence[WorkLine], allowed: Bools) -> Bools:
+    def limit(self, lines: Sequence[WorkLine], allowed: Flags) -> Flags:
         """Which lines (tractors, n) tractors may work of those `allowed`; a line that is given is its tractor's."""
         allowed = allowed.copy()
         for tractor, names in self.given:

@@ -8,16 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, measure_along
 from fields.geometry.arithmetic import GRID_M
 from strategies.path_planning.paths import Pose
 from strategies.rules.legs import MIN_LEG_M
-from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS, LegTask
-
-Floats = npt.NDArray[np.float64]
 
 HOLE_PASS = "hole"  # group of the sides of a headland pass round a hole
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose, build_path_from_rows, place_in_frame
 from strategies.path_planning.primitives import (
     MAX_PIECES,
@@ -28,8 +28,6 @@ from strategies.path_planning.primitives import (
 from strategies.site.ground import FAR_POINTS, has_room_on_path, measure_length_inside
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
-
-Floats = npt.NDArray[np.float64]
 
 ROWS = MAX_PIECES + 2
 LEADS_OUT_M = np.array([0.0, 2.0, 5.0, 10.0, -3.0, -7.0])  # straight on before the first arc, or back

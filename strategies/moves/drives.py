@@ -12,9 +12,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, measure_along
 from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import MOST_OFF_SHARE, extend_line
@@ -22,12 +22,8 @@ from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
 from strategies.rules.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
 from strategies.site.site import MISSED_FACTOR, Site
-from vehicle.arrays import measure_along
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 SETTLE_M = 20.0  # of the lines before and after a move that are driven with it
 BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured

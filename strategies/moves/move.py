@@ -6,12 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
-import numpy.typing as npt
-
+from fields.arrays import Floats
 from strategies.path_planning.paths import DrivePath, PathSegment, Pose, merge_segments
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats, Integers
 from strategies.moves.closed_forms import (
     CURVED_REVERSE_S,
     LEADS_IN_M,
@@ -21,8 +21,6 @@ from strategies.moves.move import Move
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
 from strategies.path_planning.paths import PATH_KINDS, Pose, place_in_frame, shift_pose_ahead
 from strategies.site.site import Site
-
-Floats = npt.NDArray[np.float64]
 
 MOVE_MARGIN_M = 0.10  # room kept on planned moves; a drive errs by about as much
 WIDER_RADIUS = 1.25  # of the planned one: some arcs at the smallest radius are not followed well enough
@@ -43,7 +41,7 @@ class MoveFinder:
     site: Site
     settling: Floats
     radii: Floats = field(init=False)
-    _forms: dict[tuple[float, float, float, int], tuple[Floats, npt.NDArray[np.int64]]] = field(default_factory=dict)
+    _forms: dict[tuple[float, float, float, int], tuple[Floats, Integers]] = field(default_factory=dict)
     _ways: dict[tuple[Pose, bool], bool] = field(default_factory=dict)
     _remaining: dict[tuple[float, float], Floats] = field(default_factory=dict)
 
@@ -146,7 +144,7 @@ class MoveFinder:
             self._remaining[key] = measure_remaining_m(*key, least_m, ground.grid, ground.frame)
         return self._remaining[key]
 
-    def _get_forms(self, place: tuple[float, float, float], leads: int) -> tuple[Floats, npt.NDArray[np.int64]]:
+    def _get_forms(self, place: tuple[float, float, float], leads: int) -> tuple[Floats, Integers]:
         """The closed forms to a place with the first so many leads, none but zero for one."""
         key = (*place, leads)
         if key not in self._forms:

@@ -14,15 +14,12 @@ import heapq
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from strategies.moves.closed_forms import FEW_FORMS, back_up, list_closed_forms, measure_backing_up, pick_with_room
 from strategies.path_planning.primitives import TAU, advance_pose
 from strategies.site.ground import AMPLE_M, has_room_on_path, measure_path_room
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
-
-Floats = npt.NDArray[np.float64]
 
 COARSE = 3  # cells of the ground to a cell of the way that remains
 LEAST_STEP_M, STEP_RADII = 1.25, 0.28  # a step of the search, by the turning radius: large machines look as far

@@ -10,9 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
+
 POINT_STEP_M = 0.5  # between the points of an outline
 
-Points = npt.NDArray[np.float64]
 MachineBox = tuple[float, float, float]
 """Rear and front end ahead of the rear axle and half the width (m)."""
 
@@ -25,7 +26,7 @@ class MachineBody:
     guide_m: float
 
     @cached_property
-    def points(self) -> Points:
+    def points(self) -> Floats:
         """Its outline as points (n, 2) ahead of the rear axle and to its left, at most POINT_STEP_M apart, the farthest
         first."""
         points: list[tuple[float, float]] = []
@@ -52,7 +53,7 @@ class MachineBody:
         axle_radius_m = math.sqrt(max(radius_m**2 - self.guide_m**2, 0.0))
         return max(math.hypot(axle_radius_m + half, max(abs(a), abs(b))) for a, b, half in self.boxes) - radius_m
 
-    def place_boxes(self, poses: Points) -> npt.NDArray[np.object_]:
+    def place_boxes(self, poses: Floats) -> npt.NDArray[np.object_]:
         """The boxes at poses (n, 3) of the rear axle, as polygons."""
         corners = np.array([[(a, -half), (b, -half), (b, half), (a, half)] for a, b, half in self.boxes])
         ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])

@@ -8,13 +8,12 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
 from strategies.programmes.order_tours import NEIGHBOURS, NO_MOVE_S
 
-Floats = npt.NDArray[np.float64]
 Tours = list[list[int]]
 PoseProblem = Callable[[Floats], OrderProblem]
 ListMoves = Callable[[Tours], Sequence[tuple[int, int]]]
@@ -67,7 +66,7 @@ def _list_others(table: MoveTable, problem: OrderProblem, tours: Tours, list_mov
     def list_joins(pairs: Tours) -> list[tuple[int, int]]:
         return [move for move in list_moves(pairs) if table.gate not in move]
 
-    def list_cheapest(seconds: npt.NDArray[np.float64]) -> list[int]:
+    def list_cheapest(seconds: Floats) -> list[int]:
         return [node for node in np.argsort(seconds, kind="stable")[:OTHERS].tolist() if seconds[node] < NO_MOVE_S]
 
     pairs = [[u, v] for tour in tours for u, v in pairwise(tour)]

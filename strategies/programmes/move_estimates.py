@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from strategies.lines.work_line import WorkLine
 from strategies.moves.closed_forms import (
     FEW_FORMS,
@@ -27,8 +27,6 @@ from strategies.site.site import MISSED_FACTOR, Site
 from vehicle.jit import compile_function
 from vehicle.missions.plan import HEADLAND_PASS
 
-Flags = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 Pair = tuple[int, int]
 
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
@@ -88,7 +86,7 @@ class MoveEstimates:
         return is_apart
 
     @cached_property
-    def near(self) -> tuple[Floats, npt.NDArray[np.bool_]]:
+    def near(self) -> tuple[Floats, Flags]:
         """Costs (n, n) estimated between near nodes and guessed between others, and which are estimated."""
         nearest = np.argsort(self.plain_s[:-1, :-1], axis=1, kind="stable")[:, :NEAR_NODES]
         pairs = [(u, v) for u, row in enumerate(nearest.tolist()) for v in row if self.plain_s[u, v] < NO_MOVE_S]
@@ -135,7 +133,7 @@ class MoveEstimates:
             return None
         return 0 if u == gate else line.task.number
 
-    def _estimate_raised_s(self, pairs: npt.NDArray[np.int64]) -> Floats:
+    def _estimate_raised_s(self, pairs: Integers) -> Floats:
         """Seconds (k, 2), charged and as driven, of moves with the implement up; infinite where only a search may find
         one."""
         finder, site = self.finder, self.site

@@ -9,16 +9,14 @@ from dataclasses import dataclass, field
 from operator import attrgetter
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move import Move
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.site import Site
 from vehicle.missions.plan import Mission
-
-Floats = npt.NDArray[np.float64]
 
 USUAL_SHARE = 0.75  # of moves: tours use those whose cost is expected too low
 MOST_VAIN = 8  # searches from or to a place that found nothing, before it is given up
@@ -41,10 +39,10 @@ class MoveTable:
 
     moves: SiteMoves
     cost_s: Floats = field(init=False)
-    is_estimated: npt.NDArray[np.bool_] = field(init=False)
+    is_estimated: Flags = field(init=False)
     excesses_s: list[float] = field(default_factory=list)
     missions: dict[tuple[Hashable, ...], Mission] = field(default_factory=dict)
-    clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    clashes: dict[Hashable, Flags] = field(default_factory=dict)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _cut_m: dict[tuple[int, int], float] = field(default_factory=dict)
     _searched: set[tuple[int, int]] = field(default_factory=set)
@@ -103,7 +101,7 @@ class MoveTable:
         """Whether the move between two nodes was driven well."""
         return (u, v) in self._proven
 
-    def get_proven_mask(self) -> npt.NDArray[np.bool_]:
+    def get_proven_mask(self) -> Flags:
         """For all pairs of nodes (n + 1, n + 1) whether their move was driven well."""
         mask = np.zeros(self.cost_s.shape, bool)
         mask[tuple(np.array(list(self._proven), np.int64).reshape(-1, 2).T)] = True

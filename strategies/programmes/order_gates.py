@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Integers
 from fields.geometry.overlays import intersect
 from strategies.lines.work_line import build_tool_strip
 from strategies.site.site import Site
@@ -59,9 +60,9 @@ class _MissionOrder:
 
     driven: Shapes
     worked: Shapes
-    stages: npt.NDArray[np.int64]
-    is_first: npt.NDArray[np.bool_]
-    holds: npt.NDArray[np.int64]
+    stages: Integers
+    is_first: Flags
+    holds: Integers
     end: int
 
     @classmethod

@@ -22,8 +22,8 @@ from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from fields.errors import HeadlandError
 from fields.geometry.arithmetic import ROUNDING
 from strategies.programmes.order_moves import improve_tours, set_move
@@ -58,10 +58,6 @@ from vehicle.copying import copy_row
 from vehicle.jit import compile_for_views, compile_function
 from vehicle.model.gnss import draw_uniform
 
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
-Bools = npt.NDArray[np.bool_]
-
 MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
 KICKS = 150  # of a thorough search, and one for every line: four times as many find 1 % more
 DRAWS = 5  # random numbers of a perturbation
@@ -89,10 +85,10 @@ class OrderProblem:
     value_s: Floats
     begin_s: Floats
     end_s: Floats
-    allowed: Bools
-    stage: Ints
+    allowed: Flags
+    stage: Integers
     stage_s: float = RULE_S
-    clashes: Bools | None = None
+    clashes: Flags | None = None
     need: Floats | None = None
     sum_share: float = SUM_SHARE
     turns_runs: bool = False
@@ -121,8 +117,8 @@ class OrderProblem:
     @classmethod
     def from_moves(
         cls, move_s: Floats, work_s: Floats, value_s: Floats, begin_s: Floats | None = None,
-        end_s: Floats | None = None, *, tractors: int = 1, allowed: Bools | None = None, stage: Ints | None = None,
-        stage_s: float = RULE_S, clashes: Bools | None = None,
+        end_s: Floats | None = None, *, tractors: int = 1, allowed: Flags | None = None, stage: Integers | None = None,
+        stage_s: float = RULE_S, clashes: Flags | None = None,
     ) -> OrderProblem:  # fmt: skip
         """A problem where what is not given is free: ways in and home take no time, every line may be worked by any
         tractor at any time."""

@@ -13,8 +13,8 @@ from itertools import combinations, pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable
@@ -28,8 +28,6 @@ from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.path_conflicts import ClearanceCheck
 
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 Pose = tuple[float, float, float]
 
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
@@ -290,7 +288,7 @@ def charge_waiting(programme: Programme, tours: Sequence[Sequence[int]], plan: P
     return charged_s
 
 
-def _list_leg_moves(programme: Programme, mission: Mission, tour: Sequence[int]) -> npt.NDArray[np.int64]:
+def _list_leg_moves(programme: Programme, mission: Mission, tour: Sequence[int]) -> Integers:
     """The move (legs, 2) that each leg of a tour is part of, or that follows the line it works."""
     table = programme.table
     nodes, worked, pairs = [table.gate, *tour, table.gate], None, []

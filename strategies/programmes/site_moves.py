@@ -14,9 +14,9 @@ from itertools import groupby
 from operator import attrgetter
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers
 from strategies.lines.lay_lines import measure_proof_rooms, unite_strips
 from strategies.lines.work_line import WorkLine, cut_line
 from strategies.moves.drives import (
@@ -36,8 +36,6 @@ from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, Site
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, Leg, Mission, Plan
 from vehicle.missions.run import DONE
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(eq=False)
@@ -66,7 +64,7 @@ class SiteMoves:
     estimates: MoveEstimates = field(init=False)
     drives: MoveDrives = field(init=False)
     lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
-    clashes: dict[Hashable, npt.NDArray[np.bool_]] = field(default_factory=dict)
+    clashes: dict[Hashable, Flags] = field(default_factory=dict)
     legs: dict[Hashable, tuple[Leg, ...]] = field(default_factory=dict)
     _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     _cut_moves: dict[tuple[int, int, float], tuple[Move, ...]] = field(default_factory=dict)
@@ -100,7 +98,7 @@ class SiteMoves:
         crushed_s = LEFT_FACTOR * site.rules.body_width_m / site.rules.work_speed_mps
         return begins + crushed_s * np.repeat(self._count_standing_passes(), 2), ends
 
-    def _count_standing_passes(self) -> npt.NDArray[np.int64]:
+    def _count_standing_passes(self) -> Integers:
         """How many passes of a crop that stands lie between the edge and each line (n,) before any work."""
         passes = [line.task.number or 0 if line.group[0] == HEADLAND_PASS else 0 for line in self.lines]
         if self.site.standing is None or not any(passes):

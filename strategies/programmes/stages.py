@@ -6,17 +6,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats
 from strategies.lines.deal_apart import list_rings
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.order_tours import SUM_SHARE
 from strategies.site.site import ORDER_S, Site
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegGate, LegTask, Mission, Plan
-
-Floats = npt.NDArray[np.float64]
 
 
 def find_first_tasks(site: Site, lines: Sequence[WorkLine], order: str) -> frozenset[LegTask]:
@@ -65,9 +63,7 @@ def _works_way_in(site: Site, order: str) -> bool:
     return site.crop_stands and order == HEADLAND_FIRST
 
 
-def charge_order(
-    site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_], *, goes_on: bool
-) -> Floats:
+def charge_order(site: Site, lines: Sequence[WorkLine], order: str, allowed: Flags, *, goes_on: bool) -> Floats:
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged that leave the order of passes or of furrows.
 
     Of a fleet whoever leaves it pays in full, not only who finishes last; where work goes on, where tractors stand
@@ -77,7 +73,7 @@ def charge_order(
     return charged_s / SUM_SHARE if len(allowed) > 1 and not goes_on else charged_s
 
 
-def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, allowed: npt.NDArray[np.bool_]) -> Floats:
+def charge_rounds(site: Site, lines: Sequence[WorkLine], order: str, allowed: Flags) -> Floats:
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged: ORDER_S where they leave the order of passes.
 
     Passes round the field, or round a hole, are worked from the outside in where the headland comes first, so that the
@@ -126,7 +122,7 @@ def _place_passes(
     return [find_place(number) for number in numbers]
 
 
-def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: npt.NDArray[np.bool_]) -> Floats:
+def charge_furrows(site: Site, lines: Sequence[WorkLine], allowed: Flags) -> Floats:
     """Seconds (2 n + 1, 2 n + 1) that moves between nodes are charged from a track to one that is not beside it, and to
     and from ground that passes leave, where no furrow leads.
 

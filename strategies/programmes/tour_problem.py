@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.order_tours import ANY_WAY_S
@@ -15,9 +15,6 @@ from strategies.programmes.waiting_places import find_clashes
 from strategies.site.site import LEFT_FACTOR
 from vehicle.missions.plan import SWATH
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +83,7 @@ class TourProblem:
             turns_runs=site.furrow_s > 0.0,
         )
 
-    def _place_starts(self) -> tuple[Flags, npt.NDArray[np.int64]]:
+    def _place_starts(self) -> tuple[Flags, Integers]:
         """What tractors may work and when, with every start for its own tractor and in the first stage."""
         lines = [node // 2 for node in self.table.starts]
         may, stage = self.allowed.copy(), np.array(self.stages, np.int64)

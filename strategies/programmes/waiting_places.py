@@ -9,16 +9,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, measure_along
 from strategies.lines.work_line import cut_line, locate_at
 from strategies.programmes.site_moves import SiteMoves
-from vehicle.arrays import measure_along
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 WAIT_STEP_M = 40.0  # between places to wait along a line; longer moves have some too
 POSE_STEP_M = 0.8  # between the poses of a path that are compared with one standing

@@ -9,15 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats
 from strategies.programmes.waiting_places import sample_poses
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
-
-Floats = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)

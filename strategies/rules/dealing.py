@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags
 from strategies.path_planning.errors import StrategyError
 from strategies.rules.driving_rules import DrivingRules
 from vehicle.missions.plan import SWATH, LegTask
@@ -36,7 +36,7 @@ class LineDeal:
         places: (lines,) the places that lines have in its order; None where they have none.
     """
 
-    allowed: npt.NDArray[np.bool_]
+    allowed: Flags
     stagger_m: float = 0.0
     places: Sequence[int] | None = None
 
@@ -69,7 +69,7 @@ def group_swath_lines(lines: Sequence[DealtLine], tractors: int = 0) -> list[lis
     return [by_swath[swath] for swath in sorted(by_swath)]
 
 
-def free_other_lines(lines: Sequence[DealtLine], tractors: int) -> npt.NDArray[np.bool_]:
+def free_other_lines(lines: Sequence[DealtLine], tractors: int) -> Flags:
     """A deal (tractors, lines) of everything but swaths: whoever is near or has time may work it."""
     return np.tile([line.task.kind != SWATH for line in lines], (tractors, 1))
 

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from strategies.path_planning.paths import DrivePath, TurnError
 from strategies.path_planning.primitives import compute_drive_time_s
 from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
-
-Floats = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

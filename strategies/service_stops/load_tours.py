@@ -13,8 +13,8 @@ from functools import cached_property
 from itertools import accumulate, pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from fields.geometry.arithmetic import ROUNDING
 from strategies.programmes.driven_search import Tours, search_driven_tours
 from strategies.programmes.move_table import MoveTable
@@ -24,9 +24,6 @@ from strategies.rules.supply import Supply
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, cut_to_loads
 from strategies.service_stops.tour_stops import TourGaps
-
-Floats = npt.NDArray[np.float64]
-Ints = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +39,7 @@ class LoadTours:
 
     gaps: TourGaps
     moves: StopMoves
-    stages: Ints
+    stages: Integers
     loads: Tours
 
     @cached_property
@@ -58,16 +55,16 @@ class LoadTours:
         return first if self.ways[first].node in self.gaps.table.starts else None
 
     @cached_property
-    def part_stages(self) -> Ints:
+    def part_stages(self) -> Integers:
         """The stage of every part; that which a tractor begins with is of the first."""
         stage = self.stages[[part.node // 2 for part in self.gaps.tour]]
         stage[[part.node in self.gaps.table.starts for part in self.gaps.tour]] = stage.min()
         return stage
 
     @cached_property
-    def allowed(self) -> npt.NDArray[np.bool_]:
+    def allowed(self) -> Flags:
         """Which parts (loads, n) a load may have: those in stages from its first one up to the first of the next."""
-        rows, stages, highest = list[npt.NDArray[np.bool_]](), self.part_stages, self.part_stages.max()
+        rows, stages, highest = list[Flags](), self.part_stages, self.part_stages.max()
         for load in reversed(self.loads):
             own = stages[[node // 2 for node in load]] if load else np.array([highest])
             rows.append((stages >= own.min()) & (stages <= max(highest, own.max())))
@@ -86,7 +83,7 @@ class LoadTours:
         return on_s, off_s + self.gaps.supply.estimate_stop_s(self.gaps.total_need)
 
     @cached_property
-    def goes_on(self) -> npt.NDArray[np.bool_]:
+    def goes_on(self) -> Flags:
         """Which node goes on along its line in which (2 n, 2 n)."""
         return np.array([[before.leads_to(after) for after in self.ways] for before in self.ways])
 

@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from strategies.moves.drives import build_path_legs
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MOVE_MARGIN_M
@@ -166,7 +166,7 @@ def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequen
     return standing
 
 
-def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None) -> npt.NDArray[np.float64]:
+def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None) -> Floats:
     """How long a tractor takes to be served for each line (n,): its part of a load by what a load takes in the mean."""
     trips_s = np.zeros(2)
     if moves is not None:
@@ -179,7 +179,7 @@ def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None)
     needs = np.array([measure_line_need(table, supply, 2 * number) for number in range(len(table.lines))])
     stops = max(float(needs.sum()) / supply.capacity - 1.0, 0.0)
     served_s = stops * (supply.estimate_stop_s(float(needs.sum())) + float(trips_s.sum()))
-    shares: npt.NDArray[np.float64] = needs / needs.sum()
+    shares: Floats = needs / needs.sum()
     return served_s * shares
 
 

@@ -13,10 +13,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from strategies.path_planning.machine_body import POINT_STEP_M
 from vehicle.jit import compile_function
-
-Floats = npt.NDArray[np.float64]
 
 CELL_M = (
     POINT_STEP_M  # of the grid, and between places that are looked up in it: distances err by centimetres at corners
@@ -217,7 +216,7 @@ class Ground:
     grid: npt.NDArray[np.float32]
     frame: Floats
 
-    def number_parts(self, half_m: float, places: Floats) -> npt.NDArray[np.int64]:
+    def number_parts(self, half_m: float, places: Floats) -> Integers:
         """In which part of the ground places (n, 2) lie, where parts are joined by passages that a machine of half that
         width gets through; 0 for a place that has less room to an edge, or lies outside.
 

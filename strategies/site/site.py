@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from strategies.path_planning.machine_body import MachineBody
@@ -17,7 +18,7 @@ from strategies.path_planning.paths import PATH_KINDS, EntranceLane
 from strategies.path_planning.turn_kinds import TURN_KINDS
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_costs import TurnCosts
-from strategies.site.ground import Floats, Ground
+from strategies.site.ground import Ground
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 

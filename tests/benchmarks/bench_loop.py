@@ -19,8 +19,8 @@ from typing import Any
 
 import numba
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from tests.benchmarks.plain_pymunk import PlainWorld
 from vehicle.control.guidance import run_control_tick
 from vehicle.jit import drop_owner
@@ -147,7 +147,7 @@ def _build_legs(tractor: int, shift: float, length: float, passes: int) -> tuple
     return tuple(legs)
 
 
-def _build_u_turn(x: float, y: float, shift: float, *, up: bool) -> npt.NDArray[np.float64]:
+def _build_u_turn(x: float, y: float, shift: float, *, up: bool) -> Floats:
     """Quarter circle, straight across, quarter circle to the swath `shift` metres east."""
     angles = np.radians(np.arange(0.0, 91.0, 3.0))
     out = np.stack([RADIUS_M * (1 - np.cos(angles)), RADIUS_M * np.sin(angles)], axis=1)

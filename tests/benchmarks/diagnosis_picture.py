@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.diagnosis.drive_data import (
@@ -24,7 +25,6 @@ from vehicle.identification.diagnosis.drive_data import (
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchResult
 from vehicle.identification.diagnosis.verdicts import ValueConverter, decide, list_run_starts
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.model.tractor import load_tractor
 
@@ -32,7 +32,7 @@ BAND_SIGMAS, GREY, BLUE, BAND = 2.0, "#6b7280", "#1d4ed8", "#dbe3f1"
 HEADING = slice(2 * POSE_CELLS, None)  # of a window of poses
 
 
-def search_causes(hide: str | None, seed: int) -> tuple[Problem, SearchResult, dict[str, Array]]:
+def search_causes(hide: str | None, seed: int) -> tuple[Problem, SearchResult, dict[str, Floats]]:
     """Search the causes in the logs of a demonstration as a diagnosis does, and print the trail."""
     tractor = load_tractor("eg105")
     hidden = draw_hidden_effect(seed, tractor, hide)
@@ -61,7 +61,7 @@ def print_verdicts(result: SearchResult, converter: ValueConverter) -> None:
         print(f"{verdict.hypothesis}: {verdict.status} {verdict.amounts} {interval} {verdict.equivalent_to}")
 
 
-def draw_headings(axes: Sequence[Any], problem: Problem, result: SearchResult, base_noise: dict[str, Array]) -> None:
+def draw_headings(axes: Sequence[Any], problem: Problem, result: SearchResult, base_noise: dict[str, Floats]) -> None:
     """Draw the headings of the window with the largest ones, in the noise of each fit."""
     squares = (result.base.residuals["pose"][:, HEADING] ** 2).sum(axis=1)
     window, time = int(np.argmax(squares)), POSE_CELL_S * (np.arange(POSE_CELLS) + 0.5)

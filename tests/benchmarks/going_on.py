@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 from scipy import optimize, sparse
 
+from fields.arrays import Floats
 from fields.geometry.overlays import unite_areas
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
@@ -30,8 +30,6 @@ from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import LEAVE
 from vehicle.missions.run import SimulationRun
-
-Floats = npt.NDArray[np.float64]
 
 MOST_NODES = 2000  # of a search for the best deal, whose bound counts
 JOBS = (

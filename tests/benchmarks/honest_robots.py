@@ -9,13 +9,11 @@ a clock that is off, drifts and is set.
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats
 from planner.fleet.model.tractor_state import AUTOMATIC, STOPPED
 from planner.fleet.session.frame_timing import format_utc
 from tests.benchmarks.honest_rows import BRAKE_MPS2, Blocks
-
-Array = npt.NDArray[np.float64]
 
 STEP_S, EPOCH_S = 0.1, 1_700_000_000.0
 LOST_PER_H, LOST_S, LEAPS_PER_H, LEAP_M = 6.0, 30.0, 240.0, (0.3, 1.0)  # corrections lost: a fix floats, and leaps
@@ -36,14 +34,14 @@ FRAME = (
 STEER_BACK_M = 5.0  # of driving, in which guidance brings what is shown back onto the path
 
 
-def wander(values: Array, sigma: float, memory_s: float, rng: np.random.Generator) -> Array:
+def wander(values: Floats, sigma: float, memory_s: float, rng: np.random.Generator) -> Floats:
     """Values (n, ...) of a Gauss-Markov process a step later."""
     keep = math.exp(-STEP_S / memory_s)
-    moved: Array = keep * values + rng.normal(0.0, sigma * math.sqrt(1.0 - keep * keep), values.shape)
+    moved: Floats = keep * values + rng.normal(0.0, sigma * math.sqrt(1.0 - keep * keep), values.shape)
     return moved
 
 
-def point(angles_rad: Array) -> Array:
+def point(angles_rad: Floats) -> Floats:
     """Unit vectors (n, 2)."""
     return np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
 
@@ -88,10 +86,10 @@ class HonestRobots:
         set_s = self.rng.normal(0.0, CLOCK_S, self.count).clip(-1.0, 1.0)
         self.clock_s = np.where(is_set, set_s, self.clock_s + self.drift * STEP_S)
 
-    def _happens(self, per_h: float) -> npt.NDArray[np.bool_]:
+    def _happens(self, per_h: float) -> Flags:
         return self.rng.random(self.count) < per_h * STEP_S / 3600.0
 
-    def _drive(self) -> Array:
+    def _drive(self) -> Floats:
         """Move along the path, beside it by what guidance corrects; how far each has moved (n, 2)."""
         blocks, starts = self.blocks, self._happens(STOPS_PER_H)
         self.stop_s = np.where(starts, self.rng.exponential(STOP_S, self.count), self.stop_s - STEP_S)
@@ -113,7 +111,7 @@ class HonestRobots:
         self._turn(moved)
         return moved
 
-    def _turn(self, moved: Array) -> None:
+    def _turn(self, moved: Floats) -> None:
         """The rear axle follows the guided point, which is ahead of it."""
         length_m, forward_m = np.hypot(*moved.T), self.blocks.plan.tractor.antenna_forward_m
         course_rad = np.arctan2(moved[:, 1], moved[:, 0]) + np.where(self.gear > 0.0, 0.0, math.pi)
@@ -124,7 +122,7 @@ class HonestRobots:
         self.rear_mps = np.maximum(rear_m, 0.0) / STEP_S
         self.curvature = np.where(rear_m > 0.01, turned_rad / np.maximum(rear_m, 0.01), self.curvature)
 
-    def _err(self, moved: Array) -> None:
+    def _err(self, moved: Floats) -> None:
         """What the receiver shows: reflections, a fix that floats and leaps, or none at all."""
         rng, count = self.rng, self.count
         loses = self._happens(LOST_PER_H) & (self.lost_s <= 0.0)
@@ -143,8 +141,8 @@ class HonestRobots:
         counted = self.fix + moved / (1.0 - self._slips())[:, None]
         self.fix = np.where((self.dark_s > 0.0)[:, None], counted, np.where(is_due[:, None], fresh, self.fix))
 
-    def _slips(self) -> Array:
-        slips: Array = np.clip(self.usual_slip + self.slip, 0.0, SLIP)
+    def _slips(self) -> Floats:
+        slips: Floats = np.clip(self.usual_slip + self.slip, 0.0, SLIP)
         return slips
 
     def _follow_progress(self) -> None:

@@ -9,16 +9,14 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.timed_mission import TimedMission
 from tests.service.fleets import fleet_plan
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import SavedPlan
-
-Array = npt.NDArray[np.float64]
 
 RADIUS_M, ROW_M, GAP_M, TURN_MPS, BRAKE_MPS2 = 5.0, 3.0, 3.0, 1.2, 0.5
 
@@ -57,28 +55,28 @@ class Blocks:
     """A fleet plan of blocks side by side, and the path of the first of them as a table by metres."""
 
     plan: FleetPlan
-    at_m: Array
-    places: Array
-    headings_rad: Array
-    allowed_mps: Array
-    gears: Array
-    leg_starts_m: Array
-    offsets_m: Array
-    ways: Array
+    at_m: Floats
+    places: Floats
+    headings_rad: Floats
+    allowed_mps: Floats
+    gears: Floats
+    leg_starts_m: Floats
+    offsets_m: Floats
+    ways: Floats
 
-    def find_poses(self, at_m: Array) -> tuple[Array, Array]:
+    def find_poses(self, at_m: Floats) -> tuple[Floats, Floats]:
         """Places (n, 2) and headings (n,) of all robots at their metres on their paths."""
         x, y = (np.interp(at_m, self.at_m, column) for column in self.places.T)
         heading_rad = np.interp(at_m, self.at_m, self.headings_rad)
         heading_rad = np.where(self.ways > 0.0, heading_rad, math.pi - heading_rad)
         return np.column_stack([self.offsets_m + self.ways * x, y]), heading_rad
 
-    def find_gears(self, at_m: Array) -> Array:
+    def find_gears(self, at_m: Floats) -> Floats:
         """The gears (n,) at places."""
-        gears: Array = self.gears[np.minimum(np.searchsorted(self.at_m, at_m), len(self.gears) - 1)]
+        gears: Floats = self.gears[np.minimum(np.searchsorted(self.at_m, at_m), len(self.gears) - 1)]
         return gears
 
-    def find_legs(self, at_m: Array) -> npt.NDArray[np.int64]:
+    def find_legs(self, at_m: Floats) -> Integers:
         """The legs (n,) of places."""
         return np.clip(np.searchsorted(self.leg_starts_m, at_m, side="right") - 1, 0, len(self.leg_starts_m) - 2)
 
@@ -108,7 +106,7 @@ def lay_blocks(tractors: int, rng: np.random.Generator) -> Blocks:
     return _tabulate(plan, legs, offsets_m, ways)
 
 
-def _tabulate(plan: FleetPlan, legs: tuple[Leg, ...], offsets_m: Array, ways: Array) -> Blocks:
+def _tabulate(plan: FleetPlan, legs: tuple[Leg, ...], offsets_m: Floats, ways: Floats) -> Blocks:
     places, headings_rad, limits_mps, gears = [legs[0].points[:1]], [0.5 * math.pi], [0.0], [1.0]
     for leg, following in pairwise([*legs, None]):
         assert leg is not None

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import FenceIntrusionCheck, ObstacleIntrusionCheck
 from planner.evaluation.ground.coverage import locate_antenna
@@ -17,8 +17,7 @@ from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import REC_SPEED, REC_STEERING
 
-Points = npt.NDArray[np.float64]
-Measure = Callable[[Points], float]
+Measure = Callable[[Floats], float]
 BEND_BEFORE_M, BEND_SPAN_M, BEND_STEP_M, MIN_BEND_RAD = 30.0, 4.0, 0.5, 0.02
 CHUNK_ROWS = 20  # rows of the 10 Hz record searched together
 OVERHANG_ROW_STEP = 3
@@ -89,7 +88,7 @@ def list_measures(context: PlanningContext) -> Iterator[tuple[str, Measure]]:
     ground = context.layout.field.region_without_obstacles
     shapely.prepare(ground)
 
-    def measure_path_outside_m(poses: Points) -> float:
+    def measure_path_outside_m(poses: Floats) -> float:
         path = locate_antenna(poses, context)
         path = path[~shapely.contains_xy(ground, path)]
         return float(np.max(shapely.distance(shapely.points(path), ground), initial=0.0))
@@ -140,7 +139,7 @@ def _describe_row(
     )
 
 
-def find_sharpest_bend(line: Points, place: Points) -> tuple[float, float]:
+def find_sharpest_bend(line: Floats, place: Floats) -> tuple[float, float]:
     """The turning angle (rad) and the radius (m, over BEND_SPAN_M) of the sharpest bend of a polyline near a place.
 
     Near is from BEND_BEFORE_M before the point of the line that is closest to BEND_SPAN_M after it; a straight line has

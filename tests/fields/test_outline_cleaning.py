@@ -4,33 +4,32 @@ import re
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fields import list_sample_names, read_field
+from fields.arrays import Floats
 from fields.geometry.outline_cleaning import clean_outline
 from tests.fields.geojson import SQUARE_M, collection, feature, moved, polygon, refusal
 
-Ring = npt.NDArray[np.float64]
 CORNERS_M = np.array([[0.0, 0.0], [260.0, 10.0], [250.0, 170.0], [120.0, 190.0], [-10.0, 150.0]])
 
 
-def walk(corners: Ring, count: int) -> Ring:
+def walk(corners: Floats, count: int) -> Floats:
     """Points at even distances along the sides of a polygon."""
     ring = shapely.LinearRing(corners)
     places = np.linspace(0.0, ring.length, count, endpoint=False)
     return np.asarray(shapely.get_coordinates(shapely.line_interpolate_point(ring, places)))
 
 
-def make_rough(count: int, seed: int = 1, noise_m: float = 0.3) -> Ring:
+def make_rough(count: int, seed: int = 1, noise_m: float = 0.3) -> Floats:
     """A field of 4.4 ha with noise in every direction, so that the line crosses itself."""
     return walk(CORNERS_M, count) + np.random.default_rng(seed).normal(0.0, noise_m, (count, 2))
 
 
-def get_coordinates(ring: Ring) -> list[list[float]]:
+def get_coordinates(ring: Floats) -> list[list[float]]:
     return [*ring.tolist(), ring[0].tolist()]
 
 

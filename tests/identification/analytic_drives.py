@@ -4,9 +4,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pandas as pd
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.demo_logs import add_instrument_noise, add_soil_noise
 from vehicle.identification.diagnosis.next_drive import (
     DRIVE_PROGRAMMES,
@@ -21,7 +21,6 @@ from vehicle.identification.replay.simulation import replay_segment
 from vehicle.model.tractor import Settings, load_tractor
 from vehicle.twin.step_motion import NO_NOISE, TractorNoise
 
-Array = npt.NDArray[np.float64]
 SPEED_MPS = 1.5
 
 
@@ -92,7 +91,7 @@ def measured(
     return logged(shown, wheel, speed)
 
 
-def logged(shown: DriveSegment, wheel: Array, speed: Array) -> DriveSegment:
+def logged(shown: DriveSegment, wheel: Floats, speed: Floats) -> DriveSegment:
     """A segment with wheel angle and speed (k,), and the grids that a log of it would have."""
     grid = np.arange(len(shown.grids["east"])) / 60.0
     columns = {"east": shown.east, "north": shown.north, "heading": shown.heading, "wheel": wheel, "speed": speed}

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 import shapely
 
+from fields.arrays import Integers
 from fields.geometry.field import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
@@ -30,7 +30,6 @@ from vehicle.missions.run import SimulationRun
 pytestmark = pytest.mark.usefixtures("first_layout")
 
 WIDE_M, HIGH_M, CELL_M = 48.0, 36.0, 0.2
-Grid = npt.NDArray[np.int64]
 
 
 def drive_headland(place: Callable[..., PlanningContext], order: str) -> tuple[PlanningContext, Outcome]:
@@ -38,7 +37,7 @@ def drive_headland(place: Callable[..., PlanningContext], order: str) -> tuple[P
     return site, simulate_candidate(site, Candidate("split-field", 1))
 
 
-def mark_last_rows(run: SimulationRun, site: PlanningContext) -> tuple[Grid, Grid]:
+def mark_last_rows(run: SimulationRun, site: PlanningContext) -> tuple[Integers, Integers]:
     """The last row at which each cell of a grid was worked, and the last at which a wheel with the bar up was on it."""
     worked, driven = (np.full((round(HIGH_M / CELL_M), round(WIDE_M / CELL_M)), -1) for _ in range(2))
     tractor, implement = site.tractor, site.implement
@@ -56,7 +55,7 @@ def mark_last_rows(run: SimulationRun, site: PlanningContext) -> tuple[Grid, Gri
     return worked, driven
 
 
-def mark_box(grid: Grid, row: int, middle: Any, ahead: Any, half_length_m: float, half_width_m: float) -> None:
+def mark_box(grid: Integers, row: int, middle: Any, ahead: Any, half_length_m: float, half_width_m: float) -> None:
     """Write a row into the cells whose middle is in a box about a point, which faces ahead."""
     reach = half_length_m + half_width_m
     low = np.maximum(((middle - reach) / CELL_M).astype(int), 0)

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reports.common.plan_records import PlanDrive, Points
+from fields.arrays import Floats
+from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking
 from reports.common.rendering import ReportError
 from reports.common.wording import NO_BREAK, format_duration
@@ -61,7 +62,7 @@ def told(text: str) -> list[dict[str, Any]]:
     return json.loads(data.group(1), parse_constant=no_constant)  # type: ignore[no-any-return]
 
 
-def unpacked(lane: dict[str, Any]) -> tuple[Points, Points]:
+def unpacked(lane: dict[str, Any]) -> tuple[Floats, Floats]:
     """Samples (k,) and metres (k, 2), y down, of the knots of a lane."""
     knots = np.cumsum(np.array(lane["knots"]).reshape(-1, 3), axis=0)
     return knots[:, 0], knots[:, 1:] / 100.0

@@ -21,12 +21,12 @@ from PIL import Image
 from pyproj import Transformer
 from starlette.testclient import TestClient
 
+from fields.arrays import Floats
 from planner.service.backgrounds.map_background import MapBackground
 from planner.service.backgrounds.tile_server import (
     CACHE_FOLDER,
     HALF_WIDTH_M,
     MOST_TILE_BYTES,
-    FloatArray,
     Tile,
     TileAddress,
     TileCache,
@@ -81,11 +81,11 @@ def read_tiles(background: MapBackground, *tiles: Tile) -> list[tuple[bytes, str
     return asyncio.run(read_all())
 
 
-def evaluate_polynomial(coefficients: list[list[float]], points_m: FloatArray) -> FloatArray:
+def evaluate_polynomial(coefficients: list[list[float]], points_m: Floats) -> Floats:
     """What a page makes of the coefficients of a placement, in the order that the API tells, at points (n, 2)."""
     u, v = points_m.T / 1000.0
     terms = np.stack([u**0, u, v, u**2, u * v, v**2, u**3, u**2 * v, u * v**2, v**3], axis=1)
-    values: FloatArray = terms @ np.array(coefficients).T
+    values: Floats = terms @ np.array(coefficients).T
     return values
 
 

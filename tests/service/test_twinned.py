@@ -21,12 +21,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.testclient import TestClient
 
+from fields.arrays import Floats
 from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import Hold
-from planner.fleet.safety.motion_prediction import Array
 from planner.fleet.session import inbound_frames
 from planner.fleet.session.clients import TRACTOR, FleetClient
 from planner.fleet.session.fleet_session import FleetSession
@@ -53,12 +53,12 @@ class FixedTwins:
 
     def __init__(self) -> None:
         self.places: dict[int, tuple[float, float]] = {}
-        self.paths: dict[int, Array] = {}
+        self.paths: dict[int, Floats] = {}
 
     def find_place(self, number: int) -> tuple[float, float] | None:
         return self.places.get(number)
 
-    def predict_path(self, number: int, times_s: Array) -> Array | None:
+    def predict_path(self, number: int, times_s: Floats) -> Floats | None:
         return self.paths.get(number)
 
 

@@ -7,23 +7,17 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fields.arrays import Flags
 from strategies.interleaved import deal_in_turn
 from strategies.lines.deal_apart import deal_runs, deal_tours, list_deals_apart
 from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
-from strategies.programmes.stages import (
-    charge_furrows,
-    charge_rounds,
-    find_first_tasks,
-    list_stages,
-    stagger_starts,
-)
+from strategies.programmes.stages import charge_furrows, charge_rounds, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
 from strategies.rules.dealing import cut_balanced_blocks
 from strategies.rules.driving_rules import DrivingRules
@@ -91,7 +85,7 @@ def test_sides_beside_each_other_are_dealt_to_the_tractor_whose_swaths_are_near(
     allowed[0, 16:] = np.arange(32) < 16
     allowed[1, 16:] = ~allowed[0, 16:]
 
-    def share_swaths(sides: npt.NDArray[np.bool_]) -> list[list[int]]:
+    def share_swaths(sides: Flags) -> list[list[int]]:
         """Tours by which the last tractor has the first swaths, and each of the others as many of those that follow."""
         shares = np.array_split(np.arange(16, len(lines)), len(sides))
         return [(2 * share).tolist() for share in reversed(shares)]

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats
 from strategies.programmes.driven_search import search_driven_tours
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.order_tours import NO_MOVE_S
@@ -22,7 +22,7 @@ class FailingTable:
         self.cost_s = np.full((2 * LINES + 1, 2 * LINES + 1), 20.0)
         self.asked = set[tuple[int, int]]()
 
-    def estimate_costs(self) -> npt.NDArray[np.float64]:
+    def estimate_costs(self) -> Floats:
         """Those that were asked for are none."""
         return self.cost_s
 
@@ -37,7 +37,7 @@ class FailingTable:
         """None is."""
         return False
 
-    def get_proven_mask(self) -> npt.NDArray[np.bool_]:
+    def get_proven_mask(self) -> Flags:
         """None is."""
         return np.zeros(self.cost_s.shape, bool)
 
@@ -46,7 +46,7 @@ def test_moves_tried_for_one_that_failed_join_lines_of_one_tractor() -> None:
     allowed = np.repeat(np.eye(TRACTORS, dtype=bool), LINES // TRACTORS, axis=1)
     table, values_s = FailingTable(), np.full(LINES, 500.0)
 
-    def pose_problem(costs: npt.NDArray[np.float64]) -> OrderProblem:
+    def pose_problem(costs: Floats) -> OrderProblem:
         return OrderProblem.from_moves(costs[:-1, :-1], np.full(LINES, 60.0), values_s, tractors=2, allowed=allowed)
 
     def list_moves(tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:

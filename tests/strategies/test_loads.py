@@ -10,12 +10,10 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from fields.arrays import Floats
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
-
-Floats = npt.NDArray[np.float64]
 
 IN_LOADS = ((12, 4, 0.0, 575.80, 485.04), (24, 8, 103.5, 1001.54, 744.37))
 """Tracks, tracks per load, metres of the depot along the headland; one after another, and the best known."""

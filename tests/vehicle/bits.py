@@ -4,9 +4,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 
+from fields.arrays import Floats
 from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -25,9 +25,7 @@ def change_leg(plan: Plan, tractor: int, leg: int, **values: Any) -> Plan:
     return replace(plan, missions=tuple(missions))
 
 
-def drive_fixed(
-    tractor: Tractor, tables: npt.NDArray[np.float64], steps: int, dt: float, **values: float
-) -> npt.NDArray[np.float64]:
+def drive_fixed(tractor: Tractor, tables: Floats, steps: int, dt: float, **values: float) -> Floats:
     """Raw body track (steps, 6) in pymunk from standstill on soil, with these values in the state."""
     space = pymunk.Space()
     engine = PymunkEngine(space, [create_body(space, tractor, (0.0, 0.0, 0.0))])

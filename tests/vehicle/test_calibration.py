@@ -4,9 +4,9 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from fields.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, list_ground_names
 from vehicle.model.tractor import PowerLaw, Tractor, list_tractor_names, load_tractor
@@ -29,7 +29,7 @@ AT_FULL_LOCK = {
 }
 
 
-def fitted_radius(track: npt.NDArray[np.float64]) -> float:
+def fitted_radius(track: Floats) -> float:
     """Least-squares circle: |p|^2 = 2 c.p + (r^2 - |c|^2) is linear in the centre and the bracket."""
     system = np.concatenate([2.0 * track, np.ones((len(track), 1))], axis=1)
     (x, y, rest), *_ = np.linalg.lstsq(system, (track**2).sum(axis=1), rcond=None)

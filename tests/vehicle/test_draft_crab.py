@@ -3,9 +3,9 @@
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from fields.arrays import Floats
 from tests.vehicle.bits import drive_fixed
 from vehicle.identification.diagnosis.next_drive import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.replay.drive_segments import ReplayRig, build_rig
@@ -19,7 +19,6 @@ from vehicle.sim.effect_terms import compute_draft_crab_share
 
 EG105 = load_tractor("eg105")
 PACE_MPS, DRAFT_PER_M = 0.5, 0.006  # slowly, as the side force of a curve makes an axle slide out as well
-Array = npt.NDArray[np.float64]
 
 
 def add_effects(settings: Settings) -> Tractor:
@@ -31,13 +30,13 @@ def build_draft(curvature_per_m: float) -> Settings:
     return {"implement_side_draft": {"curvature_per_m": curvature_per_m}}
 
 
-def drive_straight(tractor: Tractor, seconds: float = 20.0) -> Array:
+def drive_straight(tractor: Tractor, seconds: float = 20.0) -> Floats:
     """Body track (t, 6) in the loop that drives plans, with straight wheels and a working implement."""
     tables, steps = build_steering_tables(EG105), round(seconds / DT_S)
     return drive_fixed(tractor, tables, steps, DT_S, target_speed=PACE_MPS, working=1.0)
 
 
-def measure_crab(poses: Array) -> tuple[float, float]:
+def measure_crab(poses: Floats) -> tuple[float, float]:
     """Curvature (1/m, positive right) of poses (n, 3), and the way of the rear axle to the right over that ahead."""
     x, y, angle = poses.T
     east, north = x - EG105.rear_axle_m * np.cos(angle), y - EG105.rear_axle_m * np.sin(angle)
@@ -47,7 +46,7 @@ def measure_crab(poses: Array) -> tuple[float, float]:
     return float(angle[0] - angle[-1]) / ahead, float(np.sum(np.diff(east) * sine - np.diff(north) * cosine)) / ahead
 
 
-def measure_share(poses: Array) -> float:
+def measure_share(poses: Floats) -> float:
     curvature, crab = measure_crab(poses)
     return -crab / (curvature * EG105.wheelbase_m)
 

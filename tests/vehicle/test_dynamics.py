@@ -4,11 +4,11 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fields.arrays import Floats
 from tests.benchmarks.plain_pymunk import advance
 from tests.vehicle.bits import drive_fixed
 from vehicle.model.ground import GROUNDS, find_ground_index
@@ -30,7 +30,7 @@ def energy(model: Any, forward: float, right: float, spin: float) -> float:
     return 0.5 * float(model["mass"]) * (forward**2 + right**2) + 0.5 * float(model["inertia"]) * spin**2
 
 
-def fixed_run(tractor: Tractor, steering_deg: float, dt: float, seconds: float) -> npt.NDArray[np.float64]:
+def fixed_run(tractor: Tractor, steering_deg: float, dt: float, seconds: float) -> Floats:
     """Raw body track (t, 6) in pymunk with the wheels at a fixed angle, from standstill to 5 km/h."""
     angle = math.radians(steering_deg)
     tables = np.array([build_identity_table(tractor.max_steering_deg)] * len(GROUNDS))

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fields.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.gnss import (
     GRID_CELLS,
@@ -35,7 +35,7 @@ def table_of(counts: list[int]) -> Any:
     return np.column_stack([places, ends - counts, ends]).astype(np.int64)
 
 
-def simulate_static_fixes() -> npt.NDArray[np.float64]:
+def simulate_static_fixes() -> Floats:
     """8000 synthetic static fixes of an RTK receiver, (8000, 2) in mm east and north.
 
     Generated, not measured: a slow wander of the solution (a first-order Gauss-Markov process, 60 s at 10 Hz) and white

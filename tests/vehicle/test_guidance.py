@@ -3,16 +3,15 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
+from fields.arrays import Floats
 from vehicle.control.guidance import compute_steering_command, find_target_point, project_point, wrap_angle
 
 DEG = math.radians(1.0)
-Points = npt.NDArray[np.float64]
 # Headings within 1 rad of each other: no segment is hidden behind another, so nearest means abreast.
 SEGMENTS = st.lists(st.tuples(st.floats(3.0, 20.0), st.floats(-0.5, 0.5)), min_size=1, max_size=8)
 PLACES = st.floats(0.0, 0.999)
@@ -20,7 +19,7 @@ OFFSETS = st.floats(-0.5, 0.5)
 SPINS = st.floats(-math.pi, math.pi)
 
 
-def polyline(segments: list[tuple[float, float]], turn: float) -> tuple[Points, Points]:
+def polyline(segments: list[tuple[float, float]], turn: float) -> tuple[Floats, Floats]:
     lengths = np.array([length for length, _ in segments])
     headings = np.array([heading + turn for _, heading in segments])
     moves = lengths[:, None] * np.stack([np.cos(headings), np.sin(headings)], axis=1)

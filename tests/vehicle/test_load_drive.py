@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from fields.arrays import Floats
 from tests.vehicle.bits import assert_same_bits
 from tests.vehicle.test_pymunk_bridge import assert_same, gated
 from vehicle.energy.traction import compute_net_traction, solve_slip
@@ -29,7 +29,6 @@ GRAVITY_MPS2 = 9.80665
 MASS_KG, ROLLING = 3850.0, 0.06
 WEIGHT_N = MASS_KG * GRAVITY_MPS2
 REACH_M, SPACING_M = 200.0, 5.0
-Array = npt.NDArray[np.float64]
 
 PLOUGH = WorkLoad(
     draft_n=(4000.0, 900.0, 150.0), implement_mass_kg=900.0, rolling_share=0.065, engine_power_w=77_000.0,
@@ -37,7 +36,7 @@ PLOUGH = WorkLoad(
 )  # fmt: skip
 
 
-def build_terrain(height: Callable[[Array, Array], Array]) -> Terrain:
+def build_terrain(height: Callable[[Floats, Floats], Floats]) -> Terrain:
     """A height as a function of x and y, within REACH_M of the origin."""
     places = np.arange(-REACH_M, REACH_M + 1.0, SPACING_M)
     return Terrain(-REACH_M, -REACH_M, SPACING_M, height(*np.meshgrid(places, places)))

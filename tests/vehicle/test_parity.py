@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pymunk
 import pytest
 
+from fields.arrays import Floats
 from vehicle.control.guidance import compute_steering_command, find_target_point, project_point, wrap_angle
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
 from vehicle.identification.replay.drive_segments import DriveSegment, build_rig_and_corrections
@@ -51,7 +51,6 @@ TRACKS = {
 GROUND = "soil"
 SPEED_MPS = 2.5
 NORTH = 0.5 * math.pi
-Array = npt.NDArray[np.float64]
 
 # On ground that is carried along, a replay keeps the speed on that ground through a change of direction, as a log
 # measures it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries
@@ -78,20 +77,20 @@ def add_discrepancy_model(tractor: Tractor, **amounts: float) -> Tractor:
 class Driven:
     """What the loop did: columns of vehicle.trials.drive per step (n, 12), and whether the implement worked."""
 
-    rows: Array
+    rows: Floats
     working: float
 
-    def column(self, name: str) -> Array:
+    def column(self, name: str) -> Floats:
         """One column (n,)."""
         return np.ascontiguousarray(self.rows[:, TRACE_COLUMNS.index(name)])
 
     @property
-    def place(self) -> Array:
+    def place(self) -> Floats:
         """Centre of mass (n, 2)."""
         return self.rows[:, BODY_PLACE]
 
 
-def by_command(tractor: Tractor, commands_deg: Array, working: float = 0.0, speed_mps: float = SPEED_MPS) -> Driven:
+def by_command(tractor: Tractor, commands_deg: Floats, working: float = 0.0, speed_mps: float = SPEED_MPS) -> Driven:
     """Drive commands (n,) from standstill, one per step."""
     states, legs = np.zeros(1, dtype=STATE), np.zeros(1, dtype=LEG)
     states["stage"], states["working"] = 1, working
@@ -112,7 +111,7 @@ def by_plan(tractor: Tractor, mission: Mission, seconds: float, working: float) 
 
 def _drive(
     tractor: Tractor, pose: tuple[float, float, float], states: Any, legs: Any, gates: Any, points: Any,
-    cumulative: Any, commands: Array, working: float, steps: int = 0,
+    cumulative: Any, commands: Floats, working: float, steps: int = 0,
 ) -> Driven:  # fmt: skip
     space = pymunk.Space()
     engine = PymunkEngine(space, [create_body(space, tractor, pose)])
@@ -127,7 +126,7 @@ def _drive(
     return Driven(track[:rows, 0], working)
 
 
-def replayed(tractor: Tractor, driven: Driven, target: Array) -> tuple[Array, Array, Array]:
+def replayed(tractor: Tractor, driven: Driven, target: Floats) -> tuple[Floats, Floats, Floats]:
     """States (n, 5) of the replay of the drive's commands, antenna (n, 2) and heading (n,) as they would be logged.
 
     The measured pose, which effects of a place or a direction look at, is that of the drive.
@@ -162,7 +161,7 @@ TRACTORS = effects()
 @pytest.mark.slow
 @pytest.mark.parametrize("commands", [CIRCLE, WAVE], ids=["circle", "wave"])
 @pytest.mark.parametrize("name", TRACTORS)
-def test_loop_and_replay_drive_the_same(name: str, commands: Array) -> None:
+def test_loop_and_replay_drive_the_same(name: str, commands: Floats) -> None:
     tractor = TRACTORS[name]
     driven = by_command(tractor, commands, working=1.0)
     states, _, _ = replayed(tractor, driven, np.full(STEPS, SPEED_MPS))
@@ -177,7 +176,7 @@ def test_loop_and_replay_drive_the_same(name: str, commands: Array) -> None:
 def test_every_effect_changes_the_compared_drives(name: str) -> None:
     """Without this, two drives could agree because an effect acts in neither: what is driven or shown differs."""
 
-    def shown(tractor: Tractor) -> Array:
+    def shown(tractor: Tractor) -> Floats:
         drives = [by_command(tractor, commands, working=1.0) for commands in (CIRCLE, WAVE)]
         seen = [replayed(tractor, one, np.full(STEPS, SPEED_MPS))[1:] for one in drives]
         return np.concatenate([np.column_stack(one) for one in seen])

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString, Point, distance, line_locate_point, points
 
+from fields.arrays import Floats, measure_along
 from strategies.path_planning.paths import PathSegment, merge_segments
-from vehicle.arrays import Floats, measure_along
 from vehicle.control.speed_profile import (
     MAX_LIMIT_MPS,
     DrivingLimits,

@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 
+from fields.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.terrain import Terrain
 
@@ -13,14 +13,14 @@ ROUGH = Terrain(-40.0, 7.0, 2.5, np.random.default_rng(5).normal(0.0, 1.0, (9, 1
 STEP_M = 1e-5
 
 
-def spread_points(terrain: Terrain, count: int, margin_m: float = 0.0) -> npt.NDArray[np.float64]:
+def spread_points(terrain: Terrain, count: int, margin_m: float = 0.0) -> Floats:
     """Random places at least `margin_m` inside of the outermost nodes."""
     west, south, east, north = terrain.bounds_m
     low, high = np.array([west, south]) + margin_m, np.array([east, north]) - margin_m
     return low + (high - low) * np.random.default_rng(6).random((count, 2))
 
 
-def build_grid(rise: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def build_grid(rise: Floats) -> Floats:
     """Nodes (7, 9, 2) of a grid of 3 m, times `rise`."""
     x, y = np.meshgrid(3.0 * np.arange(9), 3.0 * np.arange(7))
     return np.asarray(rise[0] * x + rise[1] * y)

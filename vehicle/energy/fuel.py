@@ -18,8 +18,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.units import HOUR_S, J_PER_KWH, KILO
-from vehicle.arrays import Floats
 from vehicle.energy.load import ENGINE_TO_SHAFT
 from vehicle.errors import check_range
 from vehicle.model.tractor import BatteryParameters, Tractor

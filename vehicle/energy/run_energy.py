@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, measure_along
+from fields.arrays import Flags, Floats, measure_along
 from vehicle.control.speed import STANDSTILL_MPS
 from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, ElectricDrive, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
@@ -139,7 +139,7 @@ def compute_motion_work(
     mass_kg: float,
     load: WorkLoad,
     rolling_shares: Floats,
-    is_working: Booleans,
+    is_working: Flags,
 ) -> Floats:
     """Work (J) at the driven axles by cause (n, 6) over n pieces of a way.
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 from vehicle.errors import MissionError
 from vehicle.model.ground import list_ground_names
 

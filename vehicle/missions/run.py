@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, Integers, Records, find_true_spans
+from fields.arrays import Flags, Floats, Integers, Records, find_true_spans
 from vehicle.missions.plan import DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Plan
 from vehicle.records import (
     FINISHED,
@@ -131,14 +131,14 @@ class SimulationRun:
         """Number of the leg a tractor is on, shape (t,)."""
         return self.record[:, tractor, REC_LEG].astype(np.int64)
 
-    def find_task_rows(self, tractor: int, kinds: Collection[str]) -> Booleans:
+    def find_task_rows(self, tractor: int, kinds: Collection[str]) -> Flags:
         """In which rows (t,) a tractor is on a leg whose task is of one of some kinds."""
         return self._find_leg_rows(tractor, lambda leg: leg.task.kind in kinds)
 
-    def _find_leg_rows(self, tractor: int, is_such: Callable[[Leg], bool]) -> Booleans:
+    def _find_leg_rows(self, tractor: int, is_such: Callable[[Leg], bool]) -> Flags:
         """In which rows (t,) a tractor is on such a leg."""
         flags = np.array([is_such(leg) for leg in self.plan.missions[tractor].legs])
-        rows: Booleans = flags[self.get_leg_numbers(tractor)]
+        rows: Flags = flags[self.get_leg_numbers(tractor)]
         return rows
 
     def get_statuses(self, tractor: int) -> Integers:
@@ -165,11 +165,11 @@ class SimulationRun:
         """Seconds per tractor of standing to fold and to unfold."""
         return np.array([self.find_folding_rows(k).sum() * self.step_s for k in range(self.plan.tractors)])
 
-    def find_folded_rows(self, tractor: int) -> Booleans:
+    def find_folded_rows(self, tractor: int) -> Flags:
         """In which rows (t,) the implement of a tractor is folded."""
         return self._find_leg_rows(tractor, lambda leg: leg.folded)
 
-    def find_folding_rows(self, tractor: int) -> Booleans:
+    def find_folding_rows(self, tractor: int) -> Flags:
         """In which rows (t,) a tractor stands to fold or to unfold its implement."""
         numbers, folds = self.get_leg_numbers(tractor), np.zeros(len(self.time_s), bool)
         stands = self.get_statuses(tractor) == STANDING
@@ -234,7 +234,7 @@ def iter_segments(run: SimulationRun, tractor: int) -> Iterator[RecordSegment]:
             yield RecordSegment(int(group[first]), bool(is_waiting[first]), bool(is_standing[first]), first, last)
 
 
-def _clear_short_sequences(flags: Booleans, min_rows: int) -> Booleans:
+def _clear_short_sequences(flags: Flags, min_rows: int) -> Flags:
     """The flags without runs of fewer than `min_rows`."""
     long_flags = np.zeros(len(flags), dtype=bool)
     for first, last in find_true_spans(flags).tolist():

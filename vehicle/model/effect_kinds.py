@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 
 REFERENCE_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
 INTERVAL_COVERAGE = 0.95

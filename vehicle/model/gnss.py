@@ -17,10 +17,9 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats, Integers
 from fields.text_files import CellTable, parse_table, read_table
-from vehicle.arrays import Floats, Integers
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function
 
@@ -29,8 +28,7 @@ GRID_CELLS, MIN_FIXES = 32, 100
 CENTRE_CELL = GRID_CELLS // 2
 # Chosen, s: how long a patch of soil pushes, a rut or a clod at walking pace, and a receiver drifts to one side.
 SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0
-Table = npt.NDArray[np.int64]
-NO_ERROR: Table = np.zeros((0, 4), dtype=np.int64)
+NO_ERROR: Integers = np.zeros((0, 4), dtype=np.int64)
 _ODD, _MIX_1, _MIX_2 = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _S27, _S30, _S31, _S11 = np.uint64(27), np.uint64(30), np.uint64(31), np.uint64(11)
 
@@ -46,7 +44,7 @@ def draw_uniform(key: int, count: int) -> float:
 
 
 @compile_function
-def find_error_row(table: Table, sigma: int) -> int:
+def find_error_row(table: Integers, sigma: int) -> int:
     """Row whose interval (a, b] holds sigma: Algorithm 1, corrected as described above."""
     left, right = -1, len(table)
     while left + 1 < right:
@@ -70,7 +68,7 @@ def draw_error(state, table) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def draw_errors(key: int, count: int, table: Table) -> Table:
+def draw_errors(key: int, count: int, table: Integers) -> Integers:
     """The first `count` errors of a key, (count, 2) in mm, in the order in which a tractor with this key draws them."""
     errors_mm = np.empty((count, 2), dtype=np.int64)
     for i in range(count):
@@ -85,7 +83,7 @@ def make_error_keys(seed: int, tractors: int) -> Integers:
     return spread.view(np.int64)
 
 
-def build_error_table(east_mm: Floats, north_mm: Floats) -> Table:
+def build_error_table(east_mm: Floats, north_mm: Floats) -> Integers:
     """Count fixes (n,) on the 1 mm grid about their mean, which lies in cell (16, 16) of 32.
 
     Raises VehicleError for fewer than 100 fixes or fixes that do not fit the grid.
@@ -113,7 +111,7 @@ def _compute_cells(values: Floats) -> Integers:
 
 
 @lru_cache(maxsize=1)
-def load_default_error_table() -> Table:
+def load_default_error_table() -> Integers:
     """The table that comes with Headland (vehicle/data/gnss_rtk.csv).
 
     It is made from 8000 synthetic fixes of an RTK receiver: a slow wander of the solution and white noise, together
@@ -123,18 +121,18 @@ def load_default_error_table() -> Table:
     return _build_own_table(parse_table(text, "the table of Headland", VehicleError))
 
 
-def format_error_table(table: Table) -> str:
+def format_error_table(table: Integers) -> str:
     """A table as CSV."""
     rows = "\n".join(",".join(str(int(value)) for value in row) for row in table)
     return f"east_mm,north_mm,above,up_to\n{rows}\n"
 
 
-def load_error_table(path: str | Path) -> Table:
+def load_error_table(path: str | Path) -> Integers:
     """Read a table written by format_table; raises VehicleError naming the line."""
     return _build_own_table(read_table(path, FILE_KIND, VehicleError))
 
 
-def _build_own_table(cells: CellTable) -> Table:
+def _build_own_table(cells: CellTable) -> Integers:
     where, rows = cells.label, _list_columns(cells, ("east_mm", "north_mm", "above", "up_to"))
     table = np.clip(rows, -1e9, 1e9).astype(np.int64)
     whole = len(table) > 0 and (table == rows).all() and table[0, 2] == 0

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function, inline_function
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TypeVar
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 from vehicle.errors import VehicleError, check_range
 
 DRAFT_TERMS = 3

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from pymunk._chipmunk_cffi import ffi, lib
 
-from vehicle.arrays import Integers
+from fields.arrays import Integers
 
 # Rows of the array of offsets.
 AT_X, AT_Y, AT_ANGLE, AT_VX, AT_VY, AT_SPIN, AT_COSINE, AT_SINE, AT_FORCE_X, AT_FORCE_Y, AT_TORQUE = range(11)

@@ -13,8 +13,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from fields.arrays import Floats, Records, build_directions
 from fields.units import KMH_PER_MPS
-from vehicle.arrays import Floats, Records, build_directions
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Implement, Tractor, remove_log_corrections

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 from vehicle.jit import compile_function
 
 NEAR_MARGIN_M = 0.5  # covers the speed gained between two checks

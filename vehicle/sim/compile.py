@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.arrays import Records, measure_along
+from fields.arrays import Records, measure_along
 from vehicle.control.speed_profile import UNLIMITED_MPS, build_driving_limits, limit_by_bends, limit_by_brakes
 from vehicle.copying import copy_row
 from vehicle.energy.traction import (

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Floats, Records
+from fields.arrays import Floats, Records
 from vehicle.control.guidance import ARRIVAL_TOLERANCE_M
 from vehicle.control.speed_profile import BRAKE_SHARE, STEERING_DISTANCE_FACTOR
 from vehicle.jit import compile_function

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Records
+from fields.arrays import Records
 from vehicle.energy.traction import SLIP_RATE
 from vehicle.jit import compile_function, inline_function
 from vehicle.missions.run import RollOverMargin, Stall

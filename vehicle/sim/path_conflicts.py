@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, Integers, Records, build_directions
+from fields.arrays import Flags, Floats, Integers, Records, build_directions
 from vehicle.jit import compile_function, drop_owner
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.clearance import (
@@ -180,7 +180,7 @@ def _count_parting_poses(path, place, model, least, clearance):  # type: ignore[
 
 
 def find_close_approaches(
-    poses: Floats, on_field: Booleans, model: Records, clearance_m: float, beside_m: float
+    poses: Floats, on_field: Flags, model: Records, clearance_m: float, beside_m: float
 ) -> list[Approach]:
     """Pairs (i, j, k, metres) of tractors i < j that are too close at step k, the first such step of each pair.
 
@@ -291,7 +291,7 @@ class ClearanceCheck:
         """How far apart two are never in each other's way (m)."""
         return float(2.0 * self.models["reach"][0] + max(self.clearance_m, self.beside_clearance_m))
 
-    def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> Booleans:
+    def find_blocked(self, places: Floats, driving: Iterable[PosePath]) -> Flags:
         """At which of the poses (n, 3) one would stand in the way of any of others on their paths."""
         standing, blocked = PosePath(build_poses(places)), np.zeros(len(places), bool)
         for other in driving:

@@ -16,7 +16,7 @@ import pymunk
 import pymunk.batch
 from pymunk._chipmunk_cffi import ffi, lib
 
-from vehicle.arrays import Booleans, Floats, Integers
+from fields.arrays import Flags, Floats, Integers
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import BODY_WIDTH
@@ -65,8 +65,8 @@ class ContactBoxes:
         self._space = space
         self._iterations = pymunk.Space().iterations
         self._shapes = [[_build_shape(body, *box) for box in boxes] for body in bodies]
-        self.present: Booleans = np.zeros(len(bodies), dtype=np.bool_)
-        self.required: Booleans = np.zeros(len(bodies), dtype=np.bool_)
+        self.present: Flags = np.zeros(len(bodies), dtype=np.bool_)
+        self.required: Flags = np.zeros(len(bodies), dtype=np.bool_)
 
     def update_space(self) -> None:
         """Add the required boxes to the space and remove the others."""

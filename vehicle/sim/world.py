@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pymunk
 
-from vehicle.arrays import Records
+from fields.arrays import Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import Plan, check_plan

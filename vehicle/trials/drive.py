@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Floats, Records, build_directions
+from fields.arrays import Floats, Integers, Records, build_directions
 from vehicle.control.guidance import run_control_tick
 from vehicle.control.speed_profile import UNLIMITED_MPS
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
-from vehicle.model.gnss import NO_ERROR, Table, draw_error, make_error_keys
+from vehicle.model.gnss import NO_ERROR, draw_error, make_error_keys
 from vehicle.model.ground import Tyres
 from vehicle.model.tractor import Implement, SteeringParameters, Tractor
 from vehicle.records import BODY_PLACE, BODY_WIDTH, DT_S, GATE, LEG, STATE
@@ -229,7 +229,7 @@ def follow_mission(
     *,
     tyres: Tyres | None = None,
     seconds: float = 600.0,
-    position_errors: Table = NO_ERROR,
+    position_errors: Integers = NO_ERROR,
     seed: int = 1,
     jump: tuple[float, float] | None = None,
 ) -> Trace:
@@ -260,7 +260,7 @@ def _drive_program(
     times: tuple[int, float, int],
     commands: Floats,
     start_mps: float,
-    position_errors: Table = NO_ERROR,
+    position_errors: Integers = NO_ERROR,
 ) -> list[Trace]:
     """Drive tractors without outlines in a space of their own, straight ahead at `start_mps` at first.
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats
+from fields.arrays import Flags, Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import ENGINE_CURVE, TYRE_MODELS, FrictionCurve, Tyres, get_tyres
 from vehicle.model.tractor import SpeedParameters, Tractor
@@ -173,7 +173,7 @@ class TyreMap:
     radius_m: Floats
 
     @property
-    def stable(self) -> Booleans:
+    def stable(self) -> Flags:
         """Whether the tractor settles, per cell."""
         return np.isfinite(self.radius_m)
 
@@ -192,7 +192,7 @@ class CentreOfMassSweep:
     traces: tuple[Trace, ...]  # at the last angle, one per place
 
     @property
-    def stable(self) -> Booleans:
+    def stable(self) -> Flags:
         """Whether the tractor settles, per cell."""
         return np.isfinite(self.radius_m)
 

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vehicle.arrays import Booleans, Floats, measure_along
+from fields.arrays import Flags, Floats, Integers, measure_along
 from vehicle.control.steering import SLEW
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission
-from vehicle.model.gnss import NO_ERROR, Table
+from vehicle.model.gnss import NO_ERROR
 from vehicle.model.ground import ENGINE_CURVE, FrictionCurve, get_tyres
 from vehicle.model.tractor import Tractor
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS
@@ -112,7 +112,7 @@ def compute_path_distances(path: Floats, other_path: Floats) -> Floats:
     return np.asarray(distance(points(path[::6]), line))
 
 
-def find_slewing(trace: Trace) -> Booleans:
+def find_slewing(trace: Trace) -> Flags:
     """In which steps (t,) the steering simulator is in its third stage."""
     return np.asarray(trace.get_column("stage") == SLEW)
 
@@ -151,7 +151,7 @@ def build_navigation_mission() -> Mission:
     )
 
 
-def drive_navigation(tractor: Tractor, *, position_errors: Table = NO_ERROR, seed: int = 1) -> NavigationPasses:
+def drive_navigation(tractor: Tractor, *, position_errors: Integers = NO_ERROR, seed: int = 1) -> NavigationPasses:
     """Drive the navigation plan with 5 m lookahead and measure both passes."""
     mission, tested = build_navigation_mission(), configure_tractor(tractor)
     trace = follow_mission(tested, mission, position_errors=position_errors, seed=seed, seconds=900.0)
@@ -210,7 +210,7 @@ def drive_step_response(
     ground: str,
     steering: str = "proposed",
     *,
-    position_errors: Table = NO_ERROR,
+    position_errors: Integers = NO_ERROR,
     seed: int = 1,
     limit_m: float = UNLIMITED_M,
     second_m: float = SECOND_PATH_M,

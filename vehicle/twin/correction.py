@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 from vehicle.records import DT_S
 from vehicle.twin.kalman_filter import STATE_SIZE, PoseFilter, update_by_fix
 from vehicle.twin.mismatch import RESTART_SIGMA_M, JumpDetector, MismatchTest, is_jump

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 from vehicle.jit import compile_function
 from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
 from vehicle.twin.step_motion import TractorNoise

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.units import HOUR_S
-from vehicle.arrays import Floats
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor

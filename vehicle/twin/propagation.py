@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.arrays import Floats, Records
+from fields.arrays import Floats, Records
 from vehicle.jit import compile_function
 from vehicle.records import DT_S
 from vehicle.sim.effect_terms import compute_draft_crab_share

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.arrays import Floats, Records
+from fields.arrays import Floats, Records
 from vehicle.control.guidance import run_control_tick
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.units import KMH_PER_MPS
-from vehicle.arrays import Floats
 from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor

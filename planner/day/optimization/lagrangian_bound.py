@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats, Integers
 from planner.day.optimization.problem import HASTE_COST_PER_S, DayProblem
 from vehicle.jit import compile_function
 
@@ -25,8 +25,6 @@ MAX_STEPS, MAX_ITERATIONS = 250_000_000, 300
 STALL_ITERATIONS, MIN_STRIDE = 12, 1e-3  # iterations without a better bound until the stride is halved; its minimum
 MOMENTUM = 0.3  # weight of the previous direction
 NEGLIGIBLE_GAP = 1e-4  # of the cost
-Array = npt.NDArray[np.float64]
-Whole = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,11 +36,11 @@ class _FleetTables:
     """
 
     count: int
-    start_s: Whole
-    job_cost: Array
-    work_s: Whole
-    travel_s: Whole
-    travel_cost: Array
+    start_s: Integers
+    job_cost: Floats
+    work_s: Integers
+    travel_s: Integers
+    travel_cost: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +49,8 @@ class _RouteMemory:
     `next_mask` (n, n, masks) the memory after going from one field to another.
     """
 
-    slot: Whole
-    next_mask: Whole
+    slot: Integers
+    next_mask: Integers
 
 
 def compute_lower_bound(problem: DayProblem, known_cost: float, least_costs: Sequence[float]) -> float:
@@ -146,7 +144,7 @@ def _build_route_memory(problem: DayProblem) -> _RouteMemory:
 
 
 @compile_function
-def _count_visits(predecessor: Whole, end: int) -> Array:
+def _count_visits(predecessor: Integers, end: int) -> Floats:
     """Visits of every field (count,) by the route to a state `end`; none if it is negative."""
     _, count, masks = predecessor.shape
     visits = np.zeros(count)
@@ -159,17 +157,17 @@ def _count_visits(predecessor: Whole, end: int) -> Array:
 
 @compile_function
 def _find_best_route(
-    travel_s: Whole,
-    start_s: Whole,
-    job_cost: Array,
-    work_s: Whole,
-    travel_cost: Array,
-    prices: Array,
-    memory_slot: Whole,
-    next_mask: Whole,
+    travel_s: Integers,
+    start_s: Integers,
+    job_cost: Floats,
+    work_s: Integers,
+    travel_cost: Floats,
+    prices: Floats,
+    memory_slot: Integers,
+    next_mask: Integers,
     home_s: int,
     grain_s: int,
-) -> tuple[float, Array, int]:
+) -> tuple[float, Floats, int]:
     """The least cost less prices of any route (0 for none), its visits of every field, and the steps taken.
 
     Routes are extended in order of their end, rounded down. A route at the same field with the same memory that ends

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Floats, find_true_spans
 from planner.evaluation.context import PlanningContext
 from planner.risk.costs import DrivenTimes, estimate_flat_use, get_grid_factor
 from strategies.rules.battery_supply import BatterySupply
 from strategies.rules.supply import Supply
-from vehicle.arrays import Floats, find_true_spans
 from vehicle.energy.fuel import CO2_KG_PER_L, ElectricDrive, build_power_source
 from vehicle.energy.run_energy import compute_run_energy
 from vehicle.missions.run import SimulationRun

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags
 from strategies.lines.deal_apart import (
     SketchTours,
     deal_runs,
@@ -24,7 +24,6 @@ from strategies.rules.dealing import LineDeal, group_swath_lines
 from strategies.split_field import deal_blocks
 from vehicle.missions.plan import HEADLAND_PASS
 
-Flags = npt.NDArray[np.bool_]
 TIDY_SHARE = 0.05  # of the cost of tours: what people give for tractors that each keep to their part of the headland
 SketchDeal = Callable[[Flags], Sketch]
 """Sketches tours by a deal of lines."""

@@ -11,8 +11,8 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
 from planner.evaluation.candidates.fleet_deals import list_other_deals, sketch_tidily
 from planner.evaluation.candidates.fleet_drive import FleetDriver, build_clearance_check
@@ -47,9 +47,6 @@ from strategies.site.site import MISSED_FACTOR
 from strategies.strategy_record import Strategy
 from vehicle.missions.plan import REFILL, SWATH, Plan
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-Flags = npt.NDArray[np.bool_]
-Floats = npt.NDArray[np.float64]
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
 LEAST_PACE_SHARE = 0.1  # of the working speed on a straight: starting and braking alone leave far more

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.geometry.field import Field
 from fields.terrain.checks import describe_place
 from fields.terrain.slopes import compute_directional_slopes
@@ -17,7 +17,6 @@ from vehicle.missions.run import RollOverMargin, SimulationRun, Stall
 from vehicle.model.terrain import Terrain
 from vehicle.records import FINISHED, REC_POSE, REC_SPEED
 
-Array = npt.NDArray[np.float64]
 DRIVE_FORCE = "drive force"
 LEVEL_PCT = 0.5  # less is no slope in a sentence
 _LACKING = {
@@ -28,7 +27,7 @@ _LACKING = {
 }
 
 
-def compute_driven_slopes(run: SimulationRun, tractor: int, terrain: Terrain) -> tuple[Array, Array]:
+def compute_driven_slopes(run: SimulationRun, tractor: int, terrain: Terrain) -> tuple[Floats, Floats]:
     """Slopes (m/m, each (t,)) under a tractor: along its travel, positive uphill, and across, positive where the ground
     falls to the right of its nose; 0 after its end."""
     poses = run.get_poses(tractor)
@@ -54,7 +53,7 @@ def list_slope_figures(context: PlanningContext, run: SimulationRun) -> dict[str
     return figures
 
 
-def _locate_steepest(run: SimulationRun, slopes: list[Array], field: Field) -> SlopePlace:
+def _locate_steepest(run: SimulationRun, slopes: list[Floats], field: Field) -> SlopePlace:
     tractor = max(range(len(slopes)), key=lambda number: float(np.abs(slopes[number]).max()))
     row = int(np.abs(slopes[tractor]).argmax())
     x, y = run.record[row, tractor, REC_POSE][:2].tolist()

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import subtract, unite
 from planner.evaluation.context import PlanningContext
@@ -28,10 +29,7 @@ MIN_OVERLAP_M = 0.01  # thinner overlaps do not count
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 SAME_PLACE_ROWS = 30  # of the 10 Hz record: contacts within three seconds are one
 POINT_STEP_M = 0.25  # between the points of a machine's outline whose distance from the field is measured
-Rows = npt.NDArray[np.int64]
-Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
-Flags = npt.NDArray[np.bool_]
 EDGES_TOGETHER = 32  # are passed over where their bounds are out of reach
 
 
@@ -109,7 +107,7 @@ class TouchTable:
         self._areas = shapely.multipolygons(areas)
         shapely.prepare(self._areas)
 
-    def find(self, poses: Points) -> Flags:
+    def find(self, poses: Floats) -> Flags:
         """At which of poses (t, 3) of the centre of mass a box touches the shape or lies in it."""
         rows, boxes = np.ascontiguousarray(poses), np.array(self._body.boxes)
         found: Flags = find_crossed_poses(
@@ -122,7 +120,7 @@ class TouchTable:
             found[clear] |= shapely.intersects_xy(self._areas, middles)
         return found
 
-    def place_boxes(self, poses: Points) -> Boxes:
+    def place_boxes(self, poses: Floats) -> Boxes:
         """The boxes of tractor and implement at poses (t, 3) of the centre of mass, one after another for each pose."""
         ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
         return self._body.place_boxes(np.column_stack([poses[:, :2] - self._axle_m * ahead, poses[:, 2]]))
@@ -136,7 +134,7 @@ class _IntrusionCheck(TouchTable):
         self._shape = shape
         shapely.prepare(shape)
 
-    def measure_intrusion_m(self, poses: Points) -> float:
+    def measure_intrusion_m(self, poses: Floats) -> float:
         """How far (m) a box reaches over the shape, or a corner of it into a box, at poses (t, 3) of the centre."""
         boxes = self.place_boxes(poses[self.find(poses)])
         boxes = boxes[shapely.intersects(self._shape, boxes)]
@@ -283,7 +281,7 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
                 yield _build_place(run, OBSTACLE, number, names[number], tractor, row, depths_m[deepest])
 
 
-def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple[int, Rows, PlanningContext]]:
+def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple[int, Integers, PlanningContext]]:
     """Every tractor with the rows of its record that are checked, those with its implement folded apart."""
     rows = np.arange(0, len(run.time_s), CHECK_ROW_STEP)
     for tractor in range(run.plan.tractors):
@@ -293,7 +291,7 @@ def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple
                 yield tractor, here, state
 
 
-def _split_rows(rows: npt.NDArray[np.int64]) -> list[npt.NDArray[np.int64]]:
+def _split_rows(rows: Integers) -> list[Integers]:
     """Rows of a record as groups that belong to one place."""
     if not len(rows):
         return []
@@ -359,7 +357,7 @@ def _iter_grounds(
             yield at_gate, folded, TouchTable(state, beyond), ground, allowed
 
 
-def _list_places(run: SimulationRun, tractor: int) -> tuple[Points, Flags, Flags]:
+def _list_places(run: SimulationRun, tractor: int) -> tuple[Floats, Flags, Flags]:
     """Poses (t, 3) of a tractor that are measured, whether each is on the way in or out, and with it folded."""
     poses = run.get_poses(tractor)
     rows = np.append(np.arange(0, len(poses) - 1, CHECK_ROW_STEP), len(poses) - 1)

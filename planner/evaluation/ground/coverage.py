@@ -11,9 +11,9 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from fields.geometry.arithmetic import EDGE_M, MITRE_LIMIT
 from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite, unite_areas
 from planner.evaluation.context import PlanningContext
@@ -27,7 +27,6 @@ from vehicle.missions.run import SimulationRun
 TABLE_CELLS = 20_000
 MIN_CELL_M = 1.0
 BUFFER_FACTOR = 1.05  # buffers have chords for arcs, and are too small by at most this factor
-Points = npt.NDArray[np.float64]
 MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
 
 
@@ -56,7 +55,7 @@ class InteriorCellTable:
         x, y = west + self._cell * (np.arange(columns) + 0.5), south + self._cell * (np.arange(rows) + 0.5)
         self._inner = np.asarray(shapely.contains_xy(core, *np.meshgrid(x, y)), dtype=np.bool_)
 
-    def find_uncertain(self, points: Points) -> npt.NDArray[np.int64]:
+    def find_uncertain(self, points: Floats) -> Integers:
         """Indices of the points (t, 2 or more columns, x and y first) that may be outside or near the edge."""
         return np.flatnonzero(_find_outside_table(points, *self._origin, self._cell, self._inner))
 
@@ -107,12 +106,12 @@ class Coverage:
         return spent * (1.0 + charged_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
 
 
-def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: int) -> Points:
+def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: int) -> Floats:
     """Path of the antenna, (t, 2)."""
     return locate_antenna(run.get_poses(tractor), context)
 
 
-def locate_antenna(poses: Points, context: PlanningContext) -> Points:
+def locate_antenna(poses: Floats, context: PlanningContext) -> Floats:
     """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
     x, y, angle = poses.T
     reach = context.tractor.guide_m
@@ -191,7 +190,7 @@ def measure_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
     return max(float(np.max(measure_outside_m(run, tractor, context))) for tractor in range(run.plan.tractors))
 
 
-def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext) -> Points:
+def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext) -> Floats:
     """How far (t,) the guided point of a tractor is outside the field; 0 inside.
 
     On the way in and out the gate of the entrance counts as ground of the field.

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers
 from fields.geometry.overlays import (
     ROUNDING_SHARE,
     Areas,
@@ -36,8 +37,6 @@ STILL_M = 1e-9
 MIN_UNWORKED_M = 0.05
 LEAST_SHARE = 0.1  # of a section: nor does less of it than this
 PLACE_DECIMALS = 6  # of a row: fewer than a millimetre, so that neighbours that switch together are seen to
-Points = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int64]
 Spans = tuple[tuple[float, float], ...]
 SWATH_ROW_STEP = 3  # rows of the 10 Hz record between corners of a polygon: under half a metre of driving
 BEND_RAD = math.radians(20.0)  # a polygon ends where the bar has turned this far, so that neither side crosses itself
@@ -59,7 +58,7 @@ class SweptPart:
     ground: shapely.Geometry
 
 
-def switch_sections(ends: list[Points], ground: Areas, region: shapely.Geometry, sections: int) -> Iterator[SweptPart]:
+def switch_sections(ends: list[Floats], ground: Areas, region: shapely.Geometry, sections: int) -> Iterator[SweptPart]:
     """What sections of equal width sweep where each works as long as it has unworked ground of the region under it.
 
     `ends` are of pieces (2, t, 2) in the order in which they are swept, and `ground` is what the whole bar sweeps.
@@ -79,7 +78,7 @@ def switch_sections(ends: list[Points], ground: Areas, region: shapely.Geometry,
 
 
 def _switch_on_piece(
-    piece: int, bar: Points, ground: shapely.Geometry, unworked: shapely.Geometry, sections: int
+    piece: int, bar: Floats, ground: shapely.Geometry, unworked: shapely.Geometry, sections: int
 ) -> Iterator[SweptPart]:
     """What sections sweep of a piece, of which some ground is unworked; neighbours that switch alike are one part."""
     whole = float(bar.shape[1] - 1)
@@ -102,7 +101,7 @@ def _switch_on_piece(
             yield SweptPart(piece, begin, end, share, area)
 
 
-def _find_times_on(bar: Points, unworked: Areas, least_m: float) -> list[Spans]:
+def _find_times_on(bar: Floats, unworked: Areas, least_m: float) -> list[Spans]:
     """For every section when its unworked ground, where that is so wide, is under the bar (2, t, 2).
 
     Spans are by places of the rows of the bar.
@@ -129,7 +128,7 @@ def _find_times_on(bar: Points, unworked: Areas, least_m: float) -> list[Spans]:
     return [tuple(spans) for spans in times]
 
 
-def _find_course(bar: Points) -> tuple[Points, bool]:
+def _find_course(bar: Floats) -> tuple[Floats, bool]:
     """Where to (t, 2) a bar (2, t, 2) goes, as long as it is wide, and whether its ends go opposite ways."""
     across = bar[0] - bar[1]
     ahead = np.column_stack([across[:, 1], -across[:, 0]])
@@ -137,10 +136,10 @@ def _find_course(bar: Points) -> tuple[Points, bool]:
     return ahead if gone.sum() >= 0.0 else -ahead, bool(gone.min() < 0.0 < gone.max())
 
 
-def _find_places(bar: Points, ahead: Points, points: Points) -> Points:
+def _find_places(bar: Floats, ahead: Floats, points: Floats) -> Floats:
     """Where (n,) in its rows a bar (2, t, 2) that goes ahead (t, 2) passes points (n, 2)."""
 
-    def measure_ahead(rows: Rows) -> Points:
+    def measure_ahead(rows: Integers) -> Floats:
         return np.asarray(np.einsum("nk,nk->n", points - bar[0, rows], ahead[rows]))
 
     before, after = np.zeros(len(points), dtype=np.int64), np.full(len(points), bar.shape[1] - 1)
@@ -153,19 +152,19 @@ def _find_places(bar: Points, ahead: Points, points: Points) -> Points:
     return np.asarray(before + np.clip(share, 0.0, 1.0) * (after - before), dtype=np.float64)
 
 
-def _cut_bar(bar: Points, begin: float, end: float) -> Points:
+def _cut_bar(bar: Floats, begin: float, end: float) -> Floats:
     """The ends of a bar (2, t, 2) between two places of its rows."""
     rows = np.arange(bar.shape[1])
     places = np.concatenate([[begin], rows[(rows > begin) & (rows < end)], [end]])
     return np.stack([np.column_stack([np.interp(places, rows, axis) for axis in one.T]) for one in bar])
 
 
-def take_share(bar: Points, begin: float, end: float) -> Points:
+def take_share(bar: Floats, begin: float, end: float) -> Floats:
     """The ends (2, t, 2) of the part of a bar between two shares of its width, 0 at its left end."""
     return np.stack([(1.0 - share) * bar[0] + share * bar[1] for share in (begin, end)])
 
 
-def build_swept_polygons(ends: list[Points]) -> Areas:
+def build_swept_polygons(ends: list[Floats]) -> Areas:
     """The area between the paths of the left and right end of a bar, one polygon per pair (2, t, 2)."""
     if not ends:
         return np.empty(0, dtype=np.object_)
@@ -180,7 +179,7 @@ def build_swept_polygons(ends: list[Points]) -> Areas:
     return np.asarray(areas, dtype=np.object_)
 
 
-def _simplify_lines(lines: list[Points]) -> tuple[Points, Rows]:
+def _simplify_lines(lines: list[Floats]) -> tuple[Floats, Integers]:
     """Points of polylines simplified to SIMPLIFY_M, and the line number of each."""
     owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
     lines_m = shapely.linestrings(np.concatenate(lines), indices=owner)
@@ -198,11 +197,11 @@ class SweptArea:
     """
 
     ground: Areas
-    tractor: Rows
-    first: Rows
-    last: Rows
-    on_headland_pass: npt.NDArray[np.bool_]
-    share: Points
+    tractor: Integers
+    first: Integers
+    last: Integers
+    on_headland_pass: Flags
+    share: Floats
 
 
 def compute_swept_area(run: SimulationRun, context: PlanningContext) -> SweptArea:
@@ -226,7 +225,7 @@ def compute_swept_area(run: SimulationRun, context: PlanningContext) -> SweptAre
     return SweptArea(ground, tractor, first, last, on_pass.astype(bool), share)
 
 
-def _cut_mark(mark: Rows, part: SweptPart) -> tuple[int, int, int, int]:
+def _cut_mark(mark: Integers, part: SweptPart) -> tuple[int, int, int, int]:
     """The mark (tractor, first and last row, on a headland pass) of a part of a piece."""
     tractor, first, last, on_pass = mark.tolist()
     begin, end = (first + SWATH_ROW_STEP * place for place in (math.floor(part.begin), math.ceil(part.end)))
@@ -234,7 +233,7 @@ def _cut_mark(mark: Rows, part: SweptPart) -> tuple[int, int, int, int]:
 
 
 def compute_swept_between_rows(
-    run: SimulationRun, context: PlanningContext, pieces: list[tuple[int, int, int]], share: Points
+    run: SimulationRun, context: PlanningContext, pieces: list[tuple[int, int, int]], share: Floats
 ) -> Areas:
     """What shares (n, 2) of the bar swept between two rows: pieces are (tractor, first row, last row)."""
     ends = [
@@ -243,7 +242,7 @@ def compute_swept_between_rows(
     return build_swept_polygons([take_share(one, *part) for one, part in zip(ends, share.tolist(), strict=True)])
 
 
-def locate_implement_ends(poses: Points, context: PlanningContext) -> Points:
+def locate_implement_ends(poses: Floats, context: PlanningContext) -> Floats:
     """Left and right end of the implement, (2, t, 2), at poses (t, 3) of the centre of mass."""
     x, y, angle = poses.T
     reach = -(context.tractor.rear_axle_m + context.implement.hitch_m)
@@ -252,13 +251,13 @@ def locate_implement_ends(poses: Points, context: PlanningContext) -> Points:
     return np.stack([middle + aside, middle - aside])
 
 
-def _list_rows(first: int, last: int) -> Rows:
+def _list_rows(first: int, last: int) -> Integers:
     return np.append(np.arange(first, last, SWATH_ROW_STEP), last)
 
 
 def _find_swept_pieces(
     run: SimulationRun, context: PlanningContext, tractor: int
-) -> Iterator[tuple[tuple[int, int, int, int], Points]]:
+) -> Iterator[tuple[tuple[int, int, int, int], Floats]]:
     """Segments of work, split where they bend or change direction.
 
     Yields (tractor, first row, last row, on a headland pass) and the ends of the bar (2, t, 2) of
@@ -291,7 +290,7 @@ def _find_swept_pieces(
             yield (tractor, int(rows[first]), int(rows[last]), on_headland_pass), ends[:, first : last + 1]
 
 
-def _classify_bar_motion(angle: Points, ends: Points) -> npt.NDArray[np.int8]:
+def _classify_bar_motion(angle: Floats, ends: Floats) -> npt.NDArray[np.int8]:
     """Per step of the bar: 1 if both ends move forward, -1 if both move back, 0 if it turns on the spot."""
     ahead = np.column_stack([np.cos(angle[:-1]), np.sin(angle[:-1])])
     gone = np.einsum("etk,tk->et", np.diff(ends, axis=1), ahead)
@@ -299,7 +298,7 @@ def _classify_bar_motion(angle: Points, ends: Points) -> npt.NDArray[np.int8]:
     return direction.astype(np.int8)
 
 
-def _split_by_bend(angle: Points, direction: npt.NDArray[np.int8]) -> Iterator[tuple[int, int]]:
+def _split_by_bend(angle: Floats, direction: npt.NDArray[np.int8]) -> Iterator[tuple[int, int]]:
     """First and last pose of pieces in one direction that turn by less than BEND_RAD; single steps on the spot."""
     first = 0
     while first < len(direction):

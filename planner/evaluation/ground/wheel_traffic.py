@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from fields.arrays import Integers, find_true_spans
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import Areas, clip_area, intersect, subtract, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.swept_area import Rows, SweptArea, compute_swept_between_rows
-from vehicle.arrays import find_true_spans
+from planner.evaluation.ground.swept_area import SweptArea, compute_swept_between_rows
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Tractor
 from vehicle.records import REC_POSE
@@ -66,7 +66,7 @@ def _unite_in_field(areas: Areas, context: PlanningContext) -> shapely.Geometry:
     return clip_area(unite_areas(areas), context.layout.field.workable_region)
 
 
-def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Rows) -> Areas:
+def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Integers) -> Areas:
     """The marks on strips without what is worked again after these, by any strip."""
     mark, other = shapely.STRtree(swept.ground).query(marks, predicate="intersects")
     is_later = swept.first[other] > swept.first[strip[mark]]
@@ -82,8 +82,8 @@ def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Rows) -> Areas:
 
 
 def _find_marks(
-    run: SimulationRun, context: PlanningContext, swept: SweptArea, strips: Rows, *, wide: bool
-) -> tuple[Areas, Rows]:
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, strips: Integers, *, wide: bool
+) -> tuple[Areas, Integers]:
     """What wheels left on every strip after it was swept, and the numbers of the strips.
 
     Marks are as `wide` as tyres, or lines of the middle of the rear axle. Driving is evaluated in long spans, and in
@@ -104,8 +104,8 @@ def _find_marks(
 
 
 def _clip_marks_to_finished(
-    run: SimulationRun, context: PlanningContext, swept: SweptArea, marks: Areas, row: Rows, strip: Rows
-) -> tuple[Areas, Rows]:
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, marks: Areas, row: Integers, strip: Integers
+) -> tuple[Areas, Integers]:
     """Marks clipped to the parts of strips swept before a row of the record, and the numbers of the strips."""
     before = swept.first[strip] < row
     marks, row, strip = marks[before], row[before], strip[before]
@@ -114,8 +114,8 @@ def _clip_marks_to_finished(
 
 
 def _compute_strip_marks(
-    run: SimulationRun, context: PlanningContext, swept: SweptArea, spans: Rows, strips: Rows, *, wide: bool
-) -> tuple[Areas, Rows, Rows]:
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, spans: Integers, strips: Integers, *, wide: bool
+) -> tuple[Areas, Integers, Integers]:
     """Marks on some strips, with the number of the span and of the strip of each."""
     lines, number = _build_wheel_lines(run, context.tractor, spans, wide=wide)
     crossing = np.unique(_match_marks_to_strips(swept.ground[strips], lines)[0])
@@ -126,7 +126,7 @@ def _compute_strip_marks(
     return marks[wheel], number[crossing[wheel]], strips[strip]
 
 
-def _match_marks_to_strips(strips: Areas, marks: Areas) -> tuple[Rows, Rows]:
+def _match_marks_to_strips(strips: Areas, marks: Areas) -> tuple[Integers, Integers]:
     """Pairs of intersecting marks and strips: (mark numbers, strip numbers), in the order of the marks.
 
     The index holds the short marks: bounding boxes of long slanted strips would cover most of the field.
@@ -137,7 +137,7 @@ def _match_marks_to_strips(strips: Areas, marks: Areas) -> tuple[Rows, Rows]:
 
 
 def _compute_swept_before(
-    run: SimulationRun, context: PlanningContext, swept: SweptArea, strip: Rows, row: Rows
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, strip: Integers, row: Integers
 ) -> Areas:
     """The part of every strip swept before a row of the record."""
     parts = swept.ground[strip]
@@ -150,7 +150,7 @@ def _compute_swept_before(
     return parts
 
 
-def _find_raised_driving_spans(run: SimulationRun, max_rows: int) -> Rows:
+def _find_raised_driving_spans(run: SimulationRun, max_rows: int) -> Integers:
     """Spans of driving with the implement raised, at most `max_rows` long: (n, 3) of tractor, first, last row."""
     spans = []
     for number in range(run.plan.tractors):
@@ -160,7 +160,7 @@ def _find_raised_driving_spans(run: SimulationRun, max_rows: int) -> Rows:
     return _cut_spans(np.concatenate(spans), max_rows)
 
 
-def _cut_spans(spans: Rows, max_rows: int) -> Rows:
+def _cut_spans(spans: Integers, max_rows: int) -> Integers:
     """Spans (n, 3) split into spans of at most `max_rows`; spans of a single row are dropped."""
     counts = -(-(spans[:, 2] - spans[:, 1]) // max_rows)
     tractor, first, last = np.repeat(spans, counts, axis=0).T
@@ -168,7 +168,7 @@ def _cut_spans(spans: Rows, max_rows: int) -> Rows:
     return np.column_stack([tractor, first, np.minimum(first + max_rows, last)])
 
 
-def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Rows, *, wide: bool) -> tuple[Areas, Rows]:
+def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Integers, *, wide: bool) -> tuple[Areas, Integers]:
     """Paths of all wheels, or unless `wide` of the rear axle, that moved in a span, and the number of the span."""
     rows, owner = _list_span_rows(spans)
     # Places (4, t, 2) of the wheels at poses (t, 3) of the centre of mass.
@@ -191,7 +191,7 @@ def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Rows, *, wid
     return np.asarray(plain, dtype=np.object_), np.nonzero(has_moved)[0]
 
 
-def _list_span_rows(spans: Rows) -> tuple[Rows, Rows]:
+def _list_span_rows(spans: Integers) -> tuple[Integers, Integers]:
     """Rows of spans (n, 3), every WHEEL_ROW_STEP-th and the last of each, and the number of the span of each."""
     counts = 1 - (spans[:, 1] - spans[:, 2]) // WHEEL_ROW_STEP
     owner = np.repeat(np.arange(len(spans)), counts)

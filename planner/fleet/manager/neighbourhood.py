@@ -19,9 +19,9 @@ from collections.abc import Callable
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats, Integers
 from fields.errors import FieldError
 from fields.geometry.geodesy import project
 from planner.fleet.manager.fleet_manager import FleetManager
@@ -36,7 +36,6 @@ from planner.fleet.safety.motion_prediction import (
 )
 from vehicle.missions.plan_file import SavedPlan
 
-Array = npt.NDArray[np.float64]
 WGS84 = "EPSG:4326"
 FIT_SAMPLES = 5  # sample places along each side of a ground
 NEAR_M = 50.0
@@ -63,7 +62,7 @@ class GroundConversion:
 
     def __init__(self, source: SavedPlan, target: SavedPlan, ground: shapely.Geometry) -> None:
         self.turn_rad = 0.0
-        self._terms: Array | None = None
+        self._terms: Floats | None = None
         self._shift = np.asarray(source.origin_m) - np.asarray(target.origin_m)
         if source.crs != target.crs:
             west, south, east, north = shapely.bounds(ground)
@@ -78,32 +77,32 @@ class GroundConversion:
             ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
             self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
 
-    def _compute_powers(self, places: Array) -> Array:
+    def _compute_powers(self, places: Floats) -> Floats:
         x, y = ((places - self._middle) / self._size).T
         return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
 
-    def convert_places(self, places: Array) -> Array:
+    def convert_places(self, places: Floats) -> Floats:
         """Convert places (n, 2)."""
         return places + self._shift if self._terms is None else self._compute_powers(places) @ self._terms
 
-    def convert_poses(self, poses: Array) -> Array:
+    def convert_poses(self, poses: Floats) -> Floats:
         """Convert poses (..., 3) of x, y (m) and mathematical heading (rad)."""
         flat = poses.reshape(-1, 3)
         moved = np.column_stack([self.convert_places(flat[:, :2]), flat[:, 2] + self.turn_rad])
         return moved.reshape(poses.shape)
 
 
-def _convert_places(source: SavedPlan, target: SavedPlan, places: Array) -> Array:
+def _convert_places(source: SavedPlan, target: SavedPlan, places: Floats) -> Floats:
     """Places (n, 2) in metres of one plan as those of another, through longitude and latitude if they differ."""
     source_origin, target_origin = np.asarray(source.origin_m), np.asarray(target.origin_m)
     if source.crs == target.crs:
-        shifted: Array = places + (source_origin - target_origin)
+        shifted: Floats = places + (source_origin - target_origin)
         return shifted
     if source.crs is None or target.crs is None:
         raise IncomparablePlacesError("One of two plans has local metres and the other a coordinate system.")
     try:
         degrees = project(places + source_origin, source.crs, WGS84)
-        converted: Array = project(degrees, WGS84, target.crs) - target_origin
+        converted: Floats = project(degrees, WGS84, target.crs) - target_origin
         return converted
     except FieldError as fault:
         raise IncomparablePlacesError(f"The places of two plans cannot be compared: {fault}") from None
@@ -155,7 +154,7 @@ class NeighbourhoodMember(NeighbourFleets):
             return []
         return [one for fleet in self.list_neighbours() for one in self._find_tractors_near(fleet, own_positions)]
 
-    def _find_tractors_near(self, neighbour: NeighbourhoodMember, own_positions: Array) -> list[NeighbourTractor]:
+    def _find_tractors_near(self, neighbour: NeighbourhoodMember, own_positions: Floats) -> list[NeighbourTractor]:
         """Tractors of one neighbour that could come near `own_positions` (n, 2)."""
         manager, (_, conversion) = neighbour.manager, self.neighbours[neighbour.id]
         pace = manager.rules.times / self.manager.rules.times
@@ -177,7 +176,7 @@ class NeighbourhoodMember(NeighbourFleets):
         return [self._build_neighbour(neighbour, number, poses[k], pace) for k, number in enumerate(numbers)]
 
     def _build_neighbour(
-        self, neighbour: NeighbourhoodMember, number: int, path: Array, pace: float
+        self, neighbour: NeighbourhoodMember, number: int, path: Floats, pace: float
     ) -> NeighbourTractor:
         """A tractor of a neighbour with its path in metres of this fleet, and where it may be if it is in doubt."""
         manager, (_, conversion), guard = neighbour.manager, self.neighbours[neighbour.id], self.manager.guard
@@ -260,7 +259,7 @@ class Neighbourhood:
         return self._members[id].list_neighbours() if id in self._members else []
 
 
-def _list_positions(member: NeighbourhoodMember, numbers: npt.NDArray[np.int64] | None = None) -> Array:
+def _list_positions(member: NeighbourhoodMember, numbers: Integers | None = None) -> Floats:
     """Last places (n, 2) of all tractors that have reported, or of those with these numbers."""
     states = member.manager.states if numbers is None else [member.manager.states[number] for number in numbers]
     reports = [state.report for state in states if state.report is not None]

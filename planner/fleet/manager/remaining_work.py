@@ -8,16 +8,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from planner.fleet.manager.fleet_state import FleetState
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import BY_HAND, MANUAL, REMOTE, Hold, TractorState
 from planner.fleet.safety.motion_prediction import compute_braking_distance_m
 
-Array = npt.NDArray[np.float64]
 STAND_TOLERANCE_M = 1.0  # of a tractor that stands
 SHORTEST_LEG_M = 0.05
 LOST_STEP_M = 1.0  # between the places that one who hears nothing may go on to: a part of its length
@@ -36,7 +35,7 @@ class RemainingWork:
     obstacles: tuple[shapely.Polygon, ...]
     elapsed_s: float
     times: float
-    paths: Mapping[int, Array] = field(default_factory=dict)
+    paths: Mapping[int, Floats] = field(default_factory=dict)
 
     def has_tractor_driven(self, number: int) -> bool:
         """Whether a tractor has driven anything of its plan."""
@@ -92,11 +91,11 @@ def _is_lost_in_motion(fleet: FleetState, number: int) -> bool:
     return fleet.states[number].is_moving and not fleet.is_report_current(number)
 
 
-def _predict_lost_path(fleet: FleetState, number: int) -> Array:
+def _predict_lost_path(fleet: FleetState, number: int) -> Floats:
     """The poses (steps, 3) that a tractor which hears nothing may go on to: to the end of its base, by its guidance."""
     state = fleet.states[number]
     if state.mode in BY_HAND:
-        predicted: Array = fleet.guard.predict_paths(fleet.states, [number])[0]
+        predicted: Floats = fleet.guard.predict_paths(fleet.states, [number])[0]
         return predicted
     ahead_m = np.arange(0.0, max(state.base_end_m - state.position_m, 0.0) + LOST_STEP_M, LOST_STEP_M)
     return state.mission.sample_poses(state.leg, state.leg_m, ahead_m, state.base_end)

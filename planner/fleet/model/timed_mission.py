@@ -12,11 +12,11 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import GRID_M
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
 
-Array = npt.NDArray[np.float64]
 HERE_M = np.zeros(1)  # ahead of a place
 ROUNDING_M = GRID_M  # of a place on a corner, which belongs to the segment before it
 SEARCH_AHEAD_M, SEARCH_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
@@ -93,23 +93,23 @@ class TimedMission:
         part_m = min(max(leg_m, 0.0), self.lengths_m[leg]) if self.legs[leg].implement else 0.0
         return self.worked_m[leg] + part_m
 
-    def sample_poses(self, leg: int, leg_m: float, ahead_m: Array, base_end: int) -> Array:
+    def sample_poses(self, leg: int, leg_m: float, ahead_m: Floats, base_end: int) -> Floats:
         """Poses (n, 3) of the guided point `ahead_m` (n,) ahead of a place on base legs: x, y (m), heading (rad).
 
         Beyond the end of the base it is the end of the base.
         """
         start = self.leg_starts_m[leg] + min(max(leg_m, 0.0), self.lengths_m[leg])
         end = self.leg_starts_m[max(min(base_end, len(self.lengths_m)), leg + 1)]
-        poses: Array = sample_segments(*self._segments, start, ahead_m, end)
+        poses: Floats = sample_segments(*self._segments, start, ahead_m, end)
         return poses
 
-    def find_pose(self, leg: int, leg_m: float, base_end: int) -> Array:
+    def find_pose(self, leg: int, leg_m: float, base_end: int) -> Floats:
         """The pose (3,) of the guided point at a place on base legs, as of `sample_poses`."""
-        pose: Array = self.sample_poses(leg, leg_m, HERE_M, base_end)[0]
+        pose: Floats = self.sample_poses(leg, leg_m, HERE_M, base_end)[0]
         return pose
 
     @cached_property
-    def _segments(self) -> tuple[Array, Array]:
+    def _segments(self) -> tuple[Floats, Floats]:
         """Metres from the start to each straight part that has a length, and its start, length, direction and heading;
         as `sample_segments` takes them."""
         starts_m, segments = list[float](), list[tuple[float, float, float, float, float, float]]()
@@ -126,7 +126,7 @@ class TimedMission:
         return np.array(starts_m), np.array(segments)
 
     @cached_property
-    def _point_distances_m(self) -> list[Array]:
+    def _point_distances_m(self) -> list[Floats]:
         return [np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T)))) for leg in self.legs]
 
     def locate_ahead(self, leg: int, leg_m: float, base_end: int, place: tuple[float, float]) -> tuple[int, float]:

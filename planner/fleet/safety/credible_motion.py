@@ -29,13 +29,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from fields.units import HOUR_S, KMH_PER_MPS
 from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
 from vehicle.jit import compile_function
-
-Array = npt.NDArray[np.float64]
 
 FIX_M = 0.02  # per axis, of one fix: RTK as in TractorNoise, with heading on the lever arm and rounding
 FIX_AGE_S = 0.2  # of a receiver with five fixes a second, the fewest to steer by
@@ -278,7 +276,7 @@ class CredibleMotion:
         self.is_moving_unreported = False
 
     def add_report(
-        self, report: TractorReport, leg_pose: Array | None, time_s: float, arrived_s: float, delay_s: float = 0.0
+        self, report: TractorReport, leg_pose: Floats | None, time_s: float, arrived_s: float, delay_s: float = 0.0
     ) -> None:
         """Add a report of a time by the tractor's clock that came at one of the service, `delay_s` after it was made,
         with the pose (3,) of its progress on its leg; None where it follows none."""
@@ -360,7 +358,7 @@ class CredibleMotion:
         speed_mps = max([abs(velocity_mps), *(speed for speed in shown_mps if speed <= FASTEST_MPS)])
         return MotionDoubt(suspect, age_s, lengths_m, (x, y, heading_rad), speed_mps)
 
-    def _measure_displacements_m(self, place: int) -> dict[str, Array]:
+    def _measure_displacements_m(self, place: int) -> dict[str, Floats]:
         """How far each witness moved since an entry of the ring (2,), leaps included."""
         moved = self._sums - self._kept[place]
         columns = {POSITIONS: RAW_POSITION, SPEED: DRIVEN, PROGRESS: LEG}

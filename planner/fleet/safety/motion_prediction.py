@@ -12,12 +12,12 @@ import numpy.typing as npt
 import shapely
 import shapely.affinity
 
+from fields.arrays import Floats
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.sim.compile import list_contact_boxes
 
-Array = npt.NDArray[np.float64]
 STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
 ROUNDING_M = 0.01  # rounding, of distances that must not become smaller
@@ -37,17 +37,17 @@ class TwinPredictions:
         """Where a tractor is now: x, y; None if unknown."""
         return None
 
-    def predict_path(self, number: int, times_s: Array) -> Array | None:
+    def predict_path(self, number: int, times_s: Floats) -> Floats | None:
         """Poses (steps, 3) of a tractor at times from now on, if its command stays the same; None if unknown."""
         return None
 
 
-def build_time_steps(rules: FleetRules) -> Array:
+def build_time_steps(rules: FleetRules) -> Floats:
     """The times (steps,) ahead of predictions, seconds from 0."""
     return np.arange(0.0, rules.ahead_s + 0.5 * STEP_S, STEP_S)
 
 
-def build_standing_path(report: TractorReport, rules: FleetRules) -> Array:
+def build_standing_path(report: TractorReport, rules: FleetRules) -> Floats:
     """The poses (steps, 3) of an antenna that does not move."""
     return np.tile([report.x_m, report.y_m, report.heading_rad], (len(build_time_steps(rules)), 1))
 
@@ -58,9 +58,9 @@ def predict_path(
     rules: FleetRules,
     *,
     goes_on: bool = False,
-    twin_path: Array | None = None,
-    times_s: Array | None = None,
-) -> Array:
+    twin_path: Floats | None = None,
+    times_s: Floats | None = None,
+) -> Floats:
     """Predict poses (steps, 3) of the antenna at `times_s` from now, by default those of `build_time_steps`: x, y (m)
     and mathematical heading (rad).
 
@@ -97,8 +97,8 @@ def predict_arc(
     velocity_mps: float,
     steering_rad: float,
     rules: FleetRules,
-    times_s: Array | None = None,
-) -> Array:
+    times_s: Floats | None = None,
+) -> Floats:
     """Poses (steps, 3) at constant speed and wheel angle (positive right): a kinematic bicycle model."""
     times_s = build_time_steps(rules) if times_s is None else times_s
     antenna_forward_m = tractor.antenna_forward_m
@@ -127,7 +127,7 @@ def compute_stopping_time_s(speed_mps: float, rules: FleetRules) -> float:
     return abs(speed_mps) / rules.deceleration_mps2 + rules.reaction_s * rules.times
 
 
-def compute_centre_poses(poses: Array, tractor: Tractor) -> Array:
+def compute_centre_poses(poses: Floats, tractor: Tractor) -> Floats:
     """Poses of the centre of mass from poses (..., 3) of the antenna."""
     moved = poses.copy()
     moved[..., 0] -= tractor.guide_m * np.cos(poses[..., 2])
@@ -141,7 +141,7 @@ def build_footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPoly
     return shapely.MultiPolygon([shapely.box(rear, -half, front, half) for rear, front, half in boxes])
 
 
-def is_leading_away(path: Array, place: Array, distances_m: Array, least_m: float) -> bool:
+def is_leading_away(path: Floats, place: Floats, distances_m: Floats, least_m: float) -> bool:
     """Whether a path (steps, 3) leads away to `least_m` from a machine at `place`, and not back; judged by the
     distances (steps,) of the outlines, and by the distance of the centres until then."""
     far_steps = np.flatnonzero(distances_m >= least_m)
@@ -154,7 +154,7 @@ def is_leading_away(path: Array, place: Array, distances_m: Array, least_m: floa
     )
 
 
-def place_outline(boxes: shapely.MultiPolygon, pose: Array) -> shapely.Geometry:
+def place_outline(boxes: shapely.MultiPolygon, pose: Floats) -> shapely.Geometry:
     """The outline of a machine, `boxes` as of `build_footprint`, at x, y (m) and heading (mathematical, rad)."""
     x, y, heading = pose.tolist()
     cos, sin = math.cos(heading), math.sin(heading)
@@ -188,12 +188,12 @@ class PossibleArea:
     fleet and at its time steps. Others keep `clearance_m` from it, and `release_m` if they stand and would resume."""
 
     key: int | TractorKey
-    centre: Array
-    radii_m: Array
+    centre: Floats
+    radii_m: Floats
     clearance_m: float
     release_m: float
 
-    def measure_distances_m(self, poses: Array, boxes: Array) -> Array:
+    def measure_distances_m(self, poses: Floats, boxes: Floats) -> Floats:
         """Distances (..., steps), negative inside, from machines with `boxes` (n, 3) of tail, nose and half width.
 
         `poses` (..., steps, 3) are of their centre of mass, at the first of the time steps.
@@ -204,7 +204,7 @@ class PossibleArea:
         tail_m, nose_m, half_m = boxes.T
         beyond_m = np.maximum(np.maximum(tail_m - ahead_m, ahead_m - nose_m), 0.0)
         beside_m = np.maximum(np.abs(aside_m) - half_m, 0.0)
-        distances_m: Array = np.hypot(beyond_m, beside_m).min(axis=-1) - self.radii_m[: poses.shape[-2]]
+        distances_m: Floats = np.hypot(beyond_m, beside_m).min(axis=-1) - self.radii_m[: poses.shape[-2]]
         return distances_m
 
 

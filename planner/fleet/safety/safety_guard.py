@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats
 from fields.geometry.overlays import intersect
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
@@ -42,7 +43,6 @@ from vehicle.sim.clearance import CONTACT_M
 from vehicle.sim.compile import build_model_record, list_contact_boxes
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
 
-Array = npt.NDArray[np.float64]
 RELEASE_SHARE = 0.9  # of the plan's least distance: asking for more would keep tractors standing for ever
 
 
@@ -51,7 +51,7 @@ class _PredictedPath:
     """Predicted poses (steps, 3) of the centre of mass of another tractor, and the distances to keep: ahead and beside,
     and both again for a tractor that resumes. `is_queueing` as of NeighbourTractor."""
 
-    poses: Array
+    poses: Floats
     model: npt.NDArray[Any]
     boxes: shapely.MultiPolygon
     clearances_m: tuple[float, float]
@@ -79,11 +79,11 @@ class SafetyGuard:
         self.release_clearances_m = self.clearances_m[0] + more_m, self.clearances_m[1] + more_m
         self.neighbour_clearances_m = rules.clearance_m, beside_m
         self.neighbour_release_m = rules.clearance_m + rules.release_m, beside_m + rules.release_m
-        self._path_cache: dict[tuple[int, float], tuple[tuple[Any, ...], Array]] = {}
+        self._path_cache: dict[tuple[int, float], tuple[tuple[Any, ...], Floats]] = {}
         self.fence = shapely.buffer(plan.ground, rules.fence_margin_m, quad_segs=4)
         shapely.prepare(self.fence)
 
-    def find_tractors_on_field(self, states: Sequence[TractorState]) -> npt.NDArray[np.bool_]:
+    def find_tractors_on_field(self, states: Sequence[TractorState]) -> Flags:
         """Which tractors (n,) are on the field: have reported, have entered, and have not left."""
         return np.array([_is_present(state) for state in states], dtype=np.bool_)
 
@@ -103,7 +103,7 @@ class SafetyGuard:
 
     def predict_paths(
         self, states: Sequence[TractorState], numbers: Iterable[int] | None = None, pace: float = 1.0
-    ) -> Array:
+    ) -> Floats:
         """Predicted antenna poses (n, steps, 3) of all tractors, or of some; zeros for those that have never reported.
 
         `pace` is seconds of this fleet per second of the observing one.
@@ -112,7 +112,7 @@ class SafetyGuard:
         times_s = pace * build_time_steps(self.rules)
         return np.array([self._predict_path(number, states[number], pace, times_s) for number in chosen])
 
-    def _predict_path(self, number: int, state: TractorState, pace: float, times_s: Array) -> Array:
+    def _predict_path(self, number: int, state: TractorState, pace: float, times_s: Floats) -> Floats:
         if state.report is None:
             return np.zeros((len(times_s), 3))
         if state.done or state.failed:
@@ -148,7 +148,7 @@ class SafetyGuard:
         poses = compute_centre_poses(paths, self.tractor)
         dangers = []
 
-        def add_danger(pair: NearPair, k: int, stop_s: float, distance_m: float, distances_m: Array) -> None:
+        def add_danger(pair: NearPair, k: int, stop_s: float, distance_m: float, distances_m: Floats) -> None:
             in_s, least_distance_m = k * STEP_S, float(distances_m.min())
             dangers.append(SafetyDanger(*pair, in_s, distance_m, in_s <= stop_s + STEP_S, least_distance_m))
 
@@ -179,7 +179,7 @@ class SafetyGuard:
             dangers.append(SafetyDanger(i, None, in_s, distance_m, in_s <= stopping_s[i] + STEP_S))
         return dangers
 
-    def _is_leaving_entrance(self, path: Array, is_queueing: bool, neighbour: NeighbourTractor) -> bool:
+    def _is_leaving_entrance(self, path: Floats, is_queueing: bool, neighbour: NeighbourTractor) -> bool:
         """Whether one of two near tractors stands at its entrance and the other drives away from it."""
         least_m, models = self.neighbour_clearances_m[0], (self.model, neighbour.model[None])
         own_start, neighbour_start = _repeat_first_pose(path), _repeat_first_pose(neighbour.path)
@@ -206,8 +206,8 @@ class SafetyGuard:
         return [area for area in (*own_areas, *(each.area for each in neighbours)) if area is not None]
 
     def _find_area_approaches(
-        self, poses: Array, states: Sequence[TractorState], areas: Sequence[PossibleArea], *, to_release: bool = False
-    ) -> list[tuple[int, PossibleArea, int, Array]]:
+        self, poses: Floats, states: Sequence[TractorState], areas: Sequence[PossibleArea], *, to_release: bool = False
+    ) -> list[tuple[int, PossibleArea, int, Floats]]:
         """Who comes too near to where another may be: number, area, first step, distances (steps,)."""
         found = []
         for area in areas:
@@ -219,7 +219,7 @@ class SafetyGuard:
 
     def _find_approaches(
         self,
-        poses: Array,
+        poses: Floats,
         states: Sequence[TractorState],
         neighbours: Sequence[NeighbourTractor],
         clearances_m: tuple[float, float],
@@ -239,8 +239,8 @@ class SafetyGuard:
 
     def _find_own_approaches(
         self,
-        poses: Array,
-        present: npt.NDArray[np.bool_],
+        poses: Floats,
+        present: Flags,
         states: Sequence[TractorState],
         planned_limits_m: tuple[float, float],
         limits_m: tuple[float, float],
@@ -292,11 +292,11 @@ class SafetyGuard:
             return math.inf
         return float(compute_outline_distances(pose, self._compute_centre_pose(second.report), self.model)[0])
 
-    def _compute_centre_pose(self, report: TractorReport) -> Array:
+    def _compute_centre_pose(self, report: TractorReport) -> Floats:
         """The pose (1, 3) of the centre of mass of a tractor that has reported."""
         return compute_centre_poses(np.array([[report.x_m, report.y_m, report.heading_rad]]), self.tractor)
 
-    def _measure_distance_m(self, pose: Array, neighbour: NeighbourTractor) -> float:
+    def _measure_distance_m(self, pose: Floats, neighbour: NeighbourTractor) -> float:
         return float(compute_outline_distances(pose, neighbour.path[:1], self.model, neighbour.model[None])[0])
 
     def find_clear_to_go(
@@ -332,7 +332,7 @@ class SafetyGuard:
                 return False
         return all(self._is_clear_of_path(own_poses, path) for key, path in paths.items() if key != number)
 
-    def _is_clear_of_path(self, own_poses: Array, other_path: _PredictedPath) -> bool:
+    def _is_clear_of_path(self, own_poses: Floats, other_path: _PredictedPath) -> bool:
         """Whether a path (steps, 3) keeps the release distance to another one, or leads away to that distance."""
         other_model = other_path.model[None]
         approaches_found = find_close_approaches_between(
@@ -408,7 +408,7 @@ class SafetyGuard:
             return "it would come too near an obstacle"
         return None
 
-    def _is_at_obstacle(self, poses: Array, obstacles: Sequence[shapely.Geometry]) -> bool:
+    def _is_at_obstacle(self, poses: Floats, obstacles: Sequence[shapely.Geometry]) -> bool:
         """Whether a machine (`poses` of its centre of mass) comes too near to an obstacle, or deeper into one."""
         machines = np.array([place_outline(self.boxes, pose) for pose in poses])
         for shape in obstacles:
@@ -420,7 +420,7 @@ class SafetyGuard:
     def _find_conflict(
         self,
         number: int,
-        path: Array,
+        path: Floats,
         paths: Mapping[int | TractorKey, _PredictedPath],
         areas: Sequence[PossibleArea],
     ) -> int | TractorKey | None:
@@ -447,7 +447,7 @@ class SafetyGuard:
         return None
 
 
-def _repeat_first_pose(path: Array) -> Array:
+def _repeat_first_pose(path: Floats) -> Floats:
     return np.repeat(path[:1], len(path), axis=0)
 
 

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
@@ -30,7 +30,6 @@ OLDEST_STATE_S = 4.0  # in real time, of a state that a twin can still use
 DOUBT_PERIOD_S = 1.0  # between two checks of a twin
 LEAP_DELAY_S, LEAP_SHOWN_S = 5.0, 60.0  # after which a jump of the fix is shown, and for how long
 
-Array = npt.NDArray[np.float64]
 
 USUAL_TRACTOR = "eg105"
 
@@ -162,16 +161,16 @@ class FleetTwins(TwinPredictions):
         x, y = self._shift_to_guided_point(np.array([[state.x_m, state.y_m, state.heading_rad]]))[0, :2]
         return float(x), float(y)
 
-    def predict_path(self, number: int, times_s: Array) -> Array | None:
+    def predict_path(self, number: int, times_s: Floats) -> Floats | None:
         """Poses (steps, 3) of the guided point that a twin predicts; None without a trusted twin."""
         twin = self.items[number]
         if twin is None or twin.find_mismatch() is not None:
             return None
         ahead = self._shift_to_guided_point(twin.predict_path(float(times_s[-1])))
-        picked: Array = ahead[np.minimum(np.round(times_s / PATH_STEP_S).astype(int), len(ahead) - 1)]
+        picked: Floats = ahead[np.minimum(np.round(times_s / PATH_STEP_S).astype(int), len(ahead) - 1)]
         return picked
 
-    def _shift_to_guided_point(self, poses: Array) -> Array:
+    def _shift_to_guided_point(self, poses: Floats) -> Floats:
         """Poses of the guided point, beside the antenna, from those of the antenna."""
         aside_m, moved = self.plan.tractor.antenna_right_m, poses.copy()
         moved[:, 0] -= aside_m * np.sin(poses[:, 2])

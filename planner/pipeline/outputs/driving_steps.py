@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers, measure_along
 from fields.geometry.overlays import intersect, subtract, unite
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
@@ -21,7 +22,6 @@ from planner.request.plan_request import STANDING_CROP_OPERATIONS
 from reports.common.plan_records import DriverLeg
 from strategies.lines.line_wishes import format_piece_letter, name_line
 from strategies.rules.legs import MIN_STEP_M
-from vehicle.arrays import measure_along
 from vehicle.missions.plan import (
     DRIVE,
     ENTER,
@@ -55,7 +55,6 @@ MIN_U_TURN_RAD, MIN_BULB_RAD = math.radians(135.0), math.radians(225.0)  # a tur
 MIN_CROSSED_M = 5.0  # on finished ground: less is the end of a turn, and what is not named is less together
 HEADLAND = "headland"  # what finished headland passes are called, beside the names of tracks
 
-Rows = npt.NDArray[np.int64]
 Steps = tuple[tuple[DriverLeg, ...], ...]
 """Those of every tractor, in order."""
 
@@ -95,7 +94,7 @@ class _WorkedGround:
 
     strips: npt.NDArray[np.object_]
     names: list[str]
-    finished_row: Rows
+    finished_row: Integers
     crop_stands: bool
 
 
@@ -113,9 +112,7 @@ def _list_worked_ground(run: SimulationRun, width_m: float, crop_stands: bool) -
     return _WorkedGround(strips, labels, np.array(rows, dtype=np.int64), crop_stands)
 
 
-def _measure_crossing(
-    path: npt.NDArray[np.float64], worked_ground: _WorkedGround, is_counted: npt.NDArray[np.bool_]
-) -> tuple[tuple[str, ...], float]:
+def _measure_crossing(path: Floats, worked_ground: _WorkedGround, is_counted: Flags) -> tuple[tuple[str, ...], float]:
     """Names of those strips (n,) that count and that a path (t, 2) leads over, and the metres on them.
 
     What lies on another strip as well does not count: ground that is worked again is not finished, and on ground that

@@ -10,9 +10,9 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.formats.guidance import (
     HEADLAND_PASS,
     SWATH,
@@ -35,14 +35,11 @@ from vehicle.missions.plan import ENTER, LEAVE, REFILL, Leg, LegTask, Plan
 from vehicle.missions.plan import SWATH as SWATH_TASK
 from vehicle.missions.plan_file import SavedPlan
 
-Metres = npt.NDArray[np.float64]
-
-
-ConvertToDegrees = Callable[[Metres], DegreePoints]
+ConvertToDegrees = Callable[[Floats], DegreePoints]
 """Longitude and latitude of points (n, 2) in metres of a plan."""
 
 
-def _convert_to_degrees(crs: str, origin_m: tuple[float, float], points_m: Metres) -> DegreePoints:
+def _convert_to_degrees(crs: str, origin_m: tuple[float, float], points_m: Floats) -> DegreePoints:
     """Longitude and latitude of points (n, 2) in metres of a plan with this coordinate system and origin."""
     degrees = project(points_m + np.asarray(origin_m), crs, "EPSG:4326")
     if (np.abs(degrees) > (180.0, 90.0)).any():
@@ -122,7 +119,7 @@ def _iter_lines(plan: Plan, number: int, convert: ConvertToDegrees) -> Iterator[
         )
 
 
-def _iter_worked_segments(legs: Sequence[Leg]) -> Iterator[tuple[LegTask, Metres]]:
+def _iter_worked_segments(legs: Sequence[Leg]) -> Iterator[tuple[LegTask, Floats]]:
     """Segments worked in one go: task and points (n, 2), two points if straight."""
     for (is_work, task, _), group in groupby(legs, key=lambda leg: (leg.task.is_work, leg.task, leg.gear)):
         if is_work:
@@ -130,7 +127,7 @@ def _iter_worked_segments(legs: Sequence[Leg]) -> Iterator[tuple[LegTask, Metres
             yield task, _simplify_line(np.concatenate([parts[0], *(part[1:] for part in parts[1:])]))
 
 
-def _simplify_line(points: Metres) -> Metres:
+def _simplify_line(points: Floats) -> Floats:
     """The line without superfluous points."""
     ends = points[[0, -1]]
     chord = shapely.linestrings(ends)
@@ -139,7 +136,7 @@ def _simplify_line(points: Metres) -> Metres:
         and np.hypot(*(ends[1] - ends[0])) > 0
     ):
         return ends
-    simplified: Metres = shapely.get_coordinates(shapely.linestrings(points).simplify(EDGE_M, preserve_topology=False))
+    simplified: Floats = shapely.get_coordinates(shapely.linestrings(points).simplify(EDGE_M, preserve_topology=False))
     return simplified
 
 
@@ -185,7 +182,7 @@ def _read_field_ground(
     except (KeyError, TypeError, ValueError, OverflowError):
         raise MissionError("The outlines of the field in the plan are garbled; save the plan again.") from None
 
-    def build_area(name: str, rings: Sequence[Metres]) -> GuidanceArea:
+    def build_area(name: str, rings: Sequence[Floats]) -> GuidanceArea:
         return GuidanceArea(name, tuple(convert(ring) for ring in rings))
 
     entrance_deg = None if entrance is None else convert(entrance)[0]
@@ -198,7 +195,7 @@ def _read_field_ground(
     )
 
 
-def _read_rings(raw_rings: Any) -> list[Metres]:
+def _read_rings(raw_rings: Any) -> list[Floats]:
     """Rings of a polygon, each (n, 2); raises ValueError if they are none."""
     rings = [_read_points(ring) for ring in raw_rings]
     if not rings or any(ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 for ring in rings):
@@ -206,7 +203,7 @@ def _read_rings(raw_rings: Any) -> list[Metres]:
     return rings
 
 
-def _read_points(raw_points: Any) -> Metres:
+def _read_points(raw_points: Any) -> Floats:
     points = np.array(raw_points, dtype=np.float64)
     if not np.isfinite(points).all():
         raise ValueError(raw_points)

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
+from fields.arrays import Floats
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.field import MIN_REPORTED_M2, Field
 from fields.geometry.obstacles import LINE, POINT, Obstacle
@@ -31,7 +32,7 @@ from planner.evaluation.site import get_site_moves
 from planner.pipeline.outputs.driving_steps import delay_steps, list_steps
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.option_texts import MAX_TRACTORS
-from reports.common.plan_records import CellOutline, HeadlandPassLine, PlanDrive, Points, Relief, UnworkedPiece
+from reports.common.plan_records import CellOutline, HeadlandPassLine, PlanDrive, Relief, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.plan.drive_geometry import FOLDING_STATE, FOLDING_STATUS, SERVICE_STATE
 from strategies.lines.lay_lines import LEFTOVER
@@ -167,7 +168,7 @@ def exclude_cut_off_piece(largest_piece: UnworkedPiece | None, field: Field) -> 
     return None if cut_off_m2 >= 0.5 * largest_piece.m2 else largest_piece
 
 
-def _outline_obstacles(field: Field) -> tuple[Points, ...]:
+def _outline_obstacles(field: Field) -> tuple[Floats, ...]:
     """Outlines of obstacles, clipped to the map of the field."""
     page = field.whole_boundary.bounds
     parts = shapely.get_parts([shapely.clip_by_rect(one.shape, *page) for one in field.obstacles])
@@ -182,7 +183,7 @@ def _build_cell_outline(cell: Cell) -> CellOutline:
     )
 
 
-def list_simplified_rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, ...]:
+def list_simplified_rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Floats, ...]:
     """Outlines and holes of pieces of ground, simplified for drawing."""
     plain = (orient(piece.simplify(0.1), 1.0) for piece in pieces)  # a picture needs no finer
     return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))

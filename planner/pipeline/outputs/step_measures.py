@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats
 from planner.evaluation.candidates.slope_figures import compute_driven_slopes
 from planner.evaluation.field_physics import FieldPhysics
 from vehicle.energy.run_energy import RunEnergy, compute_run_energy
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Tractor
 from vehicle.records import FINISHED, STANDING, WAITING
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +23,8 @@ class StepMeasures:
     Each is empty where it is not known.
     """
 
-    consumption: tuple[Array, ...] = ()
-    slopes: tuple[tuple[Array, Array], ...] = ()
+    consumption: tuple[Floats, ...] = ()
+    slopes: tuple[tuple[Floats, Floats], ...] = ()
     is_electric: bool = False
 
     def list_values(self, tractor: int, first_row: int, end_row: int) -> dict[str, Any]:
@@ -56,7 +54,7 @@ def measure_steps(run: SimulationRun, tractor: Tractor, physics: FieldPhysics) -
     )
 
 
-def _spread_over_rows(run: SimulationRun, energy: RunEnergy, number: int) -> Array:
+def _spread_over_rows(run: SimulationRun, energy: RunEnergy, number: int) -> Floats:
     """Consumption of a tractor by row (t,): that of a leg evenly over its rows, apart for driving and for standing."""
     own, statuses = energy.tractors[number], run.get_statuses(number)
     legs = np.clip(run.get_leg_numbers(number), 0, len(own.consumption) - 1)

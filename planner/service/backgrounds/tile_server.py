@@ -29,10 +29,10 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
+from fields.arrays import Floats
 from fields.geometry.geodesy import UTM_NORTH_DEG, find_utm_crs, project
 from planner.service.errors import ServiceError, StorageError
 from planner.service.settings import LIMITS, MEGABYTE_BYTES
@@ -47,7 +47,6 @@ HALF_WIDTH_M = math.pi * 6_378_137.0
 HIGHEST_ZOOM, TILE_PX = 22, 256
 REACH_M = 6_000.0
 DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
-FloatArray = npt.NDArray[np.float64]
 MOST_TILE_BYTES = 2 * MEGABYTE_BYTES
 MEDIA_BY_FORMAT = {"PNG": "image/png", "JPEG": "image/jpeg", "WEBP": "image/webp"}
 EXAMPLE = "https://tiles.example/{z}/{x}/{y}.png"
@@ -147,7 +146,7 @@ def place_degrees(longitude_deg: float, latitude_deg: float) -> PlacementInfo:
     return place_metres(crs, float(easting), float(northing))
 
 
-def _fit_polynomial(points_m: FloatArray, values_m: FloatArray) -> tuple[list[list[float]], float]:
+def _fit_polynomial(points_m: Floats, values_m: Floats) -> tuple[list[list[float]], float]:
     """Coefficients for both values, by least squares, and the largest residual."""
     u, v = (points_m / UNIT_M).T
     terms = np.stack([u ** (total - j) * v**j for total in range(DEGREE + 1) for j in range(total + 1)], axis=1)

@@ -24,12 +24,13 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from fields.text_files import CellTable, parse_number, quote_path, read_table
 from fields.units import DAY_S, KILO, MINUTE_S
 from planner.errors import shorten_value, suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import UNIX_EPOCH, parse_timestamp
-from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
+from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.table import read_mapping_file, read_name
 
@@ -111,7 +112,7 @@ def _check_mapping(columns: Mapping[str, str], values: Mapping[str, Any], table:
         raise LogError(f"{label}: width_m is {shorten_value(width)}; use 0.1 to 100 m.")
 
 
-def _parse_work_state(table: CellTable, column: str) -> Mask:
+def _parse_work_state(table: CellTable, column: str) -> Flags:
     """Whether the implement works (n,), not where a cell is empty; raises LogError for a cell that says neither."""
     works = []
     for row, cell in enumerate(map(str.lower, table.list_cells(column))):
@@ -125,7 +126,7 @@ def _parse_work_state(table: CellTable, column: str) -> Mask:
     return np.array(works)
 
 
-def _parse_times(table: CellTable, column: str) -> tuple[Array, datetime | None]:
+def _parse_times(table: CellTable, column: str) -> tuple[Floats, datetime | None]:
     """Seconds (n,), and when they were 0; None if the cells are seconds. Raises LogError for other numbers."""
     seconds, first = np.array(table.list_numbers(column)), shorten_value(table.get_cell(0, column))
     if np.isfinite(seconds).mean() > 0.5:
@@ -139,21 +140,21 @@ def _parse_times(table: CellTable, column: str) -> tuple[Array, datetime | None]
     return stamps, UNIX_EPOCH
 
 
-def _are_times_of_day(numbers: Array) -> bool:
+def _are_times_of_day(numbers: Floats) -> bool:
     """Whether numbers are hours, minutes and seconds in one, as 173020: neither of these says more than 59."""
     whole = np.floor(numbers)
     is_dense = np.ptp(whole) > 100.0 and float(np.median(np.diff(whole))) < 40.0  # seconds would say 60 to 99 too
     return bool(is_dense and whole.min() >= 0.0 and max((whole % 100.0).max(), (whole // 100.0 % 100.0).max()) < 60.0)
 
 
-def _are_milliseconds_of_week(numbers: Array) -> bool:
+def _are_milliseconds_of_week(numbers: Floats) -> bool:
     """Whether numbers are milliseconds of a GPS week: too far apart for seconds, unless these are whole minutes."""
     is_in_week = numbers.min() >= 0.0 and WEEK_S < numbers.max() <= KILO * WEEK_S
     step = float(np.median(np.diff(numbers))) if len(numbers) > 1 else 0.0
     return bool(is_in_week and (numbers % 1.0 == 0.0).all() and step >= MIN_STEP_MS and step % MINUTE_S != 0.0)
 
 
-def _find_numbers(table: CellTable, columns: Mapping[str, str], name: str) -> Array | None:
+def _find_numbers(table: CellTable, columns: Mapping[str, str], name: str) -> Floats | None:
     """The numbers of the first column that has those of a name, in its unit: those of speed_kmh for speed_mps."""
     for key, column in columns.items():
         target = read_name(key)

@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from fields.errors import FieldError
 from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
@@ -31,10 +32,8 @@ from planner.task_logs.runs.run_records import (
     FUEL_L,
     INACTIVE_M,
     INACTIVE_S,
-    Array,
     LogContents,
     LoggedRun,
-    Mask,
 )
 from vehicle.identification.errors import LogError
 
@@ -77,13 +76,13 @@ class TimeLog:
     """
 
     columns: tuple[tuple[str, str], ...]
-    time_s: Array
-    lat_deg: Array
-    lon_deg: Array
-    fix_status: Array
-    values: Array
+    time_s: Floats
+    lat_deg: Floats
+    lon_deg: Floats
+    fix_status: Floats
+    values: Floats
     lost_bytes: int
-    elevation_m: Array
+    elevation_m: Floats
 
     def find_ddi_columns(self, ddi: str) -> list[int]:
         """Columns with a DDI."""
@@ -116,7 +115,7 @@ def parse_time_log(header: bytes, records: bytes, label: str) -> TimeLog:
     )
 
 
-def _parse_records(data: bytes, struct_format: str, column_count: int) -> tuple[Array, Array, int]:
+def _parse_records(data: bytes, struct_format: str, column_count: int) -> tuple[Floats, Floats, int]:
     """Heads (n, parts) and values (n, columns) of the complete records, and the number of bytes after them."""
     head, change = struct.Struct(struct_format), struct.Struct("<Bi")
     size, place = head.size, 0
@@ -221,7 +220,7 @@ def _read_run(
     return remove_unusable_rows(run, TLG_EPOCH)
 
 
-def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
+def _find_any_section_on(log: TimeLog, notes: list[str]) -> Flags | None:
     """Whether any section is on by the condensed work states, two bits per section, 1 is on; None without them."""
     states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED_STATE_DDIS]]
     if not np.isfinite(states).any():
@@ -231,7 +230,7 @@ def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
     return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
 
 
-def _correct_days(time_s: Array, notes: list[str]) -> Array:
+def _correct_days(time_s: Floats, notes: list[str]) -> Floats:
     """Times of a terminal that does not count the day at midnight, corrected with a note; rows without a day stay."""
     has_day = find_dated_rows(time_s, TLG_EPOCH)
     corrected_s, known_s = time_s.copy(), time_s[has_day]
@@ -242,7 +241,7 @@ def _correct_days(time_s: Array, notes: list[str]) -> Array:
     return corrected_s
 
 
-def _find_work_state(log: TimeLog, notes: list[str]) -> Mask | None:
+def _find_work_state(log: TimeLog, notes: list[str]) -> Flags | None:
     """Whether any element of the machine works, else any of its sections; None if not logged."""
     places = log.find_ddi_columns(WORK_STATE_DDI)
     states = log.values[:, places]
@@ -253,7 +252,7 @@ def _find_work_state(log: TimeLog, notes: list[str]) -> Mask | None:
     return np.asarray((states == 1.0).any(axis=1))
 
 
-def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentation]) -> Array | None:
+def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentation]) -> Floats | None:
     """The speed in m/s: the standard value, or a proprietary value that its device displays as a speed."""
     for place, (ddi, element) in enumerate(log.columns):
         presentation = values.get((ddi, element)) or values.get((ddi, ""))
@@ -267,7 +266,7 @@ def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentati
     return None
 
 
-def _compute_counter_rises(log: TimeLog, time_s: Array) -> dict[str, float]:
+def _compute_counter_rises(log: TimeLog, time_s: Floats) -> dict[str, float]:
     """The rises of totals over the log; of several elements the largest."""
     totals = {}
     time_s = np.where(find_dated_rows(time_s, TLG_EPOCH), time_s, np.nan)
@@ -282,7 +281,7 @@ def _compute_counter_rises(log: TimeLog, time_s: Array) -> dict[str, float]:
     return totals
 
 
-def _sum_counter_rises(time_s: Array, column: Array, max_per_s: float) -> float | None:
+def _sum_counter_rises(time_s: Floats, column: Floats, max_per_s: float) -> float | None:
     """The sum of all rises of a total; None without values.
 
     A total is sent when it changes, so a value that first appears after the first row has risen before. It counts too

@@ -7,10 +7,11 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from fields.raw_document import FileFormat
 from fields.text_files import count_noun
 from fields.units import DAY_S
-from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
+from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.gating import find_jumps
 from vehicle.identification.logs.series import find_decreasing_entries
@@ -58,7 +59,7 @@ def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> Logge
     return replace(run, time_s=run.time_s - first_s, start=start, notes=(*run.notes, *notes))
 
 
-def find_dated_rows(time_s: Array, epoch: datetime | None) -> Mask:
+def find_dated_rows(time_s: Floats, epoch: datetime | None) -> Flags:
     """Whether each row (n,) has a time on a known day; where none has, whether it has a time.
 
     `epoch` is when the times were 0; None if unknown, as are their days then.
@@ -68,7 +69,7 @@ def find_dated_rows(time_s: Array, epoch: datetime | None) -> Mask:
     return is_dated if is_dated.any() else has_time
 
 
-def _are_near_epochs(time_s: Array, epoch: datetime | None) -> Mask:
+def _are_near_epochs(time_s: Floats, epoch: datetime | None) -> Flags:
     """Whether times are on the days that receivers log that do not know the day: those of an epoch."""
     starts_s = [] if epoch is None else [(one - epoch).total_seconds() for one in EPOCHS]
     near = [(time_s >= start_s + UNDATED_S[0]) & (time_s < start_s + UNDATED_S[1]) for start_s in starts_s]

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.arrays import Flags, Floats
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
 from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
@@ -23,7 +24,7 @@ from fields.formats.shapefile import find_component_files, find_shapefiles, pack
 from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
 from fields.text_files import parse_number
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
-from planner.task_logs.runs.run_records import WGS84, Array, LogContents, LoggedRun, Mask
+from planner.task_logs.runs.run_records import WGS84, LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 
 METADATA_SUFFIX = "-Deere-Metadata.json"
@@ -70,7 +71,7 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     return remove_unusable_rows(run.select_rows(np.argsort(time_s, kind="stable")), UNIX_EPOCH)
 
 
-def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Array, str]:
+def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Floats, str]:
     """Columns by lower-case names, positions in degrees, and a note on the encoding; raises FieldError, LogError."""
     parts = pack_component_files(find_component_files(members, name, "it"))
     (table,) = read_tables(parts, "it", "a Shapefile", (SHAPEFILE_DRIVER,), with_heights=False)
@@ -86,7 +87,7 @@ def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequ
     return table.columns, lonlat, LATIN1_NOTE if table.is_latin1 else ""
 
 
-def _parse_times(columns: Mapping[str, Sequence[Any]]) -> Array:
+def _parse_times(columns: Mapping[str, Sequence[Any]]) -> Floats:
     """Seconds (n,) since UNIX_EPOCH."""
     name = next((one for one in TIME_COLUMNS if one in columns), None)
     if name is None:
@@ -117,7 +118,7 @@ def parse_timestamp(value: Any) -> float:
         return math.nan
 
 
-def _find_work_state(columns: Mapping[str, Sequence[Any]], notes: list[str]) -> Mask | None:
+def _find_work_state(columns: Mapping[str, Sequence[Any]], notes: list[str]) -> Flags | None:
     """Working where a rate column is above 0; None without such a column."""
     name = next(
         (one for rate in RATE_COLUMNS for one in columns if one == rate or one == rate[:MAX_DBF_NAME_LETTERS]), None
@@ -146,7 +147,9 @@ def _compute_median_width_m(
     return float(np.median(values)) * UNIT_LENGTHS_M[unit or "ft"]
 
 
-def _find_elevation_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any], notes: list[str]) -> Array | None:
+def _find_elevation_m(
+    columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any], notes: list[str]
+) -> Floats | None:
     """Heights of the column Elevation in metres, by the unit in the metadata; without a unit they are not used."""
     if ELEVATION_COLUMN not in columns:
         return None

@@ -14,16 +14,8 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from planner.task_logs.runs.run_records import (
-    ACTIVE_M,
-    AREA_M2,
-    FUEL_L,
-    INACTIVE_M,
-    STANDING_MPS,
-    Array,
-    Mask,
-    ProjectedRun,
-)
+from fields.arrays import Flags, Floats
+from planner.task_logs.runs.run_records import ACTIVE_M, AREA_M2, FUEL_L, INACTIVE_M, STANDING_MPS, ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING, TRANSIT, TURNING, UNLOGGED, WORKING, RunFigures
 
 MIN_STOP_S = 5.0
@@ -67,7 +59,7 @@ class RunPhases:
     """Kinds (n - 1,) of the steps from row to row as indices of ACTIVITY_KINDS, stops (s,) in seconds, lifts, turns."""
 
     kinds: Kinds
-    stops_s: Array
+    stops_s: Floats
     lifts: int
     turns: tuple[LoggedTurn, ...]
 
@@ -89,7 +81,7 @@ def classify_phases(run: ProjectedRun) -> RunPhases:
     return RunPhases(kinds, stops_s, int((run.is_working[:-1] & ~run.is_working[1:]).sum()), turns)
 
 
-def _find_stops(durations_s: Array, is_still: Mask) -> tuple[Mask, Array]:
+def _find_stops(durations_s: Floats, is_still: Flags) -> tuple[Flags, Floats]:
     """The steps that belong to stops, and the length of each stop."""
     ends = np.cumsum(np.concatenate([[0.0], durations_s]))
     is_stop = np.zeros(len(durations_s), dtype=np.bool_)
@@ -102,13 +94,13 @@ def _find_stops(durations_s: Array, is_still: Mask) -> tuple[Mask, Array]:
     return is_stop, np.array(stops)
 
 
-def find_true_segments(flags: Mask) -> Iterator[tuple[int, int]]:
+def find_true_segments(flags: Flags) -> Iterator[tuple[int, int]]:
     """First index and one past the last index of every run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
-def _find_turns(run: ProjectedRun, is_standing: Mask) -> Iterator[LoggedTurn]:
+def _find_turns(run: ProjectedRun, is_standing: Flags) -> Iterator[LoggedTurn]:
     """Segments between two of work that are short enough for a turn."""
     durations_s, steps = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
     for (_, end), (begin, _) in pairwise(find_true_segments(run.is_working)):
@@ -126,7 +118,7 @@ def _find_turns(run: ProjectedRun, is_standing: Mask) -> Iterator[LoggedTurn]:
         )
 
 
-def _compute_direction(xy: Array, row: int, side: int) -> Array:
+def _compute_direction(xy: Floats, row: int, side: int) -> Floats:
     """The direction of driving (2,) at a row, over BEND_LENGTH_M before (-1) or after (1) it."""
     far_row = row
     while 0 <= far_row + side < len(xy) and np.hypot(*(xy[far_row] - xy[row])) < BEND_LENGTH_M:

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from fields.formats.guidance import simplify_to_ascii
 from fields.geometry.coordinates import MAX_COORDINATE
 from fields.text_files import quote_path, read_text
-from planner.task_logs.runs.run_records import COUNTERS, Array, ProjectedRun
+from planner.task_logs.runs.run_records import COUNTERS, ProjectedRun
 from reports.task_logs.run_results import RunFigures
 from vehicle.identification.errors import LogError
 
@@ -164,7 +165,7 @@ def _load_metadata(path: Path) -> Mapping[str, Any]:
     return metadata
 
 
-def _load_table(path: Path) -> dict[str, Array]:
+def _load_table(path: Path) -> dict[str, Floats]:
     """Columns of a log by name; raises LogError with the line of a row that is not numbers."""
     lines = read_text(path, "a log of headland logs import", LogError).splitlines()
     header = lines[0].split(",") if lines else []

@@ -6,16 +6,13 @@ import dataclasses
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Flags, Floats, Integers
 from fields.geometry.coordinates import MAX_NEAR_DEG
 from fields.geometry.geodesy import find_utm_crs, project
 from fields.geometry.outline_cleaning import find_largest_polygon
 from vehicle.identification.logs.gating import FASTEST_MPS
-
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 
 ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S = "active_m", "inactive_m", "active_s", "inactive_s"
 AREA_M2, FUEL_L = "area_m2", "fuel_l"
@@ -45,14 +42,14 @@ class RunRecord:
 
     name: str
     log_format: str
-    time_s: Array
+    time_s: Floats
     width_m: float | None = None
     start: str = ""
     field: str = ""
     counters: dict[str, float] = dataclasses.field(default_factory=dict)
     outline_m2: float | None = None
     notes: tuple[str, ...] = ()
-    elevation_m: Array | None = None
+    elevation_m: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,12 +63,12 @@ class LoggedRun(RunRecord):
         outline: rings of the field in degrees, the outer one first; empty if unknown.
     """
 
-    lonlat: Array
-    speed_mps: Array | None = None
-    is_working: Mask | None = None
-    outline: tuple[Array, ...] = ()
+    lonlat: Floats
+    speed_mps: Floats | None = None
+    is_working: Flags | None = None
+    outline: tuple[Floats, ...] = ()
 
-    def select_rows(self, rows: npt.NDArray[np.int64]) -> LoggedRun:
+    def select_rows(self, rows: Integers) -> LoggedRun:
         """The run with these rows, in this order."""
         columns = {name: getattr(self, name) for name in ("lonlat", "time_s", "speed_mps", "is_working", "elevation_m")}
         return replace(self, **{name: column[rows] for name, column in columns.items() if column is not None})
@@ -91,10 +88,10 @@ class ProjectedRun(RunRecord):
     """
 
     crs: str
-    xy: Array
-    heading_deg: Array
-    speed_mps: Array
-    is_working: Mask
+    xy: Floats
+    heading_deg: Floats
+    speed_mps: Floats
+    is_working: Flags
     has_work_state: bool = True
     has_logged_speed: bool = True
     outline: shapely.Polygon | None = None
@@ -144,7 +141,7 @@ def project_run(run: LoggedRun) -> ProjectedRun:
     )
 
 
-def compute_speeds(time_s: Array, xy: Array) -> Array:
+def compute_speeds(time_s: Floats, xy: Floats) -> Floats:
     """Speed in m/s (n,) from times (n,) and positions (n, 2): mean over the steps before and after each row."""
     steps = np.hypot(*np.diff(xy, axis=0).T)
     durations_s = np.diff(time_s)
@@ -152,7 +149,7 @@ def compute_speeds(time_s: Array, xy: Array) -> Array:
     return np.asarray(length / np.concatenate([durations_s[:1], durations_s[:-1] + durations_s[1:], durations_s[-1:]]))
 
 
-def compute_course_deg(xy: Array) -> Array:
+def compute_course_deg(xy: Floats) -> Floats:
     """Course over ground (n,), degrees clockwise from grid north; while standing the last course.
 
     In reverse the heading of a tractor is opposite, which positions do not show.

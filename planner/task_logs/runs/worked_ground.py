@@ -15,14 +15,15 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from fields.geometry.outline_cleaning import list_polygons
 from fields.geometry.overlays import clip_area, extract_polygons, intersect, subtract_area, unite, unite_areas
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.point_grids import TRACK_CELL_M, build_point_grid, level_tracks
 from fields.text_files import count_noun
 from planner.task_logs.runs.phases import find_true_segments
-from planner.task_logs.runs.run_records import STANDING_MPS, Array, ProjectedRun, reproject_run
-from reports.task_logs.run_results import GroundCoverage, Points
+from planner.task_logs.runs.run_records import STANDING_MPS, ProjectedRun, reproject_run
+from reports.task_logs.run_results import GroundCoverage
 from vehicle.identification.errors import LogError
 
 PIECE_LENGTH_M, SIMPLIFY_M = 40.0, 0.1
@@ -57,7 +58,7 @@ def iter_worked_strips(run: ProjectedRun, width_m: float, tool_offset_m: float) 
         yield from _build_tool_strips(line, width_m)
 
 
-def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Array]:
+def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Floats]:
     """Paths (n, 2) of the tool's middle for every segment of work, without standing, which has no course."""
     angle = np.radians(run.heading_deg)
     tool = run.xy - tool_offset_m * np.column_stack([np.sin(angle), np.cos(angle)])
@@ -68,7 +69,7 @@ def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Array]
             yield line
 
 
-def _build_tool_strips(line: Array, width_m: float) -> Iterator[shapely.Geometry]:
+def _build_tool_strips(line: Floats, width_m: float) -> Iterator[shapely.Geometry]:
     """The ground under the tool along a path, piece by piece."""
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
@@ -99,7 +100,7 @@ def _drop_slivers(shape: shapely.Geometry) -> list[shapely.Polygon]:
     return sorted(parts, key=lambda part: (-part.area, part.bounds))[:MAX_PIECES]
 
 
-def _extract_rings(pieces: Sequence[shapely.Polygon]) -> tuple[Points, ...]:
+def _extract_rings(pieces: Sequence[shapely.Polygon]) -> tuple[Floats, ...]:
     """The outer ring of every piece, followed by its inner rings in the opposite direction."""
     rings = []
     for piece in map(shapely.orient_polygons, pieces):
@@ -148,7 +149,7 @@ def build_run_heights(runs: Sequence[ProjectedRun]) -> tuple[ElevationGrid, str]
     return replace(grid, remarks=(*remarks, *grid.remarks)), crs
 
 
-def _list_points(run: ProjectedRun) -> Array:
+def _list_points(run: ProjectedRun) -> Floats:
     """Places and heights (n, 3) of a run, of working rows where the work state is known."""
     heights_m = np.empty(0) if run.elevation_m is None else run.elevation_m
     rows = np.isfinite(heights_m)
@@ -157,7 +158,7 @@ def _list_points(run: ProjectedRun) -> Array:
     return np.column_stack([run.xy[rows], heights_m[rows]])
 
 
-def _find_region(runs: Sequence[ProjectedRun], crs: str, places: Array) -> shapely.Geometry:
+def _find_region(runs: Sequence[ProjectedRun], crs: str, places: Floats) -> shapely.Geometry:
     """The fields of the runs, or the ground near their points."""
     outlines = [reproject_run(run, crs).outline for run in runs]
     known = [outline for outline in outlines if outline is not None]

@@ -5,13 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
+from fields.arrays import Floats
 from fields.geometry.field import Field
 
-Array = npt.NDArray[np.float64]
-Surface = Callable[[Array, Array], Array]
+Surface = Callable[[Floats, Floats], Floats]
 
 CRS, ORIGIN_M = "EPSG:32632", (557_000.0, 6_314_000.0)
 FIELD = Field("Hill", shapely.box(-100.0, -80.0, 100.0, 80.0), CRS, ORIGIN_M)
@@ -21,16 +20,16 @@ def build_plane(east: float, north: float, base_m: float = 50.0) -> Surface:
     return lambda x, y: base_m + east * x + north * y
 
 
-def bowl(x: Array, y: Array) -> Array:
+def bowl(x: Floats, y: Floats) -> Floats:
     """A paraboloid: slope x / 2000 east and y / 1500 north."""
     return 50.0 + x**2 / 4000.0 + y**2 / 3000.0
 
 
-def hills(x: Array, y: Array) -> Array:
+def hills(x: Floats, y: Floats) -> Floats:
     return 100.0 + 1.5 * np.sin(2 * np.pi * x / 350.0) * np.cos(2 * np.pi * y / 260.0) + 0.002 * x
 
 
-def project(points: Array, from_crs: str, to_crs: str) -> Array:
+def project(points: Floats, from_crs: str, to_crs: str) -> Floats:
     from pyproj import Transformer
 
     return np.column_stack(Transformer.from_crs(from_crs, to_crs, always_xy=True).transform(*points.T))
@@ -48,7 +47,7 @@ def write_geotiff(
     unit: str = "",
     scale: float = 1.0,
     nodata: float | None = -9999.0,
-    edit: Callable[[Array], None] | None = None,
+    edit: Callable[[Floats], None] | None = None,
     moved_m: tuple[float, float] = (0.0, 0.0),
     dtype: str = "float64",
 ) -> Path:
@@ -98,7 +97,7 @@ def write_ascii_grid(path: Path, surface: Surface, *, cell: float = 5.0, by_cent
     return path
 
 
-def lay_passes(spacing_m: float = 6.0, step_m: float = 1.7, seed: int = 1) -> Array:
+def lay_passes(spacing_m: float = 6.0, step_m: float = 1.7, seed: int = 1) -> Floats:
     """Points of passes from south to north over FIELD, starting at chance."""
     chance = np.random.default_rng(seed)
     west, south, east, north = FIELD.boundary.bounds
@@ -111,7 +110,7 @@ def lay_passes(spacing_m: float = 6.0, step_m: float = 1.7, seed: int = 1) -> Ar
 
 
 def write_points_csv(
-    path: Path, points: Array, heights: Array, header: Sequence[str] = ("lon", "lat", "elevation_m")
+    path: Path, points: Floats, heights: Floats, header: Sequence[str] = ("lon", "lat", "elevation_m")
 ) -> Path:
     """Points in degrees with heights."""
     degrees = project(points + ORIGIN_M, CRS, "EPSG:4326")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import HeadlandError
 from fields.geometry.field import Field
 from fields.terrain.elevation import read_elevation
@@ -19,7 +20,6 @@ from tests.fields.terrain.heights import (
     CRS,
     FIELD,
     ORIGIN_M,
-    Array,
     Surface,
     bowl,
     build_plane,
@@ -35,7 +35,7 @@ HEIGHTS_M = PLANE(*POINTS.T)
 DEGREES = project(POINTS + ORIGIN_M, CRS, "EPSG:4326")
 
 
-def measure_errors(grid: ElevationGrid, surface: Surface) -> Array:
+def measure_errors(grid: ElevationGrid, surface: Surface) -> Floats:
     """Differences at the nodes in the field."""
     inside = NodeFrame(grid.west_m, grid.south_m, grid.spacing_m, *grid.heights_m.shape).find_inside(FIELD.boundary)
     return np.asarray((grid.heights_m - surface(*np.meshgrid(grid.xs_m, grid.ys_m)))[inside])
@@ -102,7 +102,7 @@ def write_gpx(folder: Path) -> Path:
     return path
 
 
-def write_shapefile(folder: Path, shapes: Array, columns: dict[str, Array]) -> Path:
+def write_shapefile(folder: Path, shapes: Floats, columns: dict[str, Floats]) -> Path:
     from pyogrio.raw import write
 
     path = folder / "points.shp"
@@ -291,7 +291,7 @@ def test_local_fields_take_points_in_their_metres(tmp_path: Path) -> None:
     assert np.abs(measure_errors(grid, PLANE)).max() < 2e-3 and grid.remarks == ()
 
 
-def write_geopackage(path: Path, heights: Array | None, layers: tuple[str, ...] = ("points",)) -> Path:
+def write_geopackage(path: Path, heights: Floats | None, layers: tuple[str, ...] = ("points",)) -> Path:
     """Layers of points in degrees, in a GeoPackage."""
     from pyogrio.raw import write
 

@@ -12,6 +12,7 @@ import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from fields.arrays import Floats
 from fields.errors import HeadlandError
 from fields.geometry.field import Field
 from fields.terrain.elevation import read_elevation
@@ -22,7 +23,6 @@ from tests.fields.terrain.heights import (
     CRS,
     FIELD,
     ORIGIN_M,
-    Array,
     Surface,
     bowl,
     build_plane,
@@ -168,7 +168,7 @@ def test_more_cells_than_can_be_read_are_refused() -> None:
 
 
 def test_a_field_in_local_metres_takes_a_raster_without_a_system(tmp_path: Path) -> None:
-    def surface(x: Array, y: Array) -> Array:
+    def surface(x: Floats, y: Floats) -> Floats:
         return bowl(x + ORIGIN_M[0], y + ORIGIN_M[1])
 
     moved_m = (-ORIGIN_M[0], -ORIGIN_M[1])
@@ -186,7 +186,7 @@ def test_scaled_whole_numbers_are_heights(tmp_path: Path) -> None:
 
 
 def make_hole(rows: slice, columns: slice, mark: float = -9999.0) -> Any:
-    def edit(heights: Array) -> None:
+    def edit(heights: Floats) -> None:
         heights[rows, columns] = mark
 
     return edit
@@ -223,7 +223,7 @@ def test_a_hole_inside_an_obstacle_is_no_gap(tmp_path: Path) -> None:
 
 
 def test_single_spikes_are_left_out_and_told(tmp_path: Path) -> None:
-    def add_spikes(heights: Array) -> None:
+    def add_spikes(heights: Floats) -> None:
         heights[20, 20] += 50.0
         heights[30, 40] -= 30.0
 
@@ -239,7 +239,7 @@ def test_a_south_up_raster_is_told(tmp_path: Path) -> None:
     assert "Rows of" in find_remark(grid) and "run from south to north" in find_remark(grid)
 
 
-def add_many_spikes(heights: Array) -> None:
+def add_many_spikes(heights: Floats) -> None:
     heights[::5, ::5] += 50.0
 
 
@@ -277,7 +277,7 @@ def test_a_slope_of_70_percent_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_steep_bank_is_told(tmp_path: Path) -> None:
-    def dig_ditch(heights: Array) -> None:
+    def dig_ditch(heights: Floats) -> None:
         heights[30:32, 30:38] -= 4.0
 
     grid = read_elevation(write_geotiff(tmp_path / "bank.tif", bowl, cell=2.0, edit=dig_ditch), FIELD)

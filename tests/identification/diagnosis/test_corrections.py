@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from fields.arrays import Flags, Floats
 from tests.identification.fault_logs import clean_frames
 from tests.truth.drives import drive, stairs, straight, triangle
 from tests.truth.second import Second
@@ -20,7 +21,7 @@ from vehicle.identification.diagnosis.corrections import (
 from vehicle.identification.diagnosis.log_notes import describe_columns
 from vehicle.identification.diagnosis.results import NAMED, REFUTED, Finding
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.schema import Array, Log, Mask
+from vehicle.identification.logs.schema import Log
 
 WAVES = drive("waves", 60.0, triangle(15.0, 9.0), stairs((20.0, 1.0), (20.0, 1.8), (20.0, 1.2)))
 STEPS = drive("steps", 60.0, stairs(*[(6.0, 12.0), (6.0, -9.0), (6.0, 4.0)] * 4), 1.4)
@@ -45,7 +46,7 @@ def read(frame: pd.DataFrame, name: str = "run") -> Log:
     return build_log(frame, name)
 
 
-def measure_hold_s(time: Array, measured: Mask) -> float:
+def measure_hold_s(time: Floats, measured: Flags) -> float:
     return float(np.median(np.diff(time[measured])))
 
 

@@ -5,6 +5,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from fields.arrays import Floats
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import (
@@ -22,7 +23,6 @@ from vehicle.identification.diagnosis.grammar import (
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
 from vehicle.identification.diagnosis.search import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.verdicts import compute_values
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.simulation import CHAINS
 from vehicle.model.effects import CATALOGUE, compute_effect_fields, get_effect
 
@@ -36,7 +36,7 @@ def constant(name: str) -> Hypothesis:
     return build_constant(get_effect(name), problem().data, problem().rig.tractor)
 
 
-def sum_of(*parts: tuple[Hypothesis, list[float]]) -> dict[str, Array]:
+def sum_of(*parts: tuple[Hypothesis, list[float]]) -> dict[str, Floats]:
     amounts = np.array([amount for _, own in parts for amount in own])
     return sum_fields([one for one, _ in parts], amounts, problem().bases, problem().simulator.base)
 

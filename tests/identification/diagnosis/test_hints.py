@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from fields.arrays import Floats
 from tests.identification.analytic_drives import circle, course
 from tests.identification.diagnosis.problems import build_empty_fit, build_problem, leave_parts
 from vehicle.identification.diagnosis import hints
@@ -32,7 +33,6 @@ from vehicle.identification.diagnosis.hints import (
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import FREEDOM, POSE_PARTS
 from vehicle.identification.diagnosis.search import Judgement, PredictiveComparison
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
     Pieces,
@@ -105,7 +105,7 @@ def test_laws_that_no_tractor_file_holds_are_told_where_they_are_clear() -> None
     assert hint.words == "A part of the error would go if the steering gain changed with the implement."
 
 
-def make_ratios(**of: float) -> dict[str, Array]:
+def make_ratios(**of: float) -> dict[str, Floats]:
     pose = np.full(12, 0.5)
     pose[[2, 9, 10, 5]] = [of.get(name, 0.5) for name in ("walk", "along", "across", "turns")]
     return {"pose": pose}
@@ -144,13 +144,13 @@ def test_every_quantity_has_words() -> None:
 problem = lru_cache(maxsize=1)(build_problem)
 
 
-def mean_squares(pieces: Pieces, horizon: float) -> Array:
+def mean_squares(pieces: Pieces, horizon: float) -> Floats:
     """Mean squares (3,) across, along and of the heading."""
     total = pieces[horizon][:, 2:].sum(axis=0)
     return np.asarray(total[:3] / total[3])
 
 
-def draw_errors(made: Problem, horizon: float) -> Array:
+def draw_errors(made: Problem, horizon: float) -> Floats:
     """Mean squares (3,) over a horizon of draws from the covariances of the windows."""
     data, noise, rng = made.data, made.noise["pose"], np.random.default_rng(3)
     covariance = np.tensordot(np.exp(noise.amounts), noise.parts, axes=1)

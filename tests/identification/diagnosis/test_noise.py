@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fields.arrays import Floats
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis import noise as noise_module
 from vehicle.identification.diagnosis.drive_data import POSE_CELLS, build_drive_data
@@ -18,13 +19,12 @@ from vehicle.identification.diagnosis.noise import (
     compute_memory,
     invert_lower,
 )
-from vehicle.identification.logs.schema import Array
 
 WINDOWS, CELLS = 1500, 10
 TRUE = np.log(np.square([0.5, 1.5]))
 
 
-def make_noise(observed: Array | None = None, windows: int = WINDOWS) -> ChannelNoise:
+def make_noise(observed: Floats | None = None, windows: int = WINDOWS) -> ChannelNoise:
     """White noise, and noise that is forgotten in three cells."""
     parts = np.array([np.eye(CELLS), compute_memory(np.arange(CELLS, dtype=np.float64), 3.0)])
     parts = np.repeat(parts[:, None], windows, axis=1)
@@ -32,7 +32,7 @@ def make_noise(observed: Array | None = None, windows: int = WINDOWS) -> Channel
     return ChannelNoise(parts, TRUE.copy(), np.zeros((windows, CELLS, CELLS)), 0, seen)
 
 
-def draw(noise: ChannelNoise, seed: int = 7) -> Array:
+def draw(noise: ChannelNoise, seed: int = 7) -> Floats:
     """Residuals of its Student t distribution: of normal windows, each with a variance of its own."""
     rng = np.random.default_rng(seed)
     spread = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, (len(noise.observed), 1)))
@@ -40,7 +40,7 @@ def draw(noise: ChannelNoise, seed: int = 7) -> Array:
     return np.linalg.solve(noise.inverse, white[:, :, None])[:, :, 0] * noise.observed
 
 
-def sum_density(noise: ChannelNoise, amounts: Array, residuals: Array) -> float:
+def sum_density(noise: ChannelNoise, amounts: Floats, residuals: Floats) -> float:
     noise.set_amounts(amounts)
     return float(noise.compute_log_density(noise.whiten(residuals)).sum())
 
@@ -62,9 +62,9 @@ def test_the_density_is_highest_at_the_amounts_that_were_drawn_with(share: float
 
 
 def test_the_slope_of_a_fit_is_that_of_its_cost(monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[tuple[Array, Array]] = []
+    seen: list[tuple[Floats, Floats]] = []
 
-    def compare(evaluate: Any, start: Array, **_: Any) -> Any:
+    def compare(evaluate: Any, start: Floats, **_: Any) -> Any:
         place = start + np.array([0.3, -0.5])
         found = [(evaluate(place + one)[0] - evaluate(place - one)[0]) / 2e-5 for one in 1e-5 * np.eye(2)]
         seen.append((evaluate(place)[1], np.array(found)))

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from fields.arrays import Flags
 from tests.identification.analytic_drives import backwards, circle, joined, log
 from tests.identification.fault_logs import clean_frames
 from tests.identification.log_tables import refusal
@@ -27,7 +28,7 @@ from vehicle.identification.logs.directions import (
 from vehicle.identification.logs.motion import compute_path_chords
 from vehicle.identification.logs.reader import build_log, read_logs
 from vehicle.identification.logs.readings import LogConvention
-from vehicle.identification.logs.schema import Columns, Mask
+from vehicle.identification.logs.schema import Columns
 
 ROUND = joined(circle(0.1), circle(-0.1), circle(0.05))
 LAP = joined(circle(0.03, 30.0), circle(-0.03, 30.0, bearing_deg=np.degrees(1.35)))
@@ -64,7 +65,7 @@ def test_reverse_where_the_tractor_drives_forward() -> None:
     assert (wrong[1].shuttle == 1.0).all()
 
 
-def drive_back_and_forth(rows: int) -> tuple[pd.DataFrame, Mask]:
+def drive_back_and_forth(rows: int) -> tuple[pd.DataFrame, Flags]:
     """The circles with the first rows driven in reverse, headings where the tractor points; and the rows in reverse."""
     back = np.arange(len(ROUND)) < rows
     frame = ROUND.assign(

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from fields.arrays import Integers
 from tests.identification.analytic_drives import circle, log
-from vehicle.identification.logs.schema import COLUMNS, SHORTEST_SEGMENT_S, Log, Rows, split_drive_segments
+from vehicle.identification.logs.schema import COLUMNS, SHORTEST_SEGMENT_S, Log, split_drive_segments
 
 
 def rows_of(one: Log) -> tuple[list[list[int]], list[list[int]]]:
@@ -12,7 +13,7 @@ def rows_of(one: Log) -> tuple[list[list[int]], list[list[int]]]:
     return list_ends(long), list_ends(short)
 
 
-def list_ends(parts: list[Rows]) -> list[list[int]]:
+def list_ends(parts: list[Integers]) -> list[list[int]]:
     """First and last row and number of rows of each part."""
     return [[int(part[0]), int(part[-1]), len(part)] for part in parts]
 

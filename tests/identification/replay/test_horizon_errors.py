@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fields.arrays import Floats
 from tests.identification.analytic_drives import circle, course, rig
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import HORIZONS_S, WINDOW_S, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     HEADING_TRUST_RAD,
@@ -33,7 +33,7 @@ TWO = np.array([-1.0, 1.0])
 ZERO = np.zeros(2)
 
 
-def list_pieces(time: Array, horizon: float) -> list[tuple[int, int]]:
+def list_pieces(time: Floats, horizon: float) -> list[tuple[int, int]]:
     return list(zip(*(bounds.tolist() for bounds in find_piece_bounds(time, horizon)), strict=True))
 
 
@@ -145,7 +145,7 @@ def test_positions_decide_against_headings_by_their_trust() -> None:
     assert standing == pytest.approx(0.3), "where nothing moves, only headings say anything"
 
 
-def errors(east: Array, north: Array, heading: Array, x: Array, y: Array, angle: Array) -> Array:
+def errors(east: Floats, north: Floats, heading: Floats, x: Floats, y: Floats, angle: Floats) -> Floats:
     out = np.full((len(east), 3), 9.0)
     write_anchored_errors(np.array([0]), np.array([2]), east, north, heading, x, y, angle, out)
     return out

@@ -7,9 +7,9 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from fields.arrays import Floats
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, STRIDE, build_drive_data
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
 from vehicle.identification.replay.simulation import (
     ANGLE_COLUMN,
@@ -50,7 +50,7 @@ def simulator(programme: str) -> Simulator:
     return Simulator(build_drive_data(simulated(programme, {})), rig())
 
 
-def spread(own: Simulator, settings: Settings) -> dict[str, Array]:
+def spread(own: Simulator, settings: Settings) -> dict[str, Floats]:
     """The fields of settings on all steps, for those that differ from the base."""
     known, neutral = compute_effect_fields(settings), compute_effect_fields({})
     changed = [name for name in known.keys() & own.base.keys() if known[name] != neutral.get(name)]
@@ -128,7 +128,7 @@ def segment() -> DriveSegment:
     return simulated("steps", {}).segments[0]
 
 
-def show_ramps(segment: DriveSegment, settings: Settings) -> tuple[Array, Array, Array, Array]:
+def show_ramps(segment: DriveSegment, settings: Settings) -> tuple[Floats, Floats, Floats, Floats]:
     """What is shown where place, heading, wheel angle and speed grow by 1 m, 0.2, 0.1 rad and 0.3 m/s a second."""
     states = np.zeros((len(segment.steps_s), 5))
     for column, rate in ((X_COLUMN, 1.0), (ANGLE_COLUMN, 0.2), (STEERING_COLUMN, 0.1), (FORWARD_COLUMN, 0.3)):

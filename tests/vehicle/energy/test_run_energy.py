@@ -6,11 +6,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fields.arrays import Floats, Integers
 from vehicle.energy.fuel import DieselEngine, ElectricDrive, compute_diesel_lph
 from vehicle.energy.load import build_work_load
 from vehicle.energy.run_energy import BRAKING, CAUSES, DRAFT, GRADE, ROLLING, SLIP, RunEnergy, compute_run_energy
@@ -28,10 +28,9 @@ from vehicle.sim.world import World
 EG105 = load_tractor("eg105")
 GRAVITY_MPS2 = 9.80665
 STEP_S = 0.1
-Floats = npt.NDArray[np.float64]
 
 
-def make_run(places: Floats, speeds: Floats, statuses: int | npt.NDArray[np.int64] = WORKING) -> SimulationRun:
+def make_run(places: Floats, speeds: Floats, statuses: int | Integers = WORKING) -> SimulationRun:
     """A run of one tractor on one leg, from what its 10 Hz record holds."""
     record = np.zeros((len(places), 1, len(RECORD_COLUMNS)))
     record[:, 0, :2], record[:, 0, 4], record[:, 0, 6] = places, speeds, statuses

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from fields.arrays import Floats, Integers
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
 from vehicle.identification.faults.level_steps import correct_heading_jumps, mark_level_step
@@ -23,7 +24,7 @@ from vehicle.identification.logs.column_quality import (
     drop_commands_not_logged,
     merge_copies,
 )
-from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
 from vehicle.identification.logs.series import find_changes, interpolate_between
 from vehicle.identification.logs.thresholds import FEWEST_EVENTS, HOLDS, MAJORITY, MOST_SHARE, STANDING_FACTOR
@@ -100,7 +101,7 @@ def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
     return [_share_readings(log, marked) for log, marked in zip(logs, marked_logs, strict=True)]
 
 
-def _count_rows_before_clear_changes(values: Array) -> Rows:
+def _count_rows_before_clear_changes(values: Floats) -> Integers:
     """Return for every clear change of values (k,) in how many rows the value before it stands."""
     changes = find_changes(values[None])
     return changes.counts[changes.is_clear]
@@ -132,20 +133,20 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
     return log
 
 
-def _mark_knots(log: Log, name: str, rows: Rows, knots: Rows) -> Log:
+def _mark_knots(log: Log, name: str, rows: Integers, knots: Integers) -> Log:
     """Return the log with a column that was measured in the knots of its rows (k,), and straight between them."""
     column: dict[str, Any] = {name: interpolate_between(getattr(log, name), log.time_s, rows, knots)}
     measured_rows = {**log.measured_rows, name: np.isin(np.arange(len(log.used)), rows[knots])}
     return replace(log, measured_rows=measured_rows, **column)
 
 
-def find_knots(time: Array, values: Array) -> Rows | None:
+def find_knots(time: Floats, values: Floats) -> Integers | None:
     """Return the indices at which values (k,) were measured; None where they are neither held nor interpolated."""
     held = find_held_knots(values)
     return find_line_knots(time, values) if held is None else held
 
 
-def find_held_knots(values: Array) -> Rows | None:
+def find_held_knots(values: Floats) -> Integers | None:
     """Return the indices at which held values (k,) change; None where they are not held between changes."""
     new_rows = np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
     counts = _count_rows_before_clear_changes(values)
@@ -157,14 +158,14 @@ def find_held_knots(values: Array) -> Rows | None:
     return _add_last_known_rows(new_rows, len(values), round(usual))
 
 
-def _add_last_known_rows(new_rows: Rows, count: int, usual: int) -> Rows:
+def _add_last_known_rows(new_rows: Integers, count: int, usual: int) -> Integers:
     """Add the last row at which a value at rest is known, the usual hold before it changes, and the last of all."""
     ends = np.append(new_rows[1:], count)
     is_standing = ends - new_rows > STANDING_FACTOR * usual
     return np.unique(np.concatenate([new_rows, ends[is_standing] - usual, [count - 1]]))
 
 
-def find_line_knots(time: Array, values: Array) -> Rows | None:
+def find_line_knots(time: Floats, values: Floats) -> Integers | None:
     """Return the indices at which values (k,) on straight lines change their slope; None where they are no lines."""
     moving = np.abs(np.diff(values)) > 0.0
     if np.count_nonzero(moving) < FEWEST_EVENTS:
@@ -179,7 +180,7 @@ def find_line_knots(time: Array, values: Array) -> Rows | None:
     return knots if is_straight and np.quantile(gaps, 0.9) <= HOLDS * np.median(gaps) else None
 
 
-def _find_bends(time: Array, values: Array) -> Rows:
+def _find_bends(time: Floats, values: Floats) -> Integers:
     """Return the indices at which the slope of values (k,) changes by more than rounding, with the first and last."""
     slopes = np.diff(values) / np.diff(time)
     moving = np.abs(slopes) > 0.0
@@ -188,7 +189,7 @@ def _find_bends(time: Array, values: Array) -> Rows:
     return np.concatenate([[0], bends, [len(values) - 1]])
 
 
-def _is_command_stale(log: Log, rows: Rows, knots: Rows) -> bool:
+def _is_command_stale(log: Log, rows: Integers, knots: Integers) -> bool:
     """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does."""
     wheel = log.steering_deg
     if wheel is None or log.steering_command_deg is None:
@@ -206,7 +207,7 @@ def _is_command_stale(log: Log, rows: Rows, knots: Rows) -> bool:
     return _measure_misfit(time, drawn, *readings) < MOST_SHARE * _measure_misfit(time, command, *readings)
 
 
-def _measure_misfit(time: Array, command: Array, shown_s: Array, angle: Array) -> float:
+def _measure_misfit(time: Floats, command: Floats, shown_s: Floats, angle: Floats) -> float:
     """Return the least variance that a late, low-passed command (k,) leaves of angles (j,) at `shown_s` (j, s)."""
     grid, left = np.arange(time[0], time[-1], _LAGS_S[1]), np.inf
     held = command[np.minimum(np.searchsorted(time, grid, side="right") - 1, len(time) - 1)]

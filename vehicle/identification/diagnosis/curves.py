@@ -10,12 +10,12 @@ import math
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELLS, STRIDE
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.identification.diagnosis.verdicts import compute_values
-from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.logs.thresholds import ALIKE_SHARE, FEWEST_ROWS, FEWEST_TIMES, WINDOW_S
 from vehicle.model import effects
 from vehicle.records import GRAVITY_MPS2
@@ -96,7 +96,7 @@ def select_axes(name: str) -> tuple[str, str]:
     return quantity, REGRESSOR_BY_LAW.get(basis, regressor)
 
 
-def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> Array:
+def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> Floats:
     """A regressor in the cells of the windows (w, cells)."""
     data, path = problem.data, problem.data.path
     # The turning rate to the right (m,) for which the tractor steers, scaled to that of the base model: sorted by the
@@ -126,7 +126,7 @@ def read_regressor(problem: Problem, base: Fit, regressor: str, cells: int) -> A
     return np.mod(means, 360.0) if regressor == effects.DIRECTION else means
 
 
-def build_responses(problem: Problem, quantity: str) -> list[Array]:
+def build_responses(problem: Problem, quantity: str) -> list[Floats]:
     """Change of the residuals of a channel (w, n, cells) per unit of the quantity in each cell.
 
     Others may follow that are estimated beside it: where headings tell a turning rate from an angle to the course.
@@ -147,7 +147,7 @@ def build_responses(problem: Problem, quantity: str) -> list[Array]:
     return [cells * np.sign(data.cut(data.path["speed"], SENSOR_CELLS))[:, :, None]]
 
 
-def number_bins(values: Array, used: Mask) -> Array:
+def number_bins(values: Floats, used: Flags) -> Floats:
     """The bin of every cell, -1 where unused: half by rank, so that bins are filled, and half by size, so that a limit
     that few cells reach is shown."""
     inside = np.sort(values[used])
@@ -157,7 +157,7 @@ def number_bins(values: Array, used: Mask) -> Array:
     return np.where(used, np.minimum((CURVE_BINS * share).astype(np.int64), CURVE_BINS - 1), -1)
 
 
-def estimate_bins(problem: Problem, channel: str, design: Array, residuals: Array) -> tuple[Array, Array]:
+def estimate_bins(problem: Problem, channel: str, design: Floats, residuals: Floats) -> tuple[Floats, Floats]:
     """Means of bins and their standard errors, from columns (w, n, bins) and residuals (w, n).
 
     An error is the larger one of what the noise gives and of what windows differ by.

@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.next_drive import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.series import turn_path
 from vehicle.identification.replay.drive_segments import DriveSegment, ReplayRig, build_rig
 from vehicle.identification.replay.simulation import (
@@ -130,15 +131,15 @@ def add_instrument_noise(
     rig: ReplayRig,
     noise: TractorNoise,
     segment: DriveSegment,
-    states: Array,
+    states: Floats,
     settings: Settings,
     rng: np.random.Generator,
-) -> tuple[DriveSegment, Array, Array]:
+) -> tuple[DriveSegment, Floats, Floats]:
     """Return the segment with noisy positions and headings of the states; wheel angle and speed have no noise."""
     antenna, heading, wheel, speed = simulate_logged_values(rig, segment, states, settings)
     dt = np.diff(segment.time, prepend=0.0)
 
-    def draw_instrument_noise(white: float, drift: float) -> Array:
+    def draw_instrument_noise(white: float, drift: float) -> Floats:
         memory = np.exp(-dt / DRIFT_MEMORY_S)
         return white * rng.standard_normal(segment.rows) + drift * draw_coloured_noise(rng, memory)
 
@@ -149,7 +150,7 @@ def add_instrument_noise(
     return replace(segment, east=east, north=north, heading=heading), wheel, speed
 
 
-def add_soil_noise(noise: TractorNoise, states: Array, rng: np.random.Generator) -> Array:
+def add_soil_noise(noise: TractorNoise, states: Floats, rng: np.random.Generator) -> Floats:
     """Return replayed states (n, 5) turned, step by step, by the disturbance of the soil."""
     pushes = noise.soil_per_m * draw_coloured_noise(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
     extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S)
@@ -159,7 +160,7 @@ def add_soil_noise(noise: TractorNoise, states: Array, rng: np.random.Generator)
     return out
 
 
-def draw_coloured_noise(rng: np.random.Generator, memory: Array) -> Array:
+def draw_coloured_noise(rng: np.random.Generator, memory: Floats) -> Floats:
     """Draw unit noise (n,) in which every value keeps a share (n,) of the one before."""
     white = rng.standard_normal(len(memory))
     out = np.empty(len(memory))

@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Floats, Integers
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import GRID_S, STANDSTILL_MPS, WINDOW_S
-from vehicle.identification.replay.drive_inputs import DriveInputs, Places, Samples, build_inputs
+from vehicle.identification.replay.drive_inputs import DriveInputs, Samples, build_inputs
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.records import DT_S, HISTORY_STEPS
 
@@ -43,9 +43,9 @@ class DriveData(DriveInputs):
     """All segments that hold a window: runs (w,) by index, and starts (w,) in steps of the path."""
 
     dataset: DriveDataset
-    window_runs: Places
-    window_starts: Places
-    window_segments: Places
+    window_runs: Integers
+    window_starts: Integers
+    window_segments: Integers
 
     @property
     def windows(self) -> int:
@@ -58,7 +58,7 @@ class DriveData(DriveInputs):
         return len(self.dataset.names)
 
     @cached_property
-    def path_runs(self) -> Places:
+    def path_runs(self) -> Integers:
         """The run of every step of the path (m,)."""
         return np.repeat([segment.run for segment in self.segments], np.diff(self.path_starts))
 
@@ -67,7 +67,7 @@ class DriveData(DriveInputs):
         """The median time between rows (s)."""
         return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.segments])))
 
-    def cut(self, values: Array, cells: int) -> Array:
+    def cut(self, values: Floats, cells: int) -> Floats:
         """Means (w, cells) of values per step of the path over all cells of the windows."""
         steps = round(WINDOW_S / PATH_STEP_S)
         last = self.path_starts[1:][self.window_segments] - 1

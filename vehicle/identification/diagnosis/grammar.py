@@ -14,9 +14,9 @@ from functools import cached_property
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER
-from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.simulation import CHAINS, FACTORS
 from vehicle.model.effect_kinds import CIRCLE, CoordinateBox, EffectKind, EffectParameter
 from vehicle.model.effects import (
@@ -149,7 +149,7 @@ class Bases:
     """What an amount is multiplied with at every step of the path (m,), by key; circles are added as they are tried."""
 
     data: DriveData
-    arrays: dict[str, Array] = field(default_factory=dict)
+    arrays: dict[str, Floats] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         path = self.data.path
@@ -170,7 +170,7 @@ class Bases:
             "to_north": path["sine"],
         }
 
-    def get(self, key: str) -> Array:
+    def get(self, key: str) -> Floats:
         """The basis of a key; that of a circle or of a run is made on the first call."""
         if key not in self.arrays:
             kind, *numbers = key.split(":")
@@ -181,11 +181,11 @@ class Bases:
             self.arrays[key] = inside.astype(np.float64)
         return self.arrays[key]
 
-    def compute_means(self, hypothesis: Hypothesis) -> Array:
+    def compute_means(self, hypothesis: Hypothesis) -> Floats:
         """Means (k,) over the logs of what the amounts of a hypothesis are multiplied with."""
         return np.array([float(np.mean(self.get(one.basis))) for one in hypothesis.coordinates])
 
-    def find_circle(self, east: float, north: float, radius: float) -> Mask:
+    def find_circle(self, east: float, north: float, radius: float) -> Flags:
         """Steps (m,) inside a circle."""
         path = self.data.path
         return np.asarray((path["east"] - east) ** 2 + (path["north"] - north) ** 2 < radius * radius)
@@ -306,10 +306,10 @@ def list_nuisances(data: DriveData) -> list[Hypothesis]:
 
 
 def sum_fields(
-    model: Sequence[Hypothesis], amounts: Array, bases: Bases, base: Mapping[str, float]
-) -> dict[str, Array]:
+    model: Sequence[Hypothesis], amounts: Floats, bases: Bases, base: Mapping[str, float]
+) -> dict[str, Floats]:
     """The fields (m,) of all hypotheses together, for those that differ from the base."""
-    fields: dict[str, Array] = {}
+    fields: dict[str, Floats] = {}
     for hypothesis, own in split_amounts(model, amounts):
         for amount, coordinate in zip(own, hypothesis.coordinates, strict=True):
             if amount == 0.0:
@@ -324,7 +324,7 @@ def sum_fields(
     return fields
 
 
-def split_amounts(model: Sequence[Hypothesis], amounts: Array) -> Iterator[tuple[Hypothesis, Array]]:
+def split_amounts(model: Sequence[Hypothesis], amounts: Floats) -> Iterator[tuple[Hypothesis, Floats]]:
     """Every hypothesis with its own amounts."""
     place = 0
     for hypothesis in model:
@@ -332,6 +332,6 @@ def split_amounts(model: Sequence[Hypothesis], amounts: Array) -> Iterator[tuple
         place += hypothesis.size
 
 
-def collect_widths(model: Sequence[Hypothesis]) -> Array:
+def collect_widths(model: Sequence[Hypothesis]) -> Floats:
     """Widths of all coordinates of a model."""
     return np.array([one.width for hypothesis in model for one in hypothesis.coordinates])

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import rankdata
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.drive_data import (
     PATH_STEP_S,
     POSE_CELL_S,
@@ -41,7 +42,6 @@ from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER, FREEDOM, POSE_PARTS, SENSOR_PARTS
 from vehicle.identification.diagnosis.results import ABOVE_FLOOR_FACTOR, Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, Judgement, Searcher
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.series import turn_path
 from vehicle.identification.logs.thresholds import CLEAR_SIGMAS, DOUBT_SIGMAS, FEWEST_LINE_CHORDS, SEED, SURE_SIGMAS
 from vehicle.identification.replay.drive_inputs import sample_rows
@@ -109,7 +109,7 @@ LOUD_SENSOR = {
 MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
 DRAWS = 4  # samples of the noise; with four the floor scatters half as much as the error of the logs
 Rng = np.random.Generator
-Model = Sequence[tuple[Hypothesis, Array]]
+Model = Sequence[tuple[Hypothesis, Floats]]
 LEAST_SHARE = 0.02  # chosen: smaller shares are printed as 0
 
 
@@ -175,7 +175,7 @@ def list_law_hints(judgements: Sequence[Judgement]) -> Iterator[Hint]:
         yield Hint(depends_on, None, effect.block, words)
 
 
-def list_quantities(problem: Problem) -> dict[str, Array]:
+def list_quantities(problem: Problem) -> dict[str, Floats]:
     """What an error may depend on, at the steps of the path (m,): centred but for signs, of unit mean square."""
     data, path = problem.data, problem.data.path
     turning = path["speed"] * np.tan(path["steady"]) / problem.rig.tractor.wheelbase_m
@@ -192,7 +192,7 @@ def list_quantities(problem: Problem) -> dict[str, Array]:
     return {name: values / sizes[name] for name, values in quantities.items() if sizes[name] > 1e-3}
 
 
-def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list[Hint]:
+def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Floats]) -> list[Hint]:
     """The law that explains most of the rest, if it is large and predicts left-out driving clearly."""
     arrays = {f"hint_{name}": values for name, values in quantities.items()}
     tried = {}
@@ -220,7 +220,7 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
         problem.bases.arrays = before
 
 
-def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[Hint]:
+def list_loud(squares: dict[str, Floats], ratios: dict[str, Floats]) -> Iterator[Hint]:
     """What is louder than noise, by mean squares (w,) of whitened residuals, and ratios of noise to its limits."""
     loud = {channel for channel, own in squares.items() if len(own) and own.mean() > LOUD}
     yield from (hint for channel, hint in LOUD_SENSOR.items() if channel in loud)
@@ -232,7 +232,7 @@ def list_loud(squares: dict[str, Array], ratios: dict[str, Array]) -> Iterator[H
         yield LOUD_POSE[max(of, key=lambda name: of[name])]
 
 
-def list_clues(problem: Problem, squares: dict[str, Array], quantities: dict[str, Array]) -> Iterator[Hint]:
+def list_clues(problem: Problem, squares: dict[str, Floats], quantities: dict[str, Floats]) -> Iterator[Hint]:
     """Per channel, with what driving the size of its error goes together most."""
     for channel, own in squares.items():
         if len(own) < max(FEWEST_LINE_CHORDS, problem.data.windows):
@@ -248,7 +248,7 @@ def list_clues(problem: Problem, squares: dict[str, Array], quantities: dict[str
             yield Hint(QUANTITY_WORDS[key], instrument, None, f"{size}: look for what differs there.")
 
 
-def compute_rank_sigmas(values: Array, squares: Array) -> float:
+def compute_rank_sigmas(values: Floats, squares: Floats) -> float:
     """How many standard deviations the rank correlation of two columns (w,) is from none."""
     if np.ptp(values) == 0.0 or np.ptp(squares) == 0.0:
         return 0.0
@@ -256,7 +256,7 @@ def compute_rank_sigmas(values: Array, squares: Array) -> float:
     return math.atanh(min(abs(share), 0.999)) * math.sqrt(len(values) - 3)
 
 
-def compare_thirds(values: Array, squares: Array) -> float:
+def compare_thirds(values: Floats, squares: Floats) -> float:
     """How many times as large errors are in the windows of the largest values as in those of the smallest: thirds, or
     halves about the middle where many share a value."""
     low, high = np.quantile(values, 1.0 / 3.0), np.quantile(values, 2.0 / 3.0)
@@ -294,7 +294,7 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> Pi
     return join_pieces(drawn)
 
 
-def limit_noise(problem: Problem) -> dict[str, Array]:
+def limit_noise(problem: Problem) -> dict[str, Floats]:
     """Standard deviations of the parts of the noise per channel, none above what is still noise."""
     parts = {"pose": POSE_PARTS, **SENSOR_PARTS}
     most = {channel: np.array([part.most for part in own]) for channel, own in parts.items()}
@@ -302,7 +302,7 @@ def limit_noise(problem: Problem) -> dict[str, Array]:
     return {channel: np.minimum(np.exp(0.5 * one.amounts), most[channel]) for channel, one in problem.noise.items()}
 
 
-def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> tuple[Array, Array, Array, Array]:
+def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> tuple[Floats, Floats, Floats, Floats]:
     """Drive the commands of all segments open loop; where none were logged, as wheel and speed were measured.
 
     Returns the antenna (k, 2, m) and heading (k,) at all rows, one segment after the other, and the wheel angle (rad)
@@ -322,8 +322,8 @@ class _MotionDraw:
     """The motion of a segment at the steps of its path, and the noise that goes with it."""
 
     def __init__(
-        self, problem: Problem, segment: DriveSegment, sizes: dict[str, Array], wheel: Array, speed: Array,
-        heading: Array,
+        self, problem: Problem, segment: DriveSegment, sizes: dict[str, Floats], wheel: Floats, speed: Floats,
+        heading: Floats,
     ) -> None:  # fmt: skip
         tractor = problem.rig.tractor
         self.segment, self.sizes, self.wheel, self.speed, self.heading = segment, sizes, wheel, speed, heading
@@ -334,11 +334,11 @@ class _MotionDraw:
         self.bend = 1.0 / (np.cos(wheel) ** 2 * tractor.wheelbase_m)
         self.ahead = tractor.antenna_forward_m
 
-    def draw(self, antenna: Array, heading: Array, rng: Rng) -> DriveSegment:
+    def draw(self, antenna: Floats, heading: Floats, rng: Rng) -> DriveSegment:
         """The segment with positions and headings as they might have been measured."""
         pose, count, forward = self.sizes["pose"], len(self.speed), self.speed
 
-        def remember(number: int) -> Array:
+        def remember(number: int) -> Floats:
             return draw_memory(rng, count, POSE_PARTS[number].memory_s)
 
         yaw = np.sum([pose[number] * remember(number) for number in (4, 5, 6)], axis=0)
@@ -372,10 +372,10 @@ class _MotionDraw:
             heading = heading + turned + direction
         return replace(self.segment, east=places[:, 0], north=places[:, 1], heading=heading)
 
-    def _sample(self, steps: Array) -> Array:
+    def _sample(self, steps: Floats) -> Floats:
         return np.interp(self.places, np.arange(len(steps)), steps)
 
-    def _draw_sensor(self, rng: Rng, channel: str, values: Array) -> Array:
+    def _draw_sensor(self, rng: Rng, channel: str, values: Floats) -> Floats:
         """How a wheel angle (rad) or speed (m/s) follows its command otherwise than simulated."""
         segment, sizes, count = self.segment, self.sizes[channel], len(values)
         command, measured = (segment.command, segment.wheel is not None) if channel == "wheel" else (
@@ -390,7 +390,7 @@ class _MotionDraw:
         return np.asarray(sizes[0] * draw_cells(rng, count, SENSOR_CELL_S) + slow + rate * late)
 
 
-def draw_memory(rng: Rng, count: int, time_constant: float) -> Array:
+def draw_memory(rng: Rng, count: int, time_constant: float) -> Floats:
     """Unit noise (count,) at steps of the path that forgets with a time constant (s)."""
     memory = np.exp(-PATH_STEP_S / time_constant)
     white = np.sqrt(1.0 - memory * memory) * rng.standard_normal(count)
@@ -398,7 +398,7 @@ def draw_memory(rng: Rng, count: int, time_constant: float) -> Array:
     return np.asarray(values)
 
 
-def draw_cells(rng: Rng, count: int, cell_s: float) -> Array:
+def draw_cells(rng: Rng, count: int, cell_s: float) -> Floats:
     """Unit noise (count,) at steps of the path, the same within a cell."""
     steps = round(cell_s / PATH_STEP_S)
     return np.repeat(rng.standard_normal(-(-count // steps)), steps)[:count]

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
@@ -23,7 +24,6 @@ from vehicle.identification.diagnosis.grammar import (
     sum_fields,
 )
 from vehicle.identification.diagnosis.noise import SENSOR_PARTS, ChannelNoise, build_pose_noise, build_sensor_noise
-from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_segments import ReplayRig
 from vehicle.identification.replay.simulation import CHAINS, SENSOR_FIELDS, Simulator
 
@@ -34,7 +34,7 @@ NEAR_WIDTHS, MOST_STORED = 0.15, 3  # a change of the prediction is used again w
 MOST_DAMPINGS = 6
 SEARCH_WIDTHS = (-1.0, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 1.0)
 NOISE_ITERATIONS = 40
-Residuals = dict[str, Array]
+Residuals = dict[str, Floats]
 Model = tuple[Hypothesis, ...]
 
 # Effects of the steering system act by thresholds: their cost has many minima, and both signs are tried.
@@ -46,10 +46,10 @@ class Fit:
     """A model with its most likely amounts: cost (nats), residuals, and the curvature of the cost per width (k, k)."""
 
     model: Model
-    amounts: Array
+    amounts: Floats
     cost: float
     residuals: Residuals
-    curvature: Array
+    curvature: Floats
 
     @property
     def evidence(self) -> float:
@@ -63,7 +63,7 @@ class Fit:
         """What the model holds beside the nuisances."""
         return frozenset(str(one) for one in self.model if not one.is_nuisance)
 
-    def get_amounts(self, hypothesis: Hypothesis) -> Array:
+    def get_amounts(self, hypothesis: Hypothesis) -> Floats:
         """The amounts of one of its hypotheses."""
         return self.amounts[self.locate(hypothesis)]
 
@@ -99,7 +99,7 @@ class Problem:
         self.measured = np.stack([data.east.values, data.north.values, data.heading.values], axis=2)
         self.seen = np.stack([one.observed for one in (data.east, data.north, data.heading)], axis=2).astype(np.float64)
 
-    def compute_residuals(self, model: Sequence[Hypothesis], amounts: Array) -> Residuals:
+    def compute_residuals(self, model: Sequence[Hypothesis], amounts: Floats) -> Residuals:
         """Residuals (w, n) per channel; a pose is first laid on the measurement, as the start of a window is free."""
         fields = sum_fields(model, amounts, self.bases, self.simulator.base)
         own = [(one, tuple(part)) for one, part in split_amounts(model, amounts) if np.any(part)]
@@ -113,7 +113,7 @@ class Problem:
             "speed": (data.speed.values - shown["speed"]) * data.speed.observed,
         }
 
-    def _align(self, predicted: Array) -> Array:
+    def _align(self, predicted: Floats) -> Floats:
         seen, measured = self.seen, self.measured
         counts = np.maximum(seen.sum(axis=1), 1.0)
         m = measured[:, :, :2] - ((measured * seen).sum(axis=1) / counts)[:, None, :2]
@@ -129,7 +129,7 @@ class Problem:
         out = np.stack([east, north, heading], axis=1) * seen.transpose(0, 2, 1)
         return np.asarray(out.reshape(len(out), -1))
 
-    def compute_cost(self, model: Sequence[Hypothesis], amounts: Array, residuals: Residuals) -> float:
+    def compute_cost(self, model: Sequence[Hypothesis], amounts: Floats, residuals: Residuals) -> float:
         """Minus the log posterior of amounts (nats)."""
         scaled = amounts / collect_widths(model)
         likelihood = sum(
@@ -139,9 +139,9 @@ class Problem:
         return -likelihood + 0.5 * float(scaled @ scaled)
 
     def compute_secants(
-        self, model: Model, amounts: Array, residuals: Residuals, places: Iterable[int], step: float,
+        self, model: Model, amounts: Floats, residuals: Residuals, places: Iterable[int], step: float,
         is_fresh: bool = False,
-    ) -> dict[str, Array]:  # fmt: skip
+    ) -> dict[str, Floats]:  # fmt: skip
         """Whitened change of the prediction per width of coordinates (w, n, k); `is_fresh` uses no stored ones."""
         names = [(str(one), number) for one in model for number in range(one.size)]
         columns = [
@@ -154,7 +154,7 @@ class Problem:
         }
 
     def _get_change(
-        self, model: Model, amounts: Array, residuals: Residuals, place: int, name: tuple[str, int], step: float,
+        self, model: Model, amounts: Floats, residuals: Residuals, place: int, name: tuple[str, int], step: float,
         near: float,
     ) -> Residuals:  # fmt: skip
         """The change of the prediction per width of one coordinate, there or within `near` widths. Runs do not know
@@ -189,12 +189,12 @@ class Problem:
         del stored[MOST_STORED:]
         return change
 
-    def weigh(self, residuals: Residuals) -> tuple[Residuals, dict[str, Array]]:
+    def weigh(self, residuals: Residuals) -> tuple[Residuals, dict[str, Floats]]:
         """Whitened residuals and the roots of the weights of windows."""
         white = {channel: noise.whiten(residuals[channel]) for channel, noise in self.noise.items()}
         return white, {channel: np.sqrt(self.noise[channel].compute_weights(own)) for channel, own in white.items()}
 
-    def refit(self, model: Model, amounts: Array, iterations: int = 10) -> Fit:
+    def refit(self, model: Model, amounts: Floats, iterations: int = 10) -> Fit:
         """The most likely amounts from a start, by damped Gauss-Newton steps inside the limits, at this noise.
 
         Where the iterations end before the amounts settle, the curvature is that of where the last step began.
@@ -226,14 +226,14 @@ class Problem:
         return Fit(model, amounts, cost, residuals, curvature)
 
     def linearise(
-        self, model: Model, amounts: Array, residuals: Residuals, step: float = FIT_STEP, is_fresh: bool = False
+        self, model: Model, amounts: Floats, residuals: Residuals, step: float = FIT_STEP, is_fresh: bool = False
     ) -> Linearisation:
         """The linear problem at these amounts; `is_fresh` computes all changes here."""
         white, roots = self.weigh(residuals)
         places = range(len(amounts))
         return Linearisation(self.compute_secants(model, amounts, residuals, places, step, is_fresh), white, roots)
 
-    def fit(self, model: Model, amounts: Array, rounds: int = 3, iterations: int = 12) -> Fit:
+    def fit(self, model: Model, amounts: Floats, rounds: int = 3, iterations: int = 12) -> Fit:
         """Amounts and noise in turn, and the amounts once more; rugged effects by a line of sizes first."""
         fit = self.refit(model, self.search_lines(model, amounts), iterations)
         for _ in range(rounds):
@@ -244,7 +244,7 @@ class Problem:
                 break
         return fit
 
-    def search_lines(self, model: Model, amounts: Array) -> Array:
+    def search_lines(self, model: Model, amounts: Floats) -> Floats:
         """Try sizes along every rugged effect and keep the best."""
         widths, bounds = collect_widths(model), collect_bounds(model)
         best = np.clip(amounts, *bounds)
@@ -277,11 +277,11 @@ class Problem:
         channels |= {"speed"} if hypothesis.chains & {"speed"} else set()
         return frozenset(channels | {channel for channel, own in SENSOR_FIELDS.items() if names & set(own)})
 
-    def get_noise(self) -> dict[str, Array]:
+    def get_noise(self) -> dict[str, Floats]:
         """The amounts of the noise, to return to."""
         return {channel: noise.amounts.copy() for channel, noise in self.noise.items()}
 
-    def set_noise(self, amounts: dict[str, Array]) -> None:
+    def set_noise(self, amounts: dict[str, Floats]) -> None:
         """Return to earlier amounts of the noise."""
         for channel, noise in self.noise.items():
             if not np.array_equal(noise.amounts, amounts[channel]):
@@ -303,15 +303,15 @@ class Problem:
         return sorted(gains, key=lambda one: -one.nats)
 
 
-def collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:
+def collect_bounds(model: Sequence[Hypothesis]) -> tuple[Floats, Floats]:
     """Limits of all coordinates of a model."""
     coordinates = [one for hypothesis in model for one in hypothesis.coordinates]
     return np.array([one.low for one in coordinates]), np.array([one.high for one in coordinates])
 
 
 def _solve_inside(
-    curvature: Array, slope: Array, damping: float, amounts: Array, widths: Array, bounds: tuple[Array, Array]
-) -> Array:
+    curvature: Floats, slope: Floats, damping: float, amounts: Floats, widths: Floats, bounds: tuple[Floats, Floats]
+) -> Floats:
     """A damped step in widths; what would leave its limits stays there, and the others are solved without it."""
     low, high = (bounds[0] - amounts) / widths, (bounds[1] - amounts) / widths
     free, step = np.ones(len(slope), dtype=np.bool_), np.zeros(len(slope))
@@ -335,7 +335,7 @@ class Gain:
 
     nats: float
     hypothesis: Hypothesis
-    amounts: Array
+    amounts: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,36 +343,36 @@ class Linearisation:
     """Per channel the whitened change of the prediction per width of each amount (w, n, k), the whitened residuals
     (w, n), and the roots of the weights of the windows (w,)."""
 
-    changes: Mapping[str, Array]
-    residuals: Mapping[str, Array]
-    roots: Mapping[str, Array]
+    changes: Mapping[str, Floats]
+    residuals: Mapping[str, Floats]
+    roots: Mapping[str, Floats]
 
     @cached_property
-    def matrix(self) -> Array:
+    def matrix(self) -> Floats:
         """Weighted changes of all channels (rows, k)."""
         return self.stack(self.changes)
 
     @cached_property
-    def target(self) -> Array:
+    def target(self) -> Floats:
         """Weighted residuals of all channels (rows,)."""
         return self.stack({channel: values[:, :, None] for channel, values in self.residuals.items()})[:, 0]
 
     @cached_property
-    def curvature(self) -> Array:
+    def curvature(self) -> Floats:
         """Curvature (k, k) of the cost per width, with the prior."""
         return np.asarray(np.eye(self.matrix.shape[1]) + self.matrix.T @ self.matrix)
 
     @cached_property
-    def inverse(self) -> Array:
+    def inverse(self) -> Floats:
         """The inverse of the curvature."""
         return np.asarray(np.linalg.inv(self.curvature), dtype=np.float64)
 
-    def stack(self, changes: Mapping[str, Array]) -> Array:
+    def stack(self, changes: Mapping[str, Floats]) -> Floats:
         """Whitened changes per channel (w, n, j) as one weighted matrix (rows, j)."""
         parts = [(changes[c] * root[:, None, None]).reshape(-1, changes[c].shape[2]) for c, root in self.roots.items()]
         return np.concatenate(parts)
 
-    def sum_windows(self, inside: Mask) -> tuple[Array, Array]:
+    def sum_windows(self, inside: Flags) -> tuple[Floats, Floats]:
         """What some windows (w,) add to the curvature (k, k), and to the slope of the likelihood per width (k,)."""
         size = self.matrix.shape[1]
         information, slope = np.zeros((size, size)), np.zeros(size)
@@ -383,17 +383,17 @@ class Linearisation:
             slope += columns.T @ (self.residuals[channel][inside] * weights).ravel()
         return information, slope
 
-    def step_without(self, inside: Mask) -> tuple[Array, Array]:
+    def step_without(self, inside: Flags) -> tuple[Floats, Floats]:
         """The step in widths (k,) to the amounts that the other windows give, and the curvature (k, k) these leave."""
         information, slope = self.sum_windows(inside)
         curvature = self.curvature - information
         return np.asarray(-np.linalg.solve(curvature, slope), dtype=np.float64), curvature
 
-    def reduce(self, columns: Array) -> Array:
+    def reduce(self, columns: Floats) -> Floats:
         """Weighted columns (rows, j) without what the amounts of the fit would take up of them."""
         return np.asarray(columns - self.matrix @ (self.inverse @ (self.matrix.T @ columns)))
 
-    def predict_gain(self, hypothesis: Hypothesis, columns: Array, sign: float) -> Gain | None:
+    def predict_gain(self, hypothesis: Hypothesis, columns: Floats, sign: float) -> Gain | None:
         """The gain beside the fit by columns (rows, k) that were computed with this sign; None on the wrong side."""
         own = self.reduce(columns)
         curvature = columns.T @ own + np.eye(hypothesis.size)

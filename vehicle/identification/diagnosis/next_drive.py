@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, split_amounts
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import NextDrive
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import GRID_S, SURE_SIGMAS
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, ReplayRig
 from vehicle.identification.replay.simulation import replay_segment, simulate_logged_values
@@ -30,7 +30,7 @@ from vehicle.records import DT_S
 
 SIGMAS_PER_Z = 2.0  # standard deviations between two explanations per standard error of their predictive difference
 NO_EFFECT = "no effect"  # the name of the alternative without any hypothesis
-Alternative = tuple[Hypothesis, Array]
+Alternative = tuple[Hypothesis, Floats]
 CompetingPair = tuple[Alternative, Alternative | None]
 """Two hypotheses that explain the logs equally well, with their amounts; None stands for neither."""
 
@@ -232,7 +232,7 @@ def build_command_segment(
     time = np.arange(0.0, ends[-1] - 1e-9, step)
     grid = np.arange(math.ceil(time[-1] / DT_S) + 1) * DT_S
 
-    def select_values(times: npt.NDArray[Any], column: int, factor: float) -> Array:
+    def select_values(times: npt.NDArray[Any], column: int, factor: float) -> Floats:
         values = np.array([piece[column] for piece in pieces]) * factor
         return values[np.minimum(np.searchsorted(ends, times, side="right"), len(pieces) - 1)]
 

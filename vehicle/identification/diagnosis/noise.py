@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
+from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELL_S, SENSOR_CELLS, DriveData
-from vehicle.identification.logs.schema import Array, Mask
 
 FREEDOM = 10.0  # of the Student t of a window: any from 4 to 30 gives the same names
 UNSEEN_VARIANCE = 1e4  # of a cell without a sample, far above any residual: m2 or rad2
@@ -76,12 +76,12 @@ class ChannelNoise:
     covariance of the start, `observed` (w, n) the cells with a sample.
     """
 
-    parts: Array
-    amounts: Array
-    free: Array
+    parts: Floats
+    amounts: Floats
+    free: Floats
     free_count: int
-    observed: Mask
-    usual: Array = field(init=False)
+    observed: Flags
+    usual: Floats = field(init=False)
 
     def __post_init__(self) -> None:
         self.usual = self.amounts.copy()
@@ -89,27 +89,27 @@ class ChannelNoise:
         self.fixed = self.free + UNSEEN_VARIANCE * (~self.observed)[:, :, None] * np.eye(self.observed.shape[1])
         self.set_amounts(self.amounts)
 
-    def set_amounts(self, amounts: Array) -> None:
+    def set_amounts(self, amounts: Floats) -> None:
         """Factor the covariance for other amounts (p,)."""
         self.amounts = amounts.copy()
         covariance = np.tensordot(np.exp(amounts), self.parts, axes=1) + self.fixed
-        lower: Array = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+        lower: Floats = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
         self.inverse = invert_lower(lower)
         self.log_sizes = np.log(np.diagonal(lower, axis1=1, axis2=2))
 
-    def whiten(self, residuals: Array) -> Array:
+    def whiten(self, residuals: Floats) -> Floats:
         """Residuals (w, n) or (w, n, k) as independent ones of unit size."""
         if residuals.ndim == 2:
             return np.asarray((self.inverse @ residuals[:, :, None])[:, :, 0])
         return np.asarray(self.inverse @ residuals)
 
-    def compute_log_density(self, white: Array) -> Array:
+    def compute_log_density(self, white: Floats) -> Floats:
         """Log density (w,) of whitened residuals (w, n)."""
         squares = (white * white).sum(axis=1)
         log_sizes = self.log_sizes.sum(axis=1)
         return np.asarray(-log_sizes - 0.5 * (FREEDOM + self.counts) * np.log1p(squares / FREEDOM))
 
-    def compute_cell_densities(self, white: Array) -> Array:
+    def compute_cell_densities(self, white: Floats) -> Floats:
         """The same split among cells (w, n), each given those before it; 0 where nothing was measured."""
         seen = self.observed
         squares = white * white * seen
@@ -119,16 +119,16 @@ class ChannelNoise:
         density += 0.5 * (FREEDOM + counts) * np.log1p((total - squares) / FREEDOM)
         return np.asarray((density - self.log_sizes) * seen)
 
-    def compute_weights(self, white: Array) -> Array:
+    def compute_weights(self, white: Floats) -> Floats:
         """Weights (w,) of windows in a least-squares step: small for odd ones."""
         return np.asarray((FREEDOM + self.counts) / (FREEDOM + (white * white).sum(axis=1)))
 
-    def fit(self, residuals: Array, iterations: int) -> None:
+    def fit(self, residuals: Floats, iterations: int) -> None:
         """Fit the amounts to residuals (w, n), with a wide prior around the usual ones."""
         if not self.observed.any():
             return
 
-        def evaluate(amounts: Array) -> tuple[float, Array]:
+        def evaluate(amounts: Floats) -> tuple[float, Floats]:
             self.set_amounts(amounts)
             white = self.whiten(residuals)
             solved = np.einsum("wba,wb->wa", self.inverse, white)
@@ -147,7 +147,7 @@ class ChannelNoise:
         self.set_amounts(np.asarray(best.x))
 
 
-def invert_lower(lower: Array) -> Array:
+def invert_lower(lower: Floats) -> Floats:
     """The inverses of lower triangular matrices (w, n, n), by halves: a third of the time of a general inverse."""
     size = lower.shape[1]
     if size <= SMALLEST_HALF:
@@ -160,7 +160,7 @@ def invert_lower(lower: Array) -> Array:
     return out
 
 
-def compute_memory(times: Array, time_constant: float) -> Array:
+def compute_memory(times: Floats, time_constant: float) -> Floats:
     """Covariance (n, n) of unit noise that forgets with a time constant (s), at once for 0."""
     apart = np.abs(times[:, None] - times[None])
     return np.asarray(np.exp(-apart / time_constant)) if time_constant else np.eye(len(times))
@@ -181,7 +181,7 @@ def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     by_time = np.concatenate([along * cosine * one, along * sine * one, yaw[:, :, None] * one], axis=1)
     by_turning = by_yaw * np.abs(yaw)[:, None, :]
 
-    def place(position: float, direction: float, memory: Array) -> Array:
+    def place(position: float, direction: float, memory: Floats) -> Floats:
         block = np.kron(np.diag([position, position, direction]), memory)
         return np.broadcast_to(block, (windows, 3 * n, 3 * n))
 
@@ -202,18 +202,18 @@ def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     return ChannelNoise(np.array(parts), amounts, np.asarray(free @ free.transpose(0, 2, 1)), 3, observed)
 
 
-def cut_motion(data: DriveData) -> tuple[Array, Array, Array]:
+def cut_motion(data: DriveData) -> tuple[Floats, Floats, Floats]:
     """Speed, heading and yaw rate in the cells of the windows (w, n)."""
     speed, heading = data.cut(data.path["speed"], POSE_CELLS), data.cut(data.path["heading"], POSE_CELLS)
     return speed, heading, np.gradient(heading, POSE_CELL_S, axis=1)
 
 
-def integrate_cells() -> Array:
+def integrate_cells() -> Floats:
     """The matrix (n, n) that integrates a rate over the cells of a window."""
     return np.asarray(POSE_CELL_S * (np.tril(np.ones((POSE_CELLS, POSE_CELLS)), -1) + 0.5 * np.eye(POSE_CELLS)))
 
 
-def build_yaw_response(data: DriveData, ahead: float) -> Array:
+def build_yaw_response(data: DriveData, ahead: float) -> Floats:
     """Change of the pose (w, 3 n, n) per change of the yaw rate in each cell."""
     speed, heading, _ = cut_motion(data)
     total = integrate_cells()
@@ -230,7 +230,7 @@ def build_sensor_noise(data: DriveData, channel: str) -> ChannelNoise:
     least_s, least_memory_s = (COMMAND_JITTER * data.row_step_s, data.row_step_s) if channel == "wheel" else (0.0, 0.0)
     times = np.asarray(SENSOR_CELL_S * np.arange(n), dtype=np.float64)
     one = np.broadcast_to(np.eye(n), (data.windows, n, n))
-    rate: Array = np.asarray(np.gradient(data.cut(data.path[channel], n), SENSOR_CELL_S, axis=1))
+    rate: Floats = np.asarray(np.gradient(data.cut(data.path[channel], n), SENSOR_CELL_S, axis=1))
     slow = [np.broadcast_to(compute_memory(times, part.memory_s), one.shape) for part in parts[1:3]]
     timing = rate[:, :, None] * compute_memory(times, max(parts[4].memory_s, least_memory_s)) * rate[:, None, :]
     sizes = (*(part.usual for part in parts[:4]), max(parts[4].usual, least_s))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.search import ADD_NATS, BETTER_NATS
 from vehicle.identification.faults.steering_evidence import (
     OFFSET_DEG,
@@ -27,7 +28,7 @@ from vehicle.identification.faults.steering_evidence import (
     slide_minimum,
 )
 from vehicle.identification.logs.column_faults import LOST_WORDS, POSITION_LOST
-from vehicle.identification.logs.schema import GAP_SAMPLES, Array, Log, LogFault, Mask
+from vehicle.identification.logs.schema import GAP_SAMPLES, Log, LogFault
 from vehicle.identification.logs.standing_columns import (
     STEERING_LOOSE,
     STEERING_STUCK,
@@ -64,7 +65,7 @@ WORDS = {
     WHEEL_SENSOR_FROZEN: "steering_deg does not follow the commands while the path does",
 }
 
-Channel = tuple[Array, Array]
+Channel = tuple[Floats, Floats]
 """What an entry of MEASURES reads in a run (k,), NaN where nothing is known: how far it is beyond what is allowed, and
 the nats per second that speak for "as before" where it is not."""
 
@@ -106,7 +107,7 @@ def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
             between_s = (span.earliest_s, span.first_s) if is_unclear else None
             from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
             fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
-            bad: Mask = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
+            bad: Flags = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
             log = log.exclude_rows(fault.rule, bad, faults=(*log.faults, fault))
         marked.append(log)
     left = [log for log in marked if log.rows_used >= FEWEST_READINGS]
@@ -153,7 +154,7 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
 # --- likelihood --------------------------------------------------------------------------------------------------
 
 
-def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
+def _find_likely_rows(nats: Floats) -> list[tuple[slice, float, slice]]:
     """Find spans with the largest sums of nats (k,): rows, sums, and rows about as likely to be first and last."""
     found, open_parts = [], [(0, len(nats))]
     while open_parts:
@@ -177,11 +178,11 @@ def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
 # --- the table ---------------------------------------------------------------------------------------------------
 
 
-def _find_excess(angle: Array, low: Array, high: Array) -> Array:
+def _find_excess(angle: Floats, low: Floats, high: Floats) -> Floats:
     return np.asarray(np.maximum(np.maximum(low - angle, angle - high), 0.0))
 
 
-def _find_following(angle: Array, expected: Array) -> Array:
+def _find_following(angle: Floats, expected: Floats) -> Floats:
     """Nats per second for an angle (k, deg) that moved in the last second as expected."""
     steps = round(1.0 / STEP_S)
     moved, steered = (values - shift(values, -steps) for values in (angle, expected))
@@ -280,7 +281,7 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
     return spans
 
 
-def _list_holds(log: Log, column: str) -> tuple[Array, Array, Array]:
+def _list_holds(log: Log, column: str) -> tuple[Floats, Floats, Floats]:
     """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
     columns = {
         "position": (log.easting_m, log.northing_m),

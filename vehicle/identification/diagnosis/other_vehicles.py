@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats, Integers
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
     RunEvidence,
@@ -28,7 +29,7 @@ from vehicle.identification.faults.steering_evidence import (
     shift,
 )
 from vehicle.identification.logs.directions import COURSE_HEADING
-from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import (
     DOUBT_SIGMAS,
     FEW_SHARE,
@@ -109,10 +110,10 @@ class _Windows:
     """Changes about the `chosen` rows (k,) of a run: heading (rad), path sideways and ahead (m)."""
 
     run: RunEvidence
-    chosen: Rows
-    turn: Array
-    aside: Array
-    ahead: Array
+    chosen: Integers
+    turn: Floats
+    aside: Floats
+    ahead: Floats
 
 
 def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | None:
@@ -201,7 +202,7 @@ def _fit_joint(windows: Sequence[_Windows], is_sensed: bool, stride: int) -> tup
     return float(best[0][0]), float(best[1][0]), 0.5 * windows_apart * math.log(least_without / least)
 
 
-def _list_columns(windows: _Windows, is_sensed: bool, late_s: float, rate: float, lag_s: float) -> Array:
+def _list_columns(windows: _Windows, is_sensed: bool, late_s: float, rate: float, lag_s: float) -> Floats:
     """Return what turns depend on (k, n) under a steering: the change of the angle, then the path by the angle."""
     half, time, run = WINDOW_STEPS // 2, windows.run.time_s, windows.run
     source = run.wheel if is_sensed else run.command

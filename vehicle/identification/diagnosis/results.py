@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from vehicle.identification.logs.schema import Array, LogFault
+from fields.arrays import Floats
+from vehicle.identification.logs.schema import LogFault
 from vehicle.identification.logs.thresholds import ALIKE_SHARE
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
@@ -168,11 +169,11 @@ class ResidualPlot:
 
     regressor: str
     quantity: str
-    regressor_values: Array
-    before: Array
-    before_error: Array
-    after: Array
-    after_error: Array
+    regressor_values: Floats
+    before: Floats
+    before_error: Floats
+    after: Floats
+    after_error: Floats
     limit: float | None = None
 
 
@@ -208,13 +209,13 @@ class PlanGain:
 class PieceErrors:
     """Root mean square errors (cm) per bin with rows: `lows` to `highs` of a quantity, rows, and four errors."""
 
-    lows: Array
-    highs: Array
-    rows: Array
-    cross_before_cm: Array
-    cross_after_cm: Array
-    along_before_cm: Array
-    along_after_cm: Array
+    lows: Floats
+    highs: Floats
+    rows: Floats
+    cross_before_cm: Floats
+    cross_after_cm: Floats
+    along_before_cm: Floats
+    along_after_cm: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,12 +225,12 @@ class PlaceErrors:
     `slopes` is the mean steepness (m/m) of the ground under the rows in each square; None where heights are unknown.
     """
 
-    west_m: Array
-    south_m: Array
+    west_m: Floats
+    south_m: Floats
     side_m: float
-    before_cm: Array
-    after_cm: Array
-    slopes: Array | None = None
+    before_cm: Floats
+    after_cm: Floats
+    slopes: Floats | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,10 +239,10 @@ class PathPair:
     aligned over the first seconds and then left alone."""
 
     name: str
-    time_s: Array
-    measured_m: Array
-    before_m: Array
-    after_m: Array
+    time_s: Floats
+    measured_m: Floats
+    before_m: Floats
+    after_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +265,7 @@ class ParameterCorrelations:
     """Correlations (m, m) of the values of one fit, and what they are: effect and parameter."""
 
     names: tuple[tuple[str, str], ...]
-    matrix: Array
+    matrix: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,10 +411,10 @@ class ReplayedSegment:
     """
 
     measured: DriveSegment
-    antenna: Array
-    wheel: Array
-    speed: Array
-    pieces: tuple[tuple[slice, Array], ...]
+    antenna: Floats
+    wheel: Floats
+    speed: Floats
+    pieces: tuple[tuple[slice, Floats], ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,15 +14,15 @@ from functools import partial
 
 import numpy as np
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
 from vehicle.identification.diagnosis.verdicts import ValueConverter, Verdict, centre_laws
-from vehicle.identification.logs.schema import Array, Log, Mask
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
-from vehicle.identification.replay.drive_inputs import Places
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig_and_corrections, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     Pieces,
@@ -84,7 +84,10 @@ def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict
 
 
 def _replay_left_out(
-    converter: ValueConverter, fit: Fit, amounts_by_run: Mapping[int, Sequence[Array]], hypotheses: Sequence[Hypothesis]
+    converter: ValueConverter,
+    fit: Fit,
+    amounts_by_run: Mapping[int, Sequence[Floats]],
+    hypotheses: Sequence[Hypothesis],
 ) -> Pieces:
     """Errors of all pieces with these hypotheses alone, every run with amounts that it had no part in."""
     parts: list[Pieces] = []
@@ -100,7 +103,7 @@ def _replay_left_out(
     return join_pieces(parts)
 
 
-def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array]]:
+def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Floats]]:
     """By run the amounts (k,) that the other runs give, by one Gauss-Newton step; of a single run those of each half of
     its windows of 20 s, by the other. What only one run shows stays its own."""
     data, runs = problem.data, problem.data.window_runs
@@ -108,13 +111,13 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array
         groups = {run: [runs == run] for run in range(data.runs)}
     else:
         begins = data.path_starts[:-1][data.window_segments]
-        seconds: Array = np.asarray((data.window_starts - begins) * PATH_STEP_S, dtype=np.float64)
+        seconds: Floats = np.asarray((data.window_starts - begins) * PATH_STEP_S, dtype=np.float64)
         halves = compute_half_numbers(seconds)
         groups = {run: [halves == half for half in (0, 1)] for run in range(data.runs)}
     widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
     linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
 
-    def leave_out(inside: Mask) -> Array:
+    def leave_out(inside: Flags) -> Floats:
         if inside.all() or not inside.any():
             return fit.amounts
         step, curvature = linear.step_without(inside)
@@ -125,11 +128,11 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array
     return {run: [centre @ leave_out(inside) for inside in own] for run, own in groups.items()}
 
 
-def _compute_gain(before: Array, after: Array) -> tuple[float, tuple[float, float]]:
+def _compute_gain(before: Floats, after: Floats) -> tuple[float, tuple[float, float]]:
     """Reduction (%) of the error over 5 s on left-out runs (runs, 4), and its 90 % interval by drawing runs again."""
     draws = np.random.default_rng(SEED).integers(0, len(before), (DRAWS, len(before)))
 
-    def measure(chosen: Places) -> float:
+    def measure(chosen: Integers) -> float:
         first, last = (float(one[chosen, :2].sum()) for one in (before, after))
         return 100.0 * (1.0 - math.sqrt(last / max(first, 1e-12)))
 
@@ -241,13 +244,13 @@ def is_extension_harmful(old: Pieces, new: Pieces, with_along: bool) -> bool:
     return bool(risen[0] or (risen[1] and fallen >= 0.0))
 
 
-def _join_kinds(pieces: Array, with_along: bool) -> Array:
+def _join_kinds(pieces: Floats, with_along: bool) -> Floats:
     """Squared errors per piece (p, 2): distance, across alone without `with_along`, and heading, 0 without one."""
     distance = pieces[:, 2] + (pieces[:, 3] if with_along else 0.0)
     return np.stack([distance, np.nan_to_num(pieces[:, 4])], axis=1)
 
 
-def _list_changes(old: Pieces, new: Pieces, with_along: bool) -> Iterator[tuple[float, Array, Mask]]:
+def _list_changes(old: Pieces, new: Pieces, with_along: bool) -> Iterator[tuple[float, Floats, Flags]]:
     """By horizon the logarithm of the change of the two errors (2,), and whether each is noticeable."""
     for horizon in (horizon for horizon in old if len(old[horizon])):
         rows = float(old[horizon][:, 5].sum())
@@ -258,7 +261,7 @@ def _list_changes(old: Pieces, new: Pieces, with_along: bool) -> Iterator[tuple[
         yield horizon, np.log(last / first), np.abs(last - first) > LEAST_HARM
 
 
-def compute_rise_sigmas(old: Array, new: Array) -> Array:
+def compute_rise_sigmas(old: Floats, new: Floats) -> Floats:
     """Return the rise of squared errors (k,) from paired pieces (p, k), in its standard errors; inf for one."""
     rises = new - old
     if len(rises) < 2:

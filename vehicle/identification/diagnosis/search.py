@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELL_S, POSE_CELLS, DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
@@ -30,7 +31,6 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, collect_bounds
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.logs.thresholds import ALIKE_SHARE, DOUBT_SIGMAS, LASTING_S
 from vehicle.model.effects import get_effect
 
@@ -60,7 +60,7 @@ class PredictiveComparison:
     alternative: Hypothesis | None
     nats: float
     z: float
-    amounts: Array | None = None
+    amounts: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -205,8 +205,8 @@ class Searcher:
         return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
 
     def _compare(
-        self, fit: Fit, predicted: dict[str, Array], other: Fit, alternative: Hypothesis | None,
-        noise: dict[str, Array],
+        self, fit: Fit, predicted: dict[str, Floats], other: Fit, alternative: Hypothesis | None,
+        noise: dict[str, Floats],
     ) -> PredictiveComparison:  # fmt: skip
         """The predictive difference between a fit and another, which gets its own noise where the two differ."""
         channels = [c for c in CHANNELS if float(np.abs(fit.residuals[c] - other.residuals[c]).max(initial=0.0)) > 1e-9]
@@ -222,7 +222,7 @@ class Searcher:
         amounts = None if alternative is None else other.get_amounts(alternative)
         return PredictiveComparison(alternative, total, total / max(error, 1e-9), amounts)
 
-    def predict(self, fit: Fit) -> dict[str, Array]:
+    def predict(self, fit: Fit) -> dict[str, Floats]:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
         problem, data = self.problem, self.problem.data
         widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
@@ -33,7 +34,7 @@ from vehicle.identification.diagnosis.search import (
     build_patch,
     find_middle_circle,
 )
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
     DOUBT_SIGMAS,
@@ -93,8 +94,8 @@ class Verdict:
 
     hypothesis: Hypothesis
     status: str
-    amounts: Array
-    covariance: Array
+    amounts: Floats
+    covariance: Floats
     nats: float
     equivalent_to: tuple[str, ...] = ()
     others: tuple[PredictiveComparison, ...] = ()
@@ -131,7 +132,7 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     return sorted(verdicts, key=lambda one: -one.nats)
 
 
-def centre_laws(problem: Problem, fit: Fit) -> Array:
+def centre_laws(problem: Problem, fit: Fit) -> Floats:
     """The matrix (k, k) that gives a constant what laws of the same effect add on average, where no file holds these;
     values of single runs are then about their mean."""
     centre = np.eye(len(fit.amounts))
@@ -146,7 +147,7 @@ def centre_laws(problem: Problem, fit: Fit) -> Array:
     return centre
 
 
-def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
+def _is_far(hypothesis: Hypothesis, amounts: Floats) -> bool:
     """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs. Widths
     are standard deviations of priors. A limit near neutral is reached by no fault: no dead band at all is near."""
     widths = np.array([one.width for one in hypothesis.coordinates])
@@ -157,7 +158,7 @@ def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
     return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > FAR_WIDTHS)
 
 
-def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:
+def _choose_status(judgement: Judgement, amounts: Floats, covariance: Floats) -> str:
     """The status of a hypothesis, or an empty text where nothing can be said."""
     against = judgement.against_none
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
@@ -197,7 +198,7 @@ def _list_equivalents(judgement: Judgement) -> tuple[PredictiveComparison, ...]:
     return tuple(equivalents)
 
 
-def compute_covariance(problem: Problem, fit: Fit) -> Array:
+def compute_covariance(problem: Problem, fit: Fit) -> Floats:
     """Covariance (k, k) of all amounts: by the curvature, or by the scatter between runs where that is larger, and at
     least what the base model and, of a time, the clock of the inputs leave open."""
     widths = collect_widths(fit.model)
@@ -258,19 +259,19 @@ class ValueConverter:
     """Converts amounts of hypotheses for the tractor and the logs of a problem."""
 
     problem: Problem
-    run_starts_s: Array
+    run_starts_s: Floats
 
-    def compute_values(self, hypothesis: Hypothesis, amounts: Array) -> Values:
+    def compute_values(self, hypothesis: Hypothesis, amounts: Floats) -> Values:
         """The values of compute_values for this tractor and these logs."""
         return compute_values(hypothesis, amounts, self.problem.data, self.problem.rig.tractor)
 
-    def compute_interval(self, hypothesis: Hypothesis, amounts: Array, covariance: Array) -> dict[str, Interval]:
+    def compute_interval(self, hypothesis: Hypothesis, amounts: Floats, covariance: Floats) -> dict[str, Interval]:
         """95 % intervals of the values; none for the place of a circle."""
         effect = get_effect(hypothesis.id)
         kind, _, box = scale_effect(effect, self.problem.data, self.problem.rig.tractor)
         return kind.compute_interval(effect.params, box, np.array(box.neutral) + amounts, covariance)
 
-    def build_settings(self, parts: Sequence[tuple[Hypothesis, Array]]) -> Settings:
+    def build_settings(self, parts: Sequence[tuple[Hypothesis, Floats]]) -> Settings:
         """What a tractor file would hold of these hypotheses; those that none can hold are left out."""
         settings: dict[str, Values] = {}
         amounts_by_term: Values = {}
@@ -283,7 +284,7 @@ class ValueConverter:
         finite = {name: values for name, values in settings.items() if all(map(math.isfinite, values.values()))}
         return {**finite, **({DISCREPANCY_KEY: amounts_by_term} if amounts_by_term else {})}
 
-    def describe_law(self, verdict: Verdict, constant: Array | None) -> ParameterLaw:
+    def describe_law(self, verdict: Verdict, constant: Floats | None) -> ParameterLaw:
         """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
         hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
         neutral = self.compute_values(hypothesis.make_constant(), np.zeros(1))[effect.size.name]
@@ -337,7 +338,7 @@ class ValueConverter:
         return best
 
 
-def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, tractor: Tractor) -> Values:
+def compute_values(hypothesis: Hypothesis, amounts: Floats, data: DriveData, tractor: Tractor) -> Values:
     """The values by name of amounts: of the tractor file, where the catalogue has it; of laws the amounts alone."""
     effect = EFFECTS_BY_ID.get(hypothesis.id)
     if effect is None or hypothesis.law not in (CONSTANT, "by_place", "with_speed"):
@@ -361,7 +362,7 @@ class RunPattern:
     run: int = 0
 
 
-def list_run_starts(logs: Sequence[Log]) -> Array:
+def list_run_starts(logs: Sequence[Log]) -> Floats:
     """The time (s) of the first used row of every log."""
     return np.array([float(log.time_s[log.used][0]) if log.used.any() else 0.0 for log in logs])
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.faults.steering_evidence import (
     COURSE_TURN_S,
     STEP_S,
@@ -26,7 +27,7 @@ from vehicle.identification.faults.steering_evidence import (
     fit_path_scales,
     shift,
 )
-from vehicle.identification.logs.schema import Array, Log, LogFault, Mask, Rows, list_gap_rows
+from vehicle.identification.logs.schema import Log, LogFault, list_gap_rows
 from vehicle.identification.logs.series import measure_spread, wrap_degrees
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
@@ -72,16 +73,16 @@ class _LevelRows:
     """Rows of a grid of all runs (k,): run, time (s), angle measured and needed (deg), pace (m/s), implement, direction
     of travel (rad), gear, place (m)."""
 
-    run: Rows
-    time_s: Array
-    angle: Array
-    needed: Array
-    pace: Array
-    implement: Array
-    course: Array
-    gear: Array
-    east: Array
-    north: Array
+    run: Integers
+    time_s: Floats
+    angle: Floats
+    needed: Floats
+    pace: Floats
+    implement: Floats
+    course: Floats
+    gear: Floats
+    east: Floats
+    north: Floats
 
 
 def mark_level_step(logs: Sequence[Log]) -> list[Log]:
@@ -131,7 +132,7 @@ def _find_level_step(rows: _LevelRows) -> tuple[int, float, float, bool, float] 
     ]  # fmt: skip
     nuisance = np.stack([column - np.mean(column) for column in columns], axis=1)
     best: dict[int, tuple[int, float]] = {}
-    step: Array | None = None
+    step: Floats | None = None
     for _ in range(_ROUNDS):
         residual, gain = _compute_residual(rows, nuisance, step)
         best = {int(run): found for run in np.unique(rows.run) if (found := _find_best(rows, residual, int(run)))}
@@ -185,14 +186,14 @@ def _collect_rows(logs: Sequence[Log], runs: Sequence[RunEvidence | None]) -> _L
     return _LevelRows(table[0].astype(np.int64), *table[1:])
 
 
-def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> tuple[Array, Array]:
+def _compute_residual(rows: _LevelRows, nuisance: Floats, step: Floats | None) -> tuple[Floats, Floats]:
     """Return the angle needed beyond that measured (k, deg) without what the nuisance columns explain, and how much the
     angle needed changes per angle measured (k,). Each run has a level of its own, which is left in, as is the step."""
     runs = [(rows.run == run).astype(np.float64) for run in np.unique(rows.run)]
     levels = np.stack([*runs, *([] if step is None else [step])], axis=1)
     columns = np.concatenate([nuisance, levels], axis=1)
     values = rows.needed - rows.angle
-    weights: Array = np.ones(len(values))
+    weights: Floats = np.ones(len(values))
     ridge = 1e-3 * np.eye(columns.shape[1])
     theta = np.zeros(columns.shape[1])
     for _ in range(_PASSES):
@@ -201,13 +202,13 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
         apart = np.abs(values - columns @ theta)
         sigma = max(measure_spread(apart), 1e-3)
         weights = np.square(np.minimum(DOUBT_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
-    residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
+    residual: Floats = values - nuisance @ theta[: nuisance.shape[1]]
     side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
     derivatives = np.stack([np.ones(len(side)), side, size / 10.0, 3.0 * size**2 / 400.0, push, side * push], axis=1)
     return residual, 1.0 + derivatives @ theta[: derivatives.shape[1]]
 
 
-def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float] | None:
+def _find_best(rows: _LevelRows, residual: Floats, run: int) -> tuple[int, float] | None:
     """Return the row of the best step of a run, and its size (deg); None in a run too short for any."""
     own = np.flatnonzero(rows.run == run)
     part_s = max(0.5 * PART_S, len(own) * _THIN_S / _MOST_PARTS)
@@ -216,7 +217,7 @@ def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float]
     if len(levels) < 2 * least:
         return None
 
-    def measure_scatter(part: Array) -> float:
+    def measure_scatter(part: Floats) -> float:
         return float(np.sum(np.abs(part - np.median(part))))
 
     costs = [measure_scatter(levels[:split]) + measure_scatter(levels[split:])
@@ -231,14 +232,14 @@ def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float]
     return int(own[min(refined, len(own) - 1)]), after - before
 
 
-def _measure_levels(values: Array, part_s: float) -> Array:
+def _measure_levels(values: Floats, part_s: float) -> Floats:
     """Return the medians of parts of about `part_s` of values (k,)."""
     size = round(part_s / _THIN_S)
     return np.array([np.median(values[start : start + size]) for start in range(0, len(values) - size + 1, size)])
 
 
 def _is_step(
-    rows: _LevelRows, residual: Array, sides: tuple[Mask, Mask], alike: tuple[Mask, Mask], size: float
+    rows: _LevelRows, residual: Floats, sides: tuple[Flags, Flags], alike: tuple[Flags, Flags], size: float
 ) -> bool:
     """Whether a step of a size (deg) between two sides of a run is clear, sharp, flat on both, and of no other cause.
     `alike` are the rows of the usual side, with those of other runs at its level, and of the odd one."""
@@ -255,7 +256,7 @@ def _is_step(
     )
 
 
-def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, size: float) -> tuple[Mask, Mask]:
+def _choose_usual(rows: _LevelRows, residual: Floats, before: Flags, after: Flags, size: float) -> tuple[Flags, Flags]:
     """Return the side that is unlike the other runs, and the rows of the other side with those runs that are at its
     level: what they drive says how the path is otherwise."""
     levels = {int(run): float(np.median(residual[rows.run == run])) for run in np.unique(rows.run[~(before | after)])}
@@ -269,7 +270,7 @@ def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, 
     return odd, usual | np.isin(rows.run, alike)
 
 
-def _is_flat(side: Array, size: float) -> bool:
+def _is_flat(side: Floats, size: float) -> bool:
     """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
     levels, level = _measure_levels(side, PART_S), float(np.median(side))
     apart = np.abs(levels - level)
@@ -282,7 +283,7 @@ def _is_flat(side: Array, size: float) -> bool:
     )
 
 
-def _is_alike(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:
+def _is_alike(rows: _LevelRows, residual: Floats, usual: Flags, odd: Flags, size: float) -> bool:
     """Whether all that is driven on both sides shows the step, on straights and in bends."""
     # By the path: where the sensor is off, straights have an angle.
     bend = np.sign(rows.needed) * (np.abs(rows.needed) > _STRAIGHT_DEG)
@@ -306,12 +307,12 @@ def _is_alike(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: f
     return len(shown) > 1 or (shown == [0.0] and _is_followed(rows.angle[odd], residual[odd]))
 
 
-def _number_cells(*columns: Array) -> Rows:
+def _number_cells(*columns: Floats) -> Integers:
     """Number rows by what they have in all columns (k,)."""
     return np.unique(np.stack(columns).T, axis=0, return_inverse=True)[1].ravel()
 
 
-def _is_followed(angle: Array, residual: Array) -> bool:
+def _is_followed(angle: Floats, residual: Floats) -> bool:
     """Whether the path clearly follows what the angle does about its level: it is an offset, and nothing is loose."""
     about = angle - np.mean(angle)
     squares = float(np.sum(about**2))
@@ -324,7 +325,7 @@ def _is_followed(angle: Array, residual: Array) -> bool:
     return abs(slope) + DOUBT_SIGMAS * error < NEAR_SHARE
 
 
-def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:
+def _is_seen_in_same_places(rows: _LevelRows, residual: Floats, usual: Flags, odd: Flags, size: float) -> bool:
     """Whether squares of the field that were driven on without the step as well show it."""
     number = _number_cells(np.floor(rows.east / _PLACE_M), np.floor(rows.north / _PLACE_M))
     seen = [value for value in np.unique(number[odd]) if np.sum(usual & (number == value)) * _THIN_S >= LASTING_S]
@@ -337,7 +338,7 @@ def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd:
     return _LEAST_SHARE < float(np.median(apart)) / size < _MOST_SHARE
 
 
-def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) -> bool:
+def _is_crossed(rows: _LevelRows, residual: Floats, before: Flags, after: Flags) -> bool:
     """Whether a step begins on a straight, and no border of ground across it is between before and after."""
     first = int(np.flatnonzero(after)[0])
     near = (before | after) & (np.abs(rows.time_s - rows.time_s[first]) < WINDOW_S)

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log, Mask
+from fields.arrays import Flags, Floats
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
@@ -57,33 +58,33 @@ class RunEvidence:
     that of the shuttle; the slower of the steering columns changes every `hold_s` only (0: in its rows).
     """
 
-    time_s: Array
-    known: Mask
-    wheel: Array | None
-    command: Array | None
-    usual: Array
-    low: Array
-    high: Array
-    steered: Array
-    pace: Array
-    bends: Array
-    aside: Array
-    place: Array
-    heading: Array | None
-    gear: Array
+    time_s: Floats
+    known: Flags
+    wheel: Floats | None
+    command: Floats | None
+    usual: Floats
+    low: Floats
+    high: Floats
+    steered: Floats
+    pace: Floats
+    bends: Floats
+    aside: Floats
+    place: Floats
+    heading: Floats | None
+    gear: Floats
     hold_s: float
 
     @property
-    def angle(self) -> Array:
+    def angle(self) -> Floats:
         """The wheel angle (k, deg); without a sensor that of a usual steering."""
         return self.usual if self.wheel is None else self.wheel
 
     @property
-    def unknown(self) -> Array:
+    def unknown(self) -> Floats:
         """Nothing known in any step (k,)."""
         return np.full(len(self.time_s), np.nan)
 
-    def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
+    def list_needed(self, scales: Sequence[BendScale | None]) -> list[tuple[Floats, Floats]]:
         """The wheel angles (k, deg) that the path needs and its curvatures, by heading and course as far as known."""
         return [
             ((bends - scale.at_zero) / scale.per_degree, bends)
@@ -174,24 +175,24 @@ def build_run_evidence(log: Log, lock_deg: float) -> RunEvidence | None:
                        gear, hold_s)  # fmt: skip
 
 
-def measure_swing(angle: Array) -> Array:
+def measure_swing(angle: Floats) -> Floats:
     """How far an angle (k, deg) moves within SWING_S about a step."""
     reach = round(0.5 * SWING_S / STEP_S)
     return -slide_minimum(-angle, reach) - slide_minimum(angle, reach)
 
 
-def shift(values: Array, steps: int) -> Array:
+def shift(values: Floats, steps: int) -> Floats:
     """Values (..., k) of so many steps later, those of the ends held on."""
     places = np.clip(np.arange(values.shape[-1]) + steps, 0, values.shape[-1] - 1)
     return np.asarray(values[..., places])
 
 
-def _measure_aside(place: Array, heading: Array | None, pace: Array | None, known: Mask) -> Array:
+def _measure_aside(place: Floats, heading: Floats | None, pace: Floats | None, known: Flags) -> Floats:
     """How far (k, m) positions are from the middle of those BEND_S before and after, beyond what the tractor drove.
     Speed and heading say what it drove, or a tractor that goes straight on; what explains more counts."""
     half = round(BEND_S / STEP_S)
 
-    def bend(values: Array) -> Array:
+    def bend(values: Floats) -> Floats:
         return values - 0.5 * (shift(values, half) + shift(values, -half))
 
     aside = bend(place)
@@ -230,7 +231,7 @@ def _follow_steps(source, late, most_step, share, out) -> None:  # type: ignore[
         out[k] = out[k - 1] + min(max(step, -most_step), most_step)
 
 
-def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: float, start_deg: float) -> Array:
+def follow_command(source: Floats, late_s: float, rate_deg_per_s: float, lag_s: float, start_deg: float) -> Floats:
     """Return what follows commands (k, deg) so late, at such a rate (deg/s) and time constant, from a start on."""
     out = np.empty(len(source))
     out[0] = start_deg
@@ -239,19 +240,19 @@ def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: f
     return out
 
 
-def slide_minimum(values: Array, reach: int) -> Array:
+def slide_minimum(values: Floats, reach: int) -> Floats:
     """Return the least value (k,) within `reach` steps to both sides."""
     padded = np.pad(values, reach, mode="edge")
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1))
 
 
-def fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -> tuple[Array, Array, float]:
+def fit_robustly(columns: Floats, values: Floats, prior_sd: Floats | None = None) -> tuple[Floats, Floats, float]:
     """Return coefficients (n,), their standard errors (n,) and the mean squared residual, with outliers cut off."""
     kept, sigma = np.ones(len(values), dtype=np.bool_), 1.0
     prior = np.zeros(columns.shape[1]) if prior_sd is None else prior_sd**-2.0
     for _ in range(4):
         information = columns[kept].T @ columns[kept] + np.diag(prior * sigma**2 + 1e-12)
-        theta: Array = np.linalg.solve(information, columns[kept].T @ values[kept]).astype(np.float64)
+        theta: Floats = np.linalg.solve(information, columns[kept].T @ values[kept]).astype(np.float64)
         residuals = np.abs(values - columns @ theta)
         sigma = max(measure_spread(residuals), 1e-6)
         kept = residuals < SURE_SIGMAS * sigma

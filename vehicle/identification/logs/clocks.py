@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
+from fields.arrays import Flags, Floats, Integers
+from vehicle.identification.logs.schema import Columns, Log
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
@@ -58,10 +59,10 @@ _AT_ONCE_SHARE, _LOST_STEPS = 0.2, 0.75
 class LagTable:
     """Mismatch of two instruments per window and lag: `middle_s` (w,) and `losses` (w, lags), by steps of `_FINE_S`."""
 
-    middle_s: Array
-    losses: Array
+    middle_s: Floats
+    losses: Floats
 
-    def select_windows(self, windows: Rows) -> LagTable:
+    def select_windows(self, windows: Integers) -> LagTable:
         """The table of some windows."""
         return LagTable(self.middle_s[windows], self.losses[windows])
 
@@ -107,7 +108,7 @@ def measure_speed_lags(log: Log) -> LagTable | None:
         return None
     pace = np.hypot(grid.east_mps, grid.north_mps)
 
-    def compute_losses(window: Rows, moved: Rows) -> Array:
+    def compute_losses(window: Integers, moved: Integers) -> Floats:
         return _sum_unexplained_squares(pace[moved], grid.speed[window])
 
     return _tabulate_losses(grid, compute_losses)
@@ -127,7 +128,7 @@ def measure_heading_lags(log: Log) -> LagTable | None:
     aside_mps, square = grid.east_mps * cosine - grid.north_mps * sine, float(grid.turning @ grid.turning)
     lever = float(aside_mps @ grid.turning) / square if square > 0.0 else 0.0
 
-    def compute_losses(window: Rows, moved: Rows) -> Array:
+    def compute_losses(window: Integers, moved: Integers) -> Floats:
         east, north = grid.east_mps[moved], grid.north_mps[moved]
         aside = east * cosine[window] - north * sine[window] - lever * grid.turning[window]
         along = east * sine[window] + north * cosine[window]
@@ -143,13 +144,13 @@ class _Motion:
     `moving` marks where the tractor drives forward in used rows.
     """
 
-    time_s: Array
-    east_mps: Array
-    north_mps: Array
-    speed: Array
-    heading: Array
-    turning: Array
-    moving: Array
+    time_s: Floats
+    east_mps: Floats
+    north_mps: Floats
+    speed: Floats
+    heading: Floats
+    turning: Floats
+    moving: Floats
 
 
 def _resample_motion(log: Log) -> _Motion | None:
@@ -159,11 +160,11 @@ def _resample_motion(log: Log) -> _Motion | None:
     time = log.time_s[rows]
     grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, GRID_S)
 
-    def compute_slope(values: Array) -> Array:
+    def compute_slope(values: Floats) -> Floats:
         ends = [np.interp(grid + shift, time, values) for shift in (-_HALF_CHORD_S, _HALF_CHORD_S)]
         return np.asarray((ends[1] - ends[0]) / (2.0 * _HALF_CHORD_S))
 
-    def compute_mean(values: Array) -> Array:
+    def compute_mean(values: Floats) -> Floats:
         return compute_slope(np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))]))
 
     heading = np.zeros(len(rows)) if log.heading_deg is None else np.unwrap(np.radians(log.heading_deg[rows]))
@@ -175,13 +176,13 @@ def _resample_motion(log: Log) -> _Motion | None:
     )  # fmt: skip
 
 
-def _sum_unexplained_squares(values: Array, regressor: Array) -> Array:
+def _sum_unexplained_squares(values: Floats, regressor: Floats) -> Floats:
     """Return the sums of squares (l,) that multiples of a regressor, (l, k) or (k,), leave of values (l, k)."""
     share = (regressor * values).sum(axis=1) / ((regressor * regressor).sum(axis=-1) + 1e-12)
     return np.asarray(((values - regressor * share[:, None]) ** 2).sum(axis=1))
 
 
-def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array]) -> LagTable | None:
+def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Integers, Integers], Floats]) -> LagTable | None:
     """Tabulate losses over windows in motion and lags; None with too few windows. `compute_losses` gets the steps of a
     window (k,) and those of the window moved by every lag (l, k)."""
     from scipy.interpolate import CubicSpline
@@ -253,7 +254,7 @@ def _fit_line(table: LagTable) -> tuple[Drift, float]:
     return (start - rate * first_s, rate), loss
 
 
-def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, float, float]:
+def _search_lines(table: LagTable, starts: Floats, ends: Floats) -> tuple[float, float, float]:
     """Return the lags at the first and last window of least mismatch, and the mismatch."""
     share = (table.middle_s - table.middle_s[0]) / max(float(np.ptp(table.middle_s)), GRID_S)
     total = np.zeros((len(starts), len(ends)))
@@ -269,7 +270,7 @@ def _compute_line_loss(table: LagTable, drift: Drift) -> float:
     return float(table.losses[np.arange(len(columns)), columns].sum())
 
 
-def _find_columns(lag: Array, count: int) -> Rows:
+def _find_columns(lag: Floats, count: int) -> Integers:
     """Return the columns of a table that lags (s) are nearest to."""
     return np.asarray(np.clip(np.round((lag + _SEARCH_S) / _FINE_S), 0, count - 1).astype(np.int64))
 
@@ -302,19 +303,19 @@ def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
     return {**columns, "time_s": evened}, (sentence,)
 
 
-def is_bundled(time: Array) -> bool:
+def is_bundled(time: Floats) -> bool:
     """Whether most rows follow the one before them at once, as they do where several come together."""
     steps = np.diff(time)
     return len(steps) > 0 and float(np.median(steps)) < _AT_ONCE_SHARE * float(np.mean(steps))
 
 
-def _find_waits(time: Array) -> Mask:
+def _find_waits(time: Floats) -> Flags:
     """Mark the steps (k - 1,) between bundles; all others are steps within one."""
     steps = np.diff(time)
     return np.asarray(steps > MAJORITY * np.mean(steps))
 
 
-def spread_bundles(time: Array) -> Array | None:
+def spread_bundles(time: Floats) -> Floats | None:
     """Return stamps (k,) on a line through the last rows of bundles, part by part between lost rows; None where the
     bundles do not come at the rate of their rows."""
     last = np.append(np.flatnonzero(_find_waits(time)), len(time) - 1)
@@ -334,7 +335,7 @@ def spread_bundles(time: Array) -> Array | None:
     return evened
 
 
-def _smooth_stamps(time: Array, step_s: float) -> Array:
+def _smooth_stamps(time: Floats, step_s: float) -> Floats:
     """Return stamps (k,) on the lines through the windows about each of them, part by part between gaps; at the ends
     through the first or last window."""
     evened, half, rows = time.copy(), _WINDOW_ROWS // 2, np.arange(_WINDOW_ROWS)
@@ -349,7 +350,7 @@ def _smooth_stamps(time: Array, step_s: float) -> Array:
     return evened
 
 
-def measure_followed_share(time: Array, evened: Array, moved_m: Array) -> tuple[float, float]:
+def measure_followed_share(time: Floats, evened: Floats, moved_m: Floats) -> tuple[float, float]:
     """Return how far positions follow the stamps (1) and not the row (0), and its standard error.
 
     `moved_m` (k - 1,) is driven between rows. The error is infinite where too few rows move, or positions are held.

@@ -18,9 +18,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from fields.arrays import Floats, Integers
 from fields.units import name_compass_point
 from vehicle.identification.logs.motion import RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import Array, ColumnFault, Columns, LogFault, Rows, list_gap_rows
+from vehicle.identification.logs.schema import ColumnFault, Columns, LogFault, list_gap_rows
 from vehicle.identification.logs.series import find_spans, mark_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
     POSITION_FROZEN,
@@ -96,7 +97,7 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     return faults
 
 
-def _is_too_slow(motion: RawMotion, inside: Rows) -> bool:
+def _is_too_slow(motion: RawMotion, inside: Integers) -> bool:
     """Whether a speed of 0 in some rows is at paces below those at which it shows any."""
     assert motion.speed is not None
     shown = motion.pace[(motion.speed > 0.0) & np.isfinite(motion.pace)]
@@ -107,7 +108,7 @@ def _is_too_slow(motion: RawMotion, inside: Rows) -> bool:
 
 
 def _find_still_faults(
-    name: str, motion: RawMotion, rows: Rows, column: str, lost: Sequence[Span] = ()
+    name: str, motion: RawMotion, rows: Integers, column: str, lost: Sequence[Span] = ()
 ) -> list[ColumnFault]:
     """Return the spans in which a column repeats one value, and else those in which it stands within its noise. Where
     the fix is lost, positions already wander, and what they say of a column that stands is no evidence."""
@@ -126,16 +127,16 @@ def _find_still_faults(
     return faults
 
 
-def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str, words: str) -> ColumnFault:
+def _build_fault(name: str, motion: RawMotion, rows: Integers, span: Span, fault_id: str, words: str) -> ColumnFault:
     first, last = span
     end_s = None if last >= len(rows) - 1 - motion.count_rows(READING_S) else float(motion.time_s[last])
     fault = LogFault(fault_id, name, float(motion.time_s[first]), end_s, words)
     return ColumnFault(fault, rows[first : (len(rows) if end_s is None else last + 1)])
 
 
-def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Rows]:
+def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Integers]:
     """Return the rows of the faults by the rule that excludes them."""
-    rows: dict[str, Rows] = {}
+    rows: dict[str, Integers] = {}
     for column_fault in faults:
         rule = column_fault.fault.rule
         rows[rule] = np.concatenate([rows.get(rule, np.empty(0, dtype=np.int64)), column_fault.rows])
@@ -165,7 +166,7 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
     return [span for span in long_spans if noisy or motion.is_contradicted(column, span)]
 
 
-def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span]) -> bool:
+def _is_noisy_elsewhere(motion: RawMotion, values: Floats, spans: Sequence[Span]) -> bool:
     """Whether the value changes to and fro in every other 3 s of driving, so that a standstill is no steady drive.
 
     Noise below a digit flips between two values where what is measured lies between them and stands still where it
@@ -195,13 +196,13 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
 # --- a fix that is lost ------------------------------------------------------------------------------------------
 
 
-def _group_rows(motion: RawMotion, rows: Rows) -> list[Rows]:
+def _group_rows(motion: RawMotion, rows: Integers) -> list[Integers]:
     """Return rows in groups of those that are near each other in time."""
     parts = np.split(rows, np.flatnonzero(np.diff(motion.time_s[rows]) > _SAME_FAULT_S) + 1)
     return [part for part in parts if len(part)]
 
 
-def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
+def find_scattered_rows(motion: RawMotion, lag: int) -> Integers:
     """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it.
 
     A bend that speed and heading show as well is driven, however tight and fast, as by a model car.
@@ -269,7 +270,7 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
     return [*left, *joined]
 
 
-def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | None:
+def _measure_jump(time: Floats, place: Floats, first: int, last: int) -> Floats | None:
     """Return by how much (2, m) positions are displaced from row `last` on, against rows up to `first`. Straight lines
     through both sides meet in the middle of the step: what bends them is the same on both sides."""
     if time[last] - time[first] > READING_S:
@@ -286,6 +287,6 @@ def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | N
         theta = np.linalg.lstsq(line, place[:, side].T, rcond=None)[0]
         noises.append(measure_spread(place[:, side].T - line @ theta))
         ends.append(theta[0])
-    size_m: Array = ends[1] - ends[0]
+    size_m: Floats = ends[1] - ends[0]
     least = max(JUMP_M, _LEAST_NOISES * max(noises))
     return size_m if float(np.hypot(*size_m)) > least else None

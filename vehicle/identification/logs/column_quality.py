@@ -18,9 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, STEERING_COLUMNS, Array, Columns, Log, Mask, Rows
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, STEERING_COLUMNS, Columns, Log
 from vehicle.identification.logs.series import (
     DIGITS,
     find_changes,
@@ -149,9 +150,9 @@ class FreshColumns(NamedTuple):
     """
 
     columns: Columns
-    fresh: Mask | None = None
+    fresh: Flags | None = None
     corrections: tuple[str, ...] = ()
-    place_rows: Mapping[str, Mask] = MappingProxyType({})
+    place_rows: Mapping[str, Flags] = MappingProxyType({})
 
 
 def interpolate_held_values(columns: Columns, name: str, logged: Columns | None = None) -> FreshColumns:
@@ -163,7 +164,7 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     time, rows = columns["time_s"], select_timed_rows(columns)
     if len(rows) < FEWEST_EVENTS:
         return FreshColumns(columns)
-    fresh_sets, converted, doubts = dict[str, Rows](), dict(columns), list[str]()
+    fresh_sets, converted, doubts = dict[str, Integers](), dict(columns), list[str]()
     position_rows = _find_fresh_rows(np.stack([(logged or columns)[axis][rows] for axis in _POSITION_COLUMNS]))
     if position_rows is not None:
         every_s = float(np.median(np.diff(time[rows][position_rows])))
@@ -195,7 +196,7 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     return FreshColumns(converted, fresh, tuple(doubts), place_rows)
 
 
-def _find_fresh_rows(values: Array) -> Rows | None:
+def _find_fresh_rows(values: Floats) -> Integers | None:
     """Return the indices at which values (c, k) were measured; None where they are not held between measurements."""
     if values.shape[1] < FEWEST_EVENTS:
         return None
@@ -213,7 +214,7 @@ def _find_fresh_rows(values: Array) -> Rows | None:
     return np.unique(np.concatenate([new_rows, *(np.arange(one + row_step, end, row_step)[:-1] for one, end in pairs)]))
 
 
-def _describe_held_values(what_held: str, instrument: str, every_s: float, time: Array) -> str:
+def _describe_held_values(what_held: str, instrument: str, every_s: float, time: Floats) -> str:
     row_step_s = float(np.median(np.diff(time)))
     return (
         f"{what_held} only every {every_s:.2g} s while rows are {row_step_s:.2g} s apart: {instrument} is slower "
@@ -254,7 +255,7 @@ def drop_columns_coarse_elsewhere(logs: Sequence[Log]) -> list[Log]:
     return out
 
 
-def _select_measured_values(log: Log, name: str) -> Array:
+def _select_measured_values(log: Log, name: str) -> Floats:
     """Return the measured values of a column."""
     rows = log.used if log.fresh is None or name == "speed_mps" else log.used & log.fresh
     return np.asarray(getattr(log, name)[rows])
@@ -266,7 +267,7 @@ def _drop_coarse_column(log: Log, name: str, step: float, source: str = "") -> L
     return log.correct_columns(f"{message}; the column is ignored", coarse_columns=coarse_columns, **{name: None})
 
 
-def find_rounding_step(values: Array) -> float:
+def find_rounding_step(values: Floats) -> float:
     """Return the step to which values (k,), row by row, are rounded; 0 where there is none.
 
     All values are multiples of it, up to one offset, and the number of steps from row to row varies: a constant number
@@ -282,7 +283,7 @@ def find_rounding_step(values: Array) -> float:
     return step if uneven >= FEWEST_READINGS else 0.0
 
 
-def _is_multiple_of_step(values: Array, step: float) -> bool:
+def _is_multiple_of_step(values: Floats, step: float) -> bool:
     """Whether values (k,) are whole numbers of steps apart; a single value is."""
     steps = np.diff(np.unique(np.round(values, DIGITS))) / step
     return bool((np.abs(steps - np.round(steps)) < _STEP_TOLERANCE).all())

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.logs.directions import (
     HEADING_FITS,
     HEADING_MATCHES,
@@ -21,7 +22,7 @@ from vehicle.identification.logs.motion import (
     fit_chords,
 )
 from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, Suspicion, convert_log
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Log
 from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
@@ -103,7 +104,7 @@ def _check_positions(log: Log, *_: object) -> list[tuple[LogConvention, str]]:
     return [(LogConvention.POSITION_KM, why)] if LogConvention.POSITION_KM.explains(share) else []
 
 
-def _integrate_distance(log: Log, speed: Array) -> float:
+def _integrate_distance(log: Log, speed: Floats) -> float:
     """Return the distance (m) driven at the stated speed, without gaps."""
     rows = np.flatnonzero(log.used)
     is_same_segment = np.diff(log.segment[rows]) == 0
@@ -134,7 +135,7 @@ def _check_speed(log: Log, *_: object) -> list[tuple[LogConvention, str]]:
 
 def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention) -> str:
     """Why a column is in a unit, over all driving and the faster half; empty when it is not, and for a few seconds."""
-    speed: Array | None = getattr(log, name)
+    speed: Floats | None = getattr(log, name)
     if speed is None or float(np.ptp(log.time_s[log.used])) < SHORTEST_SEGMENT_S:
         return ""
     fast = chords.speed >= np.median(chords.speed)
@@ -266,7 +267,7 @@ def find_swapped_steering(log: Log) -> str | None:
     )
 
 
-def _measure_following(log: Log, follower: Array, leader: Array) -> float | None:
+def _measure_following(log: Log, follower: Floats, leader: Floats) -> float | None:
     """Return the correlation of the movement of a column with how far the other one is ahead; None without gaps."""
     rows = np.flatnonzero(log.used)
     ahead = max(round(_AHEAD_S / log.step_s), 1)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.logs.motion import (
     PathChords,
     RawMotion,
@@ -26,7 +27,7 @@ from vehicle.identification.logs.motion import (
     select_clear_bends,
 )
 from vehicle.identification.logs.readings import LogConvention, Suspicion, format_fix_option
-from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows, find_file_line
+from vehicle.identification.logs.schema import Columns, Log, find_file_line
 from vehicle.identification.logs.series import select_timed_rows, wrap_degrees
 from vehicle.identification.logs.thresholds import (
     ALMOST_ALL_SHARE,
@@ -118,7 +119,7 @@ def drop_course_heading(log: Log) -> Log:
     return log.correct_columns(COURSE_HEADING, heading_deg=None)
 
 
-def _compute_wrong_share(wrong: Mask) -> float | None:
+def _compute_wrong_share(wrong: Flags) -> float | None:
     """Return the share of wrong chords; None when there are too few chords, 0 when too few are wrong."""
     if len(wrong) < FEWEST_BEND_CHORDS:
         return None
@@ -141,7 +142,7 @@ def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Su
     return Suspicion(None, why, "shuttle has the wrong sign", "write 1 for forward and -1 for reverse"), corrected
 
 
-def _build_reverse_rows_suspicion(rows: Rows, why: str, other_reading: str = "") -> Suspicion:
+def _build_reverse_rows_suspicion(rows: Integers, why: str, other_reading: str = "") -> Suspicion:
     suspected = "shuttle is -1 where the tractor drives forward"
     advice = f"write 1 in those rows{other_reading}"
     return Suspicion(None, f"{why}, first in line {find_file_line(rows)}", suspected, advice)
@@ -162,7 +163,7 @@ def _describe_flipped_heading(log: Log) -> str:
     )
 
 
-def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspicion:
+def _build_forward_rows_suspicion(rows: Integers, other_reading: str = "") -> Suspicion:
     suspected = "shuttle is 1 (the default without that column) where the tractor drives in reverse"
     why = f"heading and course are opposite, first near line {find_file_line(rows)}"
     return Suspicion(None, why, suspected, f"write -1 in those rows{other_reading}")
@@ -228,12 +229,12 @@ def _build_swapped_axes_suspicion(frame: str, why: str) -> Suspicion:
 # --- heading -----------------------------------------------------------------------------------------------------
 
 
-def _compute_travel_direction(log: Log, chords: PathChords) -> Array:
+def _compute_travel_direction(log: Log, chords: PathChords) -> Floats:
     """Return where the front should point (rad, clockwise from north), by course and gear."""
     return np.asarray(np.where(log.shuttle[chords.row] < 0.0, math.pi, 0.0) + chords.course)
 
 
-def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array) -> dict[LogConvention | None, float]:
+def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Floats) -> dict[LogConvention | None, float]:
     """Return the mean cosine between the course and each reading of the heading; key None is the contract's reading."""
     sums = _sum_heading(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
     return {
@@ -261,7 +262,7 @@ class _HeadingSums(NamedTuple):
         return abs(self.mirrored) >= HEADING_MATCHES * self.chords
 
 
-def _sum_heading(travel: Array, heading: Array, offset_deg: float = 0.0) -> _HeadingSums:
+def _sum_heading(travel: Floats, heading: Floats, offset_deg: float = 0.0) -> _HeadingSums:
     turned, mirrored = np.exp(1j * (heading - travel)).sum(), np.exp(1j * (heading + travel)).sum()
     return _HeadingSums(len(travel), complex(turned), complex(mirrored), offset_deg)
 
@@ -337,7 +338,7 @@ def _build_mirrored_heading_suspicion(own: _HeadingSums, sums: _HeadingSums) -> 
     )
 
 
-def find_flipped_headings(columns: Columns) -> Rows:
+def find_flipped_headings(columns: Columns) -> Integers:
     """Return the rows of the file whose heading points backwards between flips, where path and gear say so clearly."""
     if "heading_deg" not in columns:
         return np.empty(0, dtype=np.int64)
@@ -362,7 +363,7 @@ def find_flipped_headings(columns: Columns) -> Rows:
     return rows[flipped]
 
 
-def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
+def find_flips(time: Floats, heading: Floats) -> tuple[Integers, Integers]:
     """Return the first rows after flips of a heading (deg), and rows between the two sides of a flip."""
     changes: list[int] = []
     between: list[int] = []
@@ -381,7 +382,7 @@ def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:
     return np.array(changes, dtype=np.int64), np.array(between, dtype=np.int64)
 
 
-def _choose_flipped(motion: RawMotion, heading: Array, gear: Array, is_second: Mask) -> Mask | None:
+def _choose_flipped(motion: RawMotion, heading: Floats, gear: Floats, is_second: Flags) -> Flags | None:
     """Return which rows (k,) are flipped: those of one side of the flips, `is_second` or not; None where neither is
     clear, and where they are those in reverse, as of a course over ground."""
     clear = np.isfinite(motion.course) & (gear != 0.0)
@@ -395,9 +396,9 @@ def _choose_flipped(motion: RawMotion, heading: Array, gear: Array, is_second: M
     return None
 
 
-def _is_clear(agreement: Array) -> bool:
+def _is_clear(agreement: Floats) -> bool:
     return not len(agreement) or float(np.mean(agreement > CLEAR_CORRELATION)) >= NEARLY_SHARE
 
 
-def _is_all(mask: Mask) -> bool:
+def _is_all(mask: Flags) -> bool:
     return len(mask) > 0 and float(np.mean(mask)) >= NEARLY_SHARE

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, GatedRows, Mask, Rows, find_file_line
+from fields.arrays import Flags, Floats, Integers
+from vehicle.identification.logs.schema import STEERING_COLUMNS, GatedRows, find_file_line
 from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
 from vehicle.identification.logs.thresholds import JUMP_M, STANDSTILL_MPS, TURNED_DEG
 
@@ -23,14 +24,14 @@ class RowRules:
 
     def __init__(self, rows: int) -> None:
         """Start with every row in use."""
-        self.used: Mask = np.ones(rows, dtype=np.bool_)
+        self.used: Flags = np.ones(rows, dtype=np.bool_)
         self.gated: list[GatedRows] = []
 
-    def exclude_rows(self, rule: str, bad: Mask) -> None:
+    def exclude_rows(self, rule: str, bad: Flags) -> None:
         """Exclude the `bad` rows and count those that were still in use."""
         self.exclude_used_rows(rule, bad[self.used])
 
-    def exclude_used_rows(self, rule: str, bad_of_used: Mask) -> None:
+    def exclude_used_rows(self, rule: str, bad_of_used: Flags) -> None:
         """Exclude rows by a mask over the rows in use."""
         rows = np.flatnonzero(self.used)[bad_of_used]
         if len(rows):
@@ -38,7 +39,7 @@ class RowRules:
             self.used[rows] = False
 
 
-def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = None) -> RowRules:
+def gate_rows(columns: dict[str, Floats], faults: Mapping[str, Integers] | None = None) -> RowRules:
     """Apply every rule to columns (units of the contract), `faults` (rules with rows) first; none of roll and pitch."""
     rules = RowRules(len(columns["time_s"]))
     for rule, fault_rows in (faults or {}).items():
@@ -84,7 +85,7 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
     return rules
 
 
-def find_jumps(time: Array, east: Array, north: Array) -> Mask:
+def find_jumps(time: Floats, east: Floats, north: Floats) -> Flags:
     """Mark the positions that cannot be reached from most others: those outside the longest chain of reachable ones."""
     if len(time) < 2 or bool(_is_reachable(np.diff(time), np.diff(east), np.diff(north)).all()):
         return np.zeros(len(time), dtype=np.bool_)
@@ -105,5 +106,5 @@ def find_jumps(time: Array, east: Array, north: Array) -> Mask:
     return bad
 
 
-def _is_reachable(seconds: Array, east: Array, north: Array) -> Mask:
+def _is_reachable(seconds: Floats, east: Floats, north: Floats) -> Flags:
     return np.asarray(np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_M)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import Array, Columns, Log, Mask, Rows
+from vehicle.identification.logs.schema import Columns, Log
 from vehicle.identification.logs.series import compute_change, find_spans, mark_spans, measure_noise
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
@@ -50,11 +50,11 @@ class PathChords:
     the direction of travel, `speed` in m/s, `curvature` (1/m) positive to the right of the travel.
     """
 
-    row: npt.NDArray[np.int64]
+    row: Integers
     span_s: float
-    course: Array
-    speed: Array
-    curvature: Array
+    course: Floats
+    speed: Floats
+    curvature: Floats
 
 
 def compute_path_chords(log: Log) -> PathChords | None:
@@ -103,13 +103,13 @@ def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
     return chords, float(np.quantile(length / halves, 0.1))
 
 
-def _correlate(one: Array, other: Array) -> float:
+def _correlate(one: Floats, other: Floats) -> float:
     """Return the correlation of two columns (k,), 0 where one of them is constant."""
     spread = float(np.std(one)) * float(np.std(other))
     return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread > 0.0 else 0.0
 
 
-def select_chord_steering(log: Log) -> Array:
+def select_chord_steering(log: Log) -> Floats:
     """Return the sensor's angle (deg), else the command; raises LogError where these two contradict each other."""
     command, sensor = log.steering_command_deg, log.steering_deg
     if sensor is None or command is None:
@@ -142,13 +142,13 @@ def select_chord_steering(log: Log) -> Array:
     return sensor
 
 
-def has_pace_change(pace: Array) -> bool:
+def has_pace_change(pace: Floats) -> bool:
     """Whether paces (k,) differ by more than slip from the slower to the faster tenth."""
     slow, middle, fast = np.quantile(pace, (0.1, 0.5, 0.9))
     return bool(fast - slow > ALIKE_SHARE * middle)
 
 
-def measure_steady_time_s(log: Log) -> Array:
+def measure_steady_time_s(log: Log) -> Floats:
     """Return how long (s) the commanded speed of each row has been constant, from the start of its segment."""
     assert log.speed_command_mps is not None
     changed = np.abs(np.diff(log.speed_command_mps)) > _SAME_MPS
@@ -162,7 +162,7 @@ def find_largest_steering(log: Log) -> float:
     return float(np.abs(select_chord_steering(log)[log.used]).max())
 
 
-def compute_bends(log: Log) -> tuple[Array, Array, Array] | None:
+def compute_bends(log: Log) -> tuple[Floats, Floats, Floats] | None:
     """Per chord: mean steering, curvature (1/m, to the right in a forward gear), gear (-1, 0, 1); None without any."""
     chords = compute_path_chords(log)
     if chords is None:
@@ -176,7 +176,7 @@ def compute_bends(log: Log) -> tuple[Array, Array, Array] | None:
     return turned / chords.span_s, chords.curvature * gear, gear
 
 
-def fit_chords(regressor: Array, response: Array) -> tuple[float, float]:
+def fit_chords(regressor: Floats, response: Floats) -> tuple[float, float]:
     """Return how values (k,) of chords change with others, and its error; chords overlap, so two count as one."""
     centred = regressor - regressor.mean()
     square = float(centred @ centred)
@@ -187,7 +187,7 @@ def fit_chords(regressor: Array, response: Array) -> tuple[float, float]:
     return slope, math.sqrt(2.0 * float(residuals @ residuals) / (len(regressor) - 2) / square)
 
 
-def select_clear_bends(logs: Sequence[Log], gear: float = 0.0) -> tuple[Array, Array]:
+def select_clear_bends(logs: Sequence[Log], gear: float = 0.0) -> tuple[Floats, Floats]:
     """Return steering and curvature of the chords with clear steering, of one gear if it is not 0."""
     parts = [np.empty((2, 0))]
     for bends in filter(None, map(compute_bends, logs)):
@@ -197,7 +197,7 @@ def select_clear_bends(logs: Sequence[Log], gear: float = 0.0) -> tuple[Array, A
     return angle, curvature
 
 
-def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
+def is_steering_mirrored(angle: Floats, curvature: Floats) -> bool | None:
     """Whether the path turns away from clear steering, as no offset or slope makes it; None with too few bends."""
     if len(angle) < FEWEST_BEND_CHORDS:
         return None
@@ -209,20 +209,20 @@ def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
 class RawMotion:
     """Columns of the rows in use (k,), angles in degrees, with pace and course by chords, NaN where not known."""
 
-    time_s: Array
-    positions: Array
-    heading: Array | None
-    speed: Array | None
-    wheel: Array | None
-    target: Array | None
-    stated_speed: Array | None
-    pace: Array
-    course: Array
+    time_s: Floats
+    positions: Floats
+    heading: Floats | None
+    speed: Floats | None
+    wheel: Floats | None
+    target: Floats | None
+    stated_speed: Floats | None
+    pace: Floats
+    course: Floats
 
     @cached_property
-    def moving(self) -> Mask:
+    def moving(self) -> Flags:
         """Whether the tractor moves, by row."""
-        moving: Mask = np.nan_to_num(self.pace) > MOVING_MPS
+        moving: Flags = np.nan_to_num(self.pace) > MOVING_MPS
         return moving if self.stated_speed is None else moving | (self.stated_speed > MOVING_MPS)
 
     @property
@@ -230,18 +230,18 @@ class RawMotion:
         """Time from the first row to the last."""
         return float(self.time_s[-1] - self.time_s[0])
 
-    def get_column(self, name: str) -> Array | None:
+    def get_column(self, name: str) -> Floats | None:
         """Return the values (c, k) of position, heading, speed or wheel; None for a column that is not logged."""
         if name == "position":
             return self.positions
-        values: Array | None = getattr(self, name)
+        values: Floats | None = getattr(self, name)
         return None if values is None else values[None]
 
     def count_rows(self, seconds: float) -> int:
         """Return the rows of a time at the usual rate, at least one."""
         return max(round(seconds / float(np.median(np.diff(self.time_s)))), 1)
 
-    def measure_spans(self, starts: Rows, ends: Rows) -> tuple[Array, Mask]:
+    def measure_spans(self, starts: Integers, ends: Integers) -> tuple[Floats, Flags]:
         """Return the time (s) in the rows of spans, without gaps, and whether the tractor moves in most of each."""
         steps = np.diff(self.time_s)
         driven_s = np.concatenate([[0.0], np.cumsum(np.minimum(steps, GAP_STEPS * np.median(steps)))])
@@ -263,7 +263,7 @@ class RawMotion:
         pace[near] = course[near] = np.nan
         return replace(self, pace=pace, course=course)
 
-    def find_fresh_positions(self) -> Rows:
+    def find_fresh_positions(self) -> Integers:
         """Return the rows in which the position is a new one."""
         return np.append(0, np.flatnonzero((np.diff(self.positions, axis=1) != 0.0).any(axis=0)) + 1)
 
@@ -311,7 +311,7 @@ class RawMotion:
         return int(np.count_nonzero(excess > _OTHER_ANGLE_DEG)) >= self.count_rows(_OTHER_ANGLE_S)
 
     @cached_property
-    def curvature(self) -> Array:
+    def curvature(self) -> Floats:
         """The curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
         angle = self.course if self.heading is None else np.unwrap(np.radians(self.heading))
         half = max(self.count_rows(0.5 * _CHORDS_S[0]), 1)
@@ -325,11 +325,11 @@ class RawMotion:
         return out
 
 
-def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
+def build_raw_motion(columns: Columns, rows: Integers) -> RawMotion:
     """Build the motion of the rows in use; missing cells of optional columns are filled with the value before."""
     time = columns["time_s"][rows]
     positions = np.stack([columns["easting_m"][rows], columns["northing_m"][rows]])
-    filled: dict[str, Array] = {}
+    filled: dict[str, Floats] = {}
     for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps"):
         values = columns[name][rows] if name in columns else np.empty(0)
         finite = np.flatnonzero(np.isfinite(values))
@@ -342,7 +342,7 @@ def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
     return RawMotion(time, positions, heading, speed, wheel, target, stated, pace, course)
 
 
-def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:
+def _compute_chord_motion(time: Floats, positions: Floats, known: Flags) -> tuple[Floats, Floats, float]:
     """Return pace (m/s) and course (rad, clockwise from north) per row, NaN where the path is too short for one, and
     the time (s) that chords take by the noise of the `known` rows."""
     noise = measure_noise(positions[:, known])

@@ -14,10 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.errors import mark_parameter
 from fields.units import HOUR_S, KMH_PER_MPS
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, Columns, Log
+from vehicle.identification.logs.schema import STEERING_COLUMNS, Columns, Log
 from vehicle.model.gnss import project_to_metres
 
 Place = tuple[float, float]
@@ -28,7 +29,7 @@ _POSITIONS, _SPEEDS = ("easting_m", "northing_m"), ("speed_mps", "speed_command_
 MPH, KNOTS = HOUR_S / 1609.344, HOUR_S / 1852.0  # per m/s
 
 
-def _convert_each(convert: Callable[[Array], Array], *names: str) -> Conversion:
+def _convert_each(convert: Callable[[Floats], Floats], *names: str) -> Conversion:
     return lambda columns, _reference: {name: convert(columns[name]) for name in names if name in columns}
 
 

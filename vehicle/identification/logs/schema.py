@@ -8,14 +8,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.logs.thresholds import GAP_STEPS, PART_S
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
-Rows = npt.NDArray[np.int64]
-Columns = dict[str, Array]
+Columns = dict[str, Floats]
 
 NEEDED_COLUMNS = ("time_s", "easting_m", "northing_m")
 STEERING_COLUMNS = ("steering_command_deg", "steering_deg")
@@ -73,7 +70,7 @@ class ColumnFault:
     fault that began, but a limit of the instrument."""
 
     fault: LogFault
-    rows: Rows
+    rows: Integers
     is_limit: bool = False
 
 
@@ -99,34 +96,34 @@ class Log:
     """
 
     name: str
-    time_s: Array
-    easting_m: Array
-    northing_m: Array
-    heading_deg: Array | None
-    speed_mps: Array | None
-    speed_command_mps: Array | None
-    steering_command_deg: Array | None
-    steering_deg: Array | None
-    shuttle: Array
-    implement: Array
-    roll_deg: Array | None
-    pitch_deg: Array | None
-    used: Mask
-    segment: Rows
+    time_s: Floats
+    easting_m: Floats
+    northing_m: Floats
+    heading_deg: Floats | None
+    speed_mps: Floats | None
+    speed_command_mps: Floats | None
+    steering_command_deg: Floats | None
+    steering_deg: Floats | None
+    shuttle: Floats
+    implement: Floats
+    roll_deg: Floats | None
+    pitch_deg: Floats | None
+    used: Flags
+    segment: Integers
     gated: tuple[GatedRows, ...]
     ignored_columns: tuple[str, ...] = ()
     other_names: tuple[str, ...] = ()
     corrections: tuple[str, ...] = ()
     speed_factor: float = 1.0
     stray_steering_deg: float = 0.0
-    fresh: Mask | None = None
-    place_rows: Mapping[str, Mask] = field(default_factory=dict)
-    measured_rows: Mapping[str, Mask] = field(default_factory=dict)
+    fresh: Flags | None = None
+    place_rows: Mapping[str, Flags] = field(default_factory=dict)
+    measured_rows: Mapping[str, Flags] = field(default_factory=dict)
     coarse_columns: Mapping[str, float] = field(default_factory=dict)
     set_remarks: tuple[str, ...] = ()
     faults: tuple[LogFault, ...] = ()
-    elevation_m: Array | None = None
-    ground_fall: Array | None = None
+    elevation_m: Floats | None = None
+    ground_fall: Floats | None = None
     ground_source: str = ""
     origin_deg: tuple[float, float] | None = None
 
@@ -154,7 +151,7 @@ class Log:
         """Return the log with changed columns, and the sentence on them."""
         return replace(self, corrections=(*self.corrections, sentence), **changed)
 
-    def exclude_rows(self, rule: str, bad: Mask, **changed: Any) -> Log:
+    def exclude_rows(self, rule: str, bad: Flags, **changed: Any) -> Log:
         """Return the log without the `bad` ones of the used rows, counted under a rule."""
         rows, used = np.flatnonzero(bad & self.used), self.used & ~bad
         if len(rows):
@@ -162,19 +159,19 @@ class Log:
         return replace(self, used=used, segment=number_segments(self.time_s, used), **changed)
 
 
-def list_gap_rows(last_before: int, first_after: int, count: int) -> Rows:
+def list_gap_rows(last_before: int, first_after: int, count: int) -> Integers:
     """Return the rows about a jump between two rows, of so many rows, whose absence is a gap between segments."""
     missing = math.ceil(GAP_SAMPLES) + 1 - (first_after - last_before - 1)
     side = max(math.ceil(0.5 * missing), 1)
     return np.arange(max(last_before - side + 1, 0), min(first_after + side, count))
 
 
-def find_file_line(rows: Rows) -> int:
+def find_file_line(rows: Integers) -> int:
     """Return the line of the first of these rows in the file, of which the header is line 1."""
     return int(rows[0]) + 2
 
 
-def number_segments(time: Array, used: Mask) -> Rows:
+def number_segments(time: Floats, used: Flags) -> Integers:
     """Return the segment of each used row, -1 for the others; a gap of more than GAP_SAMPLES steps starts one."""
     out = np.full(len(time), -1, dtype=np.int64)
     steps = np.diff(time[used])
@@ -185,14 +182,14 @@ def number_segments(time: Array, used: Mask) -> Rows:
     return out
 
 
-def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:
+def split_drive_segments(log: Log) -> tuple[list[Integers], list[Integers]]:
     """Split a log into segments in one gear without a gap.
 
     Returns the rows of the segments that are long enough to replay, and the rows of the others, all from the first to
     the last in which the position was measured.
     """
-    long_segments: list[Rows] = []
-    short_segments: list[Rows] = []
+    long_segments: list[Integers] = []
+    short_segments: list[Integers] = []
     rows = np.flatnonzero(log.used)
     # A few excluded rows are no gap, unless the gear changed in them.
     is_stated = np.isfinite(log.shuttle)

@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from vehicle.identification.logs.clocks import correct_position_clock
 from vehicle.identification.logs.motion import (
     PathChords,
@@ -25,7 +26,7 @@ from vehicle.identification.logs.motion import (
     has_pace_change,
     measure_steady_time_s,
 )
-from vehicle.identification.logs.schema import Array, Log, Mask
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.series import compute_change, measure_spread
 from vehicle.identification.logs.thresholds import (
     FEWEST_LINE_CHORDS,
@@ -72,14 +73,14 @@ def _correct_speed_factor(log: Log) -> Log:
     return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
 
 
-def _collect_ratios(log: Log, chords: PathChords, stated: Array, chosen: Mask) -> Array:
+def _collect_ratios(log: Log, chords: PathChords, stated: Floats, chosen: Flags) -> Floats:
     """Return of chosen chords stated speed over pace, stated speed (m/s), course (rad) and implement (4, k)."""
     rows = chords.row[chosen]
     ratio = stated[rows] / chords.speed[chosen]
     return np.asarray(np.stack([ratio, stated[rows], chords.course[chosen], log.implement[rows]]))
 
 
-def _find_common_factor(ratios: Array) -> float | None:
+def _find_common_factor(ratios: Floats) -> float | None:
     """Return stated speed over pace; None where it may be 1, or differs by direction of travel, implement or speed."""
     ratio, stated, course, working = ratios
     if len(ratio) < FEWEST_LINE_CHORDS:
@@ -138,7 +139,7 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
     return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
 
 
-def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
+def _select_straight_chords(chords: PathChords, stated_mps: Floats) -> Flags:
     """Select the chords that can show a factor of the stated speed."""
     return np.asarray((np.abs(chords.curvature) < STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1))
 

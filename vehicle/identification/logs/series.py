@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Mask, Rows
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS
 
 WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
@@ -27,14 +27,14 @@ _CLEAR_CHANGE_FACTOR = 3.0
 _LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
 
 
-def select_timed_rows(columns: Mapping[str, Array], *names: str) -> Rows:
+def select_timed_rows(columns: Mapping[str, Floats], *names: str) -> Integers:
     """Return the rows with a time and a position, and the named columns, without which time increases."""
     known = [columns[name] for name in ("time_s", "easting_m", "northing_m", *names)]
     rows = np.flatnonzero(np.isfinite(known).all(axis=0))
     return rows[~find_decreasing_entries(columns["time_s"][rows])]
 
 
-def find_decreasing_entries(values: Array) -> Mask:
+def find_decreasing_entries(values: Floats) -> Flags:
     """Mark the entries outside one longest strictly increasing subsequence (patience sorting)."""
     bad = np.ones(len(values), dtype=np.bool_)
     if len(values) == 0 or bool((np.diff(values) > 0.0).all()):
@@ -57,13 +57,13 @@ def find_decreasing_entries(values: Array) -> Mask:
     return bad
 
 
-def find_spans(mask: Mask) -> list[tuple[int, int]]:
+def find_spans(mask: Flags) -> list[tuple[int, int]]:
     """Return first and last index of each span in which a mask (k,) is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]])))
     return [(int(first), int(end) - 1) for first, end in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def mark_spans(count: int, spans: Iterable[tuple[int, int]]) -> Mask:
+def mark_spans(count: int, spans: Iterable[tuple[int, int]]) -> Flags:
     """Mark the rows, of so many, in spans of first and last index."""
     inside = np.zeros(count, dtype=np.bool_)
     for first, last in spans:
@@ -71,27 +71,29 @@ def mark_spans(count: int, spans: Iterable[tuple[int, int]]) -> Mask:
     return inside
 
 
-def measure_spread(values: Array) -> float:
+def measure_spread(values: Floats) -> float:
     """Return the robust standard deviation of values (k,) about 0, as of a normal distribution with their median."""
     return 1.4826 * float(np.median(np.abs(values)))
 
 
-def measure_noise(values: Array) -> float:
+def measure_noise(values: Floats) -> float:
     """Return the robust standard deviation of the noise of values (..., k) from row to row, without their motion."""
     return measure_spread(np.diff(values, 2)) / math.sqrt(6.0)
 
 
-def wrap_degrees(angle_deg: Array) -> Array:
+def wrap_degrees(angle_deg: Floats) -> Floats:
     """Return angles within half a circle."""
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
-def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Array:
+def compute_change(time: Floats, values: Floats, starts: Floats, ends: Floats) -> Floats:
     """Return by how much values (k,) at times (k,) change from start times to end times (n,)."""
     return np.asarray(np.interp(ends, time, values) - np.interp(starts, time, values))
 
 
-def interpolate_between(column: Array, time: Array, rows: Rows, knots: Rows, values: Array | None = None) -> Array:
+def interpolate_between(
+    column: Floats, time: Floats, rows: Integers, knots: Integers, values: Floats | None = None
+) -> Floats:
     """Return a column (n,) that runs straight, in these rows (k,) of it, between the knots (indices of `rows`), or
     `values` (k,) in its place, such as angles without steps of a circle."""
     out = column.copy()
@@ -100,7 +102,7 @@ def interpolate_between(column: Array, time: Array, rows: Rows, knots: Rows, val
     return out
 
 
-def turn_path(path: Array, turned: Array) -> Array:
+def turn_path(path: Floats, turned: Floats) -> Floats:
     """Return a path (k, 2) whose steps are turned by angles (k,), rad to the left."""
     steps = np.diff(path, axis=0)
     cosine, sine = np.cos(turned[:-1]), np.sin(turned[:-1])
@@ -114,13 +116,13 @@ class Changes(NamedTuple):
     """Rows of new values (n,), the first row among them; and of each change to the next of them (n - 1,): how many rows
     the value before it stands, how far it goes, and whether that is more than a last digit."""
 
-    new_rows: Rows
-    counts: Rows
-    jumps: Array
-    is_clear: Mask
+    new_rows: Integers
+    counts: Integers
+    jumps: Floats
+    is_clear: Flags
 
 
-def find_changes(values: Array) -> Changes:
+def find_changes(values: Floats) -> Changes:
     """Find the changes of values (c, k); each column has its own last digit."""
     steps = np.diff(values, axis=1)
     new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
@@ -134,7 +136,7 @@ def find_changes(values: Array) -> Changes:
     return Changes(new_rows, np.diff(new_rows), np.sqrt((changes**2).sum(axis=0)), is_clear)
 
 
-def denoise_angles(time: Array, values: Array) -> Array:
+def denoise_angles(time: Floats, values: Floats) -> Floats:
     """Remove white noise from angles (k, rad) at times (k, s) without delaying or smoothing steps."""
     noise = estimate_angle_noise(values)
     if noise == 0.0:
@@ -146,11 +148,11 @@ def denoise_angles(time: Array, values: Array) -> Array:
     mean_after, count_after = _compute_one_sided_means(values[::-1], widths, noise)
     mean_after, count_after = mean_after[::-1], count_after[::-1]
     # The row itself is in both means.
-    out: Array = (mean_before * count_before + mean_after * count_after - values) / (count_before + count_after - 1.0)
+    out: Floats = (mean_before * count_before + mean_after * count_after - values) / (count_before + count_after - 1.0)
     return out
 
 
-def estimate_angle_noise(values: Array) -> float:
+def estimate_angle_noise(values: Floats) -> float:
     """Return the standard deviation of white noise on angles (k, rad) that move smoothly in most rows, not below the
     rounding to their last digit."""
     if len(values) < 3:
@@ -161,7 +163,7 @@ def estimate_angle_noise(values: Array) -> float:
     return max(spread, digit / math.sqrt(12.0)) if math.isfinite(digit) else spread
 
 
-def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> tuple[Array, Array]:
+def _compute_one_sided_means(values: Floats, widths: list[int], noise: float) -> tuple[Floats, Floats]:
     """Return the mean (k,) of each row and those before it, and the number of rows in each mean."""
     sums = np.concatenate([[0.0], np.cumsum(values)])
     ends = np.arange(1, len(values) + 1)

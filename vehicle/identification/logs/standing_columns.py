@@ -17,8 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, RawMotion
-from vehicle.identification.logs.schema import STEERING_COLUMNS, Array, ColumnFault, Columns, LogFault, Mask, Rows
+from vehicle.identification.logs.schema import STEERING_COLUMNS, ColumnFault, Columns, LogFault
 from vehicle.identification.logs.series import mark_spans, measure_noise
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
@@ -68,12 +69,12 @@ class _Blocks:
     """Means over seconds (n,): times, and speed, target, pace (m/s), heading, heading minus course (deg, folded so that
     gears do not matter), NaN where not known."""
 
-    time_s: Array
-    speed: Array
-    target: Array
-    pace: Array
-    heading: Array
-    apart: Array
+    time_s: Floats
+    speed: Floats
+    target: Floats
+    pace: Floats
+    heading: Floats
+    apart: Floats
 
 
 def find_standing_spans(motion: RawMotion, column: str) -> list[tuple[int, int, int]]:
@@ -113,7 +114,7 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[tuple[int, int, 
             begin, limit_row = int(edges[max(shown[0] - 1, 0)]), int(edges[min(shown[1] + 2, len(edges) - 1)])
             begins, end = int(edges[shown[0]]), int(edges[shown[1] + 1])
             level = np.median(values[:, begins:end], axis=1)[:, None]
-            moves: Mask = np.max(np.abs(values - level), axis=0) > limit
+            moves: Flags = np.max(np.abs(values - level), axis=0) > limit
             before, after = np.flatnonzero(moves[begin:begins]), np.flatnonzero(moves[end:limit_row])
             start = begin + (int(before[-1]) + 1 if len(before) else 0)
             stop = end + int(after[0]) if len(after) else limit_row
@@ -121,12 +122,12 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[tuple[int, int, 
     return sorted(found)
 
 
-def _average(values: Array, starts: Rows) -> Array:
+def _average(values: Floats, starts: Integers) -> Floats:
     counts = np.diff(np.append(starts, len(values)))
     return np.asarray(np.add.reduceat(values, starts) / counts)
 
 
-def _list_still_blocks(means: Array, time: Array, limit: float, least_s: float) -> list[tuple[int, int]]:
+def _list_still_blocks(means: Floats, time: Floats, limit: float, least_s: float) -> list[tuple[int, int]]:
     """Return spans of blocks whose means (c, n) are no further apart than a limit, the longest first, none twice."""
     ends, last = np.zeros(len(time), dtype=np.int64), 0
     for first in range(len(time)):
@@ -183,7 +184,7 @@ def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
     return float(np.mean(~_is_other_pace(pace, speed)[driven])) >= MOST_SHARE
 
 
-def _is_other_pace(pace: Array, speed: Array) -> Mask:
+def _is_other_pace(pace: Floats, speed: Floats) -> Flags:
     return np.asarray(np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, ALIKE_SHARE * speed))
 
 
@@ -311,7 +312,7 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     return found
 
 
-def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
+def _find_still_spans(time: Floats, command: Floats, wheel: Floats) -> list[Span]:
     """Return spans of readings (k,) in which the wheels stay, far from commands that differ; near ones as one."""
     spans: list[Span] = []
     first = 0

@@ -21,11 +21,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.errors import mark_parameter, shorten_middle, suggest_name
 from fields.nested_text import parse_toml
 from fields.text_files import explain_parse_error, quote_path, read_table_text, read_text
 from vehicle.identification.errors import ColumnError, LogError
-from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Array, Columns
+from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Columns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -106,7 +107,7 @@ def extract_columns(frame: pd.DataFrame, name: str) -> tuple[Columns, tuple[str,
     return filled, tuple(column for column in header if column not in COLUMNS)
 
 
-def _parse_numbers(cells: pd.Series, column: str, name: str) -> Array:
+def _parse_numbers(cells: pd.Series, column: str, name: str) -> Floats:
     """Return the numbers of a column; refuse one that holds text and no number.
 
     Where it has none, times count as seconds since 1970 (UTC), or since midnight without a date (ISO 8601 or
@@ -114,7 +115,7 @@ def _parse_numbers(cells: pd.Series, column: str, name: str) -> Array:
     """
     import pandas as pd
 
-    values: Array = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
+    values: Floats = np.array(pd.to_numeric(cells, errors="coerce"), dtype=np.float64)
     if not np.isfinite(values).any():
         text = [cell for cell in map(str.strip, map(str, cells)) if cell.lower() not in _EMPTY_CELLS]
         if text and column == "time_s":

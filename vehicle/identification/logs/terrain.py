@@ -17,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats
 from vehicle.identification.logs.motion import compute_path_chords, measure_steady_time_s
 from vehicle.identification.logs.readings import LogConvention, format_fix_option
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     CLEAR_SIGMAS,
@@ -54,9 +55,9 @@ class GroundFall:
     `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
     """
 
-    fall: Array
-    heading: Array
-    block: Array
+    fall: Floats
+    heading: Floats
+    block: Floats
     rms_fall: float
     mounting_deg: float
 
@@ -104,7 +105,7 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     return GroundFall(fall, direction - aside, block, rms_fall, degrees)
 
 
-def _list_directions(logs: Sequence[Log]) -> tuple[Array, Array]:
+def _list_directions(logs: Sequence[Log]) -> tuple[Floats, Floats]:
     """Return heading (rad, clockwise from north) and piece of PART_S of the used rows of all logs."""
     parts = []
     for number, log in enumerate(logs):
@@ -116,7 +117,7 @@ def _list_directions(logs: Sequence[Log]) -> tuple[Array, Array]:
     return heading, block
 
 
-def _measure_push(log: Log, column: str) -> Array:
+def _measure_push(log: Log, column: str) -> Floats:
     """Return the acceleration (m/s2) of the used rows to the right (`roll_deg`) or ahead, which leans the tractor."""
     assert log.heading_deg is not None
     time, used = log.time_s[log.used], log.used
@@ -150,7 +151,7 @@ def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     return GroundFall(fall, heading, block, rms_fall, 0.0)
 
 
-def split_per_log(logs: Sequence[Log], values: Array) -> tuple[Array, ...]:
+def split_per_log(logs: Sequence[Log], values: Floats) -> tuple[Floats, ...]:
     """Split values of the used rows into one array per log with all its rows, 0 in unused rows."""
     parts = tuple(np.zeros(len(log.used)) for log in logs)
     ends = np.cumsum([log.rows_used for log in logs])
@@ -159,22 +160,22 @@ def split_per_log(logs: Sequence[Log], values: Array) -> tuple[Array, ...]:
     return parts
 
 
-def _compute_shown_fall(log: Log, column: str) -> Array:
+def _compute_shown_fall(log: Log, column: str) -> Floats:
     """Return the fall shown by the sensor in the used rows, interpolated where it is missing or impossible."""
     angle, time = getattr(log, column)[log.used], log.time_s[log.used]
     is_possible = np.abs(angle) <= STEEPEST_DEG
     if not is_possible.any():
         return np.zeros(len(angle))
-    out: Array = np.tan(np.radians(np.interp(time, time[is_possible], angle[is_possible])))
+    out: Floats = np.tan(np.radians(np.interp(time, time[is_possible], angle[is_possible])))
     return out if column == "roll_deg" else -out
 
 
-def smooth_values(log: Log, values: Array, width_s: float) -> Array:
+def smooth_values(log: Log, values: Floats, width_s: float) -> Floats:
     """Return the mean over `width_s` around every row of its own segment."""
     return _compute_moving_means(log, values, width_s)[0]
 
 
-def _compute_moving_means(log: Log, values: Array, width_s: float) -> tuple[Array, Array]:
+def _compute_moving_means(log: Log, values: Floats, width_s: float) -> tuple[Floats, Floats]:
     """Return the mean over `width_s` around every row of its own segment, and the number of rows in it."""
     out, count = np.empty_like(values), np.ones(len(values))
     segment, time = log.segment[log.used], log.time_s[log.used]
@@ -188,7 +189,7 @@ def _compute_moving_means(log: Log, values: Array, width_s: float) -> tuple[Arra
     return out, count
 
 
-def _select_width(logs: Sequence[Log], shown_falls: Sequence[Array]) -> tuple[float, float]:
+def _select_width(logs: Sequence[Log], shown_falls: Sequence[Floats]) -> tuple[float, float]:
     """Return the width (s) whose means best predict left-out rows, and the variance of the remaining noise."""
     best = (np.inf, 0.0, 0.0)
     for width in SMOOTHING_WIDTHS_S:
@@ -205,7 +206,7 @@ def _select_width(logs: Sequence[Log], shown_falls: Sequence[Array]) -> tuple[fl
     return best[1], best[2]
 
 
-def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -> tuple[float, float] | None:
+def _estimate_mounting(shown: Floats, push: Floats, ground: Floats, block: Floats) -> tuple[float, float] | None:
     """Estimate mounting (slope) and lean (slope per m/s2) of a sensor that shows a fall (n,) pushed by an acceleration
     (n,), on a ground of columns (n, 9); None where the drives do not show the mounting well.
 
@@ -230,7 +231,7 @@ def _estimate_mounting(shown: Array, push: Array, ground: Array, block: Array) -
 class GradeSpeed:
     """Share of the commanded speed that is driven on the grade, per row of each log; empty where it is not used."""
 
-    speed_share: tuple[Array, ...] = ()
+    speed_share: tuple[Floats, ...] = ()
     remarks: tuple[str, ...] = ()
 
 
@@ -274,7 +275,7 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
 
 
 def _estimate_grade_gain(
-    logs: Sequence[Log], ground_fall: GroundFall, forward_fall: Array
+    logs: Sequence[Log], ground_fall: GroundFall, forward_fall: Floats
 ) -> tuple[float, float, float, float]:
     """Return the share of speed gained per fall and its standard error, from rows under a constant command.
 
@@ -299,7 +300,7 @@ def _estimate_grade_gain(
     return float(coefficients[0]), error, spread, left
 
 
-def _fit_by_blocks(columns: Array, values: Array, block: Array) -> tuple[Array, float]:
+def _fit_by_blocks(columns: Floats, values: Floats, block: Floats) -> tuple[Floats, float]:
     """Fit values (k,) by columns (k, m); return the coefficients, and the standard error of the first of them where the
     rows of a block are one observation."""
     coefficients = np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
@@ -309,7 +310,7 @@ def _fit_by_blocks(columns: Array, values: Array, block: Array) -> tuple[Array, 
     return coefficients, float(np.sqrt((inverse @ (sums.T @ sums) @ inverse)[0, 0]))
 
 
-def _compute_block_rms(values: Array, block: Array) -> float:
+def _compute_block_rms(values: Floats, block: Floats) -> float:
     """Return the root mean square of the means over blocks."""
     owners = np.unique(block, return_inverse=True)[1]
     means = np.bincount(owners, values) / np.bincount(owners)
@@ -325,7 +326,7 @@ class CrossSlope:
     the slope across the direction of travel. `remarks` are sentences.
     """
 
-    across: tuple[Array, ...] = ()
+    across: tuple[Floats, ...] = ()
     east: float = 0.0
     north: float = 0.0
     rms_slope: float = 0.0

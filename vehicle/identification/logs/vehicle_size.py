@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.errors import mark_parameter
 from vehicle.datasheet.sheet import QUANTITIES
 from vehicle.identification.errors import LogError
@@ -21,7 +22,7 @@ from vehicle.identification.logs.motion import (
     compute_path_chords,
     find_largest_steering,
 )
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     FEWEST_LINE_CHORDS,
@@ -76,13 +77,13 @@ def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> Measured
     return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)
 
 
-def _fit_line_through_zero(x: Array, y: Array) -> tuple[float, float]:
+def _fit_line_through_zero(x: Floats, y: Floats) -> tuple[float, float]:
     """Return the slope of a line through 0 and the correlation of the points (k,)."""
     square = float(x @ x)
     return float(x @ y) / max(square, 1e-30), float(x @ y) / math.sqrt(square * float(y @ y) + 1e-30)
 
 
-def compute_file_curvature(angle_deg: Array, tractor: Tractor, ground: str) -> Array:
+def compute_file_curvature(angle_deg: Floats, tractor: Tractor, ground: str) -> Floats:
     """Return the curvature (1/m, positive right) that the file gives for wheel angles, extrapolated beyond the lock."""
     if ground not in tractor.radius:
         return np.tan(np.radians(angle_deg)) / tractor.wheelbase_m

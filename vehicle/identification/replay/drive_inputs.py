@@ -8,13 +8,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from vehicle.identification.logs.schema import Array, Mask
+from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.records import DT_S
-
-Places = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,25 +22,25 @@ class Samples:
     rows used, `cells` their cells, `segments` the segment of each row.
     """
 
-    values: Array
-    observed: Mask
-    places: Array
-    cells: Places
-    segments: Places
+    values: Floats
+    observed: Flags
+    places: Floats
+    cells: Integers
+    segments: Integers
 
-    def average(self, rows: Array) -> Array:
+    def average(self, rows: Floats) -> Floats:
         """Means (w, cells) of values per row (k,); 0 in cells without a row."""
         size = self.observed.size
         total = np.bincount(self.cells, rows, minlength=size).reshape(self.observed.shape)
         return np.asarray(total / np.maximum(self._counts, 1.0))
 
     @cached_property
-    def _counts(self) -> Array:
+    def _counts(self) -> Floats:
         counts = np.bincount(self.cells, minlength=self.observed.size)
         return counts.reshape(self.observed.shape).astype(np.float64)
 
 
-def sample_rows(segments: Sequence[DriveSegment], starts: Places, step_s: float) -> Samples:
+def sample_rows(segments: Sequence[DriveSegment], starts: Integers, step_s: float) -> Samples:
     """Samples at every row (k,) of segments that begin at `starts` (s + 1,) of an axis, instead of means over cells."""
     rows = [segment.rows for segment in segments]
     numbers, count = np.repeat(np.arange(len(segments)), rows), sum(rows)
@@ -63,13 +60,13 @@ class DriveInputs:
 
     segments: tuple[DriveSegment, ...]
     stride: int
-    step_starts: Places
-    path_starts: Places
-    command: Array
-    first_wheel: Array
-    target: Array
-    working: Array
-    path: dict[str, Array]
+    step_starts: Integers
+    path_starts: Integers
+    command: Floats
+    first_wheel: Floats
+    target: Floats
+    working: Floats
+    path: dict[str, Floats]
     east: Samples
     north: Samples
     heading: Samples
@@ -77,7 +74,7 @@ class DriveInputs:
     speed: Samples
 
     @cached_property
-    def has_wheel(self) -> Mask:
+    def has_wheel(self) -> Flags:
         """Per segment, whether its wheel angle was measured."""
         return np.array([segment.wheel is not None for segment in self.segments])
 
@@ -115,7 +112,7 @@ def build_inputs(segments: Sequence[DriveSegment], stride: int = 1) -> DriveInpu
     )  # fmt: skip
 
 
-def _join(parts: Sequence[Array], steps: Sequence[int], stride: int = 1) -> Array:
+def _join(parts: Sequence[Floats], steps: Sequence[int], stride: int = 1) -> Floats:
     """Columns one after the other, each lengthened to so many steps by its last value, at every `stride`-th step."""
     whole = [
         values if len(values) == count else np.append(values, np.full(count - len(values), values[-1]))
@@ -125,7 +122,7 @@ def _join(parts: Sequence[Array], steps: Sequence[int], stride: int = 1) -> Arra
     return np.ascontiguousarray((whole[0] if len(whole) == 1 else np.concatenate(whole))[::stride])
 
 
-def _get_input(segment: DriveSegment, name: str) -> Array:
+def _get_input(segment: DriveSegment, name: str) -> Floats:
     """An input on the grid of a segment; in place of one that was not logged, what shows the same."""
     other = {"command": "wheel", "wheel": "command", "target": "speed"}.get(name, name)
     return segment.grids[name if getattr(segment, name) is not None else other]

@@ -17,19 +17,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Flags, Floats, Integers
 from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import (
-    GAP_SAMPLES,
-    SHORTEST_SEGMENT_S,
-    Array,
-    Log,
-    Mask,
-    Rows,
-    split_drive_segments,
-)
+from vehicle.identification.logs.schema import GAP_SAMPLES, SHORTEST_SEGMENT_S, Log, split_drive_segments
 from vehicle.identification.logs.series import denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
 from vehicle.identification.logs.thresholds import ALIKE_SHARE, GRID_S, TURN_S, WHEEL_NOISE_DEG
@@ -81,30 +73,30 @@ class DriveSegment:
 
     run: int
     start_s: float
-    time: Array
-    east: Array
-    north: Array
-    heading: Array
+    time: Floats
+    east: Floats
+    north: Floats
+    heading: Floats
     heading_measured: bool
-    speed: Array
+    speed: Floats
     speed_measured: bool
-    wheel: Array | None
-    command: Array | None
-    target: Array | None
-    working: Array
-    grids: dict[str, Array]
+    wheel: Floats | None
+    command: Floats | None
+    target: Floats | None
+    working: Floats
+    grids: dict[str, Floats]
     gear: float = 1.0
-    logged_wheel: tuple[Array, Array] | None = None
-    measured_rows: Mapping[str, Mask] = field(default_factory=dict)
-    earlier_commands: Array = field(default_factory=lambda: np.empty(0))
+    logged_wheel: tuple[Floats, Floats] | None = None
+    measured_rows: Mapping[str, Flags] = field(default_factory=dict)
+    earlier_commands: Floats = field(default_factory=lambda: np.empty(0))
 
     @cached_property
-    def steps_s(self) -> Array:
+    def steps_s(self) -> Floats:
         """Times of the steps of the grid (n, s); times DT_S, the last digits of a diagnosis would differ."""
         return np.arange(len(self.grids["speed"]), dtype=np.float64) / STEP_HZ
 
     @cached_property
-    def denoised_wheel_angle(self) -> Array:
+    def denoised_wheel_angle(self) -> Floats:
         """The measured wheel angle on the grid (n,), denoised; raises AttributeError where none was measured."""
         if self.wheel is None:
             raise AttributeError("This segment has no measured wheel angle.")
@@ -113,7 +105,7 @@ class DriveSegment:
         return np.asarray(np.interp(grid, time, denoise_angles(time, wheel)))
 
     @property
-    def speed_in_gear(self) -> Array:
+    def speed_in_gear(self) -> Floats:
         """Logged speed in the gear driven (k,), at least 0."""
         return self.gear * self.speed
 
@@ -210,7 +202,7 @@ def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDa
 
 
 def _build_segment(
-    log: Log, rows: Rows, run: int, origin: tuple[float, float], antenna: Antenna, across: Array | None = None
+    log: Log, rows: Integers, run: int, origin: tuple[float, float], antenna: Antenna, across: Floats | None = None
 ) -> DriveSegment:
     """Build one segment; `across` is the measured slope to the right per row, if any."""
     time = log.time_s[rows] - log.time_s[rows[0]]
@@ -227,7 +219,7 @@ def _build_segment(
         speed = gear * pace * np.cos(course - heading) - antenna[1] * np.gradient(heading, time)
     else:
         speed = gear * log.speed_mps[rows]
-    columns: dict[str, Array | None] = {"east": east, "north": north, "heading": heading, "speed": speed}
+    columns: dict[str, Floats | None] = {"east": east, "north": north, "heading": heading, "speed": speed}
     columns |= {
         "wheel": None if log.steering_deg is None else np.radians(log.steering_deg[rows]),
         "command": None if log.steering_command_deg is None else np.radians(log.steering_command_deg[rows]),
@@ -251,7 +243,7 @@ def _build_segment(
     )
 
 
-def _select_earlier_commands(log: Log, rows: Rows) -> Array:
+def _select_earlier_commands(log: Log, rows: Integers) -> Floats:
     """Return the commands (m, rad) on the grid before the first of the rows, used for a replay or not, up to a gap.
     After a gap, or at the start of a log, wheels that stand had reached the command before."""
     command, row = log.steering_command_deg, int(rows[0])
@@ -275,7 +267,7 @@ def _select_earlier_commands(log: Log, rows: Rows) -> Array:
     return np.asarray(np.radians(command)[np.searchsorted(0.5 * (time[1:] + time[:-1]), grid)])
 
 
-def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:
+def _select_measured_rows(log: Log, rows: Integers, fresh: slice | Flags) -> dict[str, Flags]:
     """Return the rows of a segment in which its slower columns were measured, or the next ones with a position.
 
     A wheel angle is compared with commands, so it counts (`wheel`) in the rows of find_compared_rows; `angle` are the
@@ -296,7 +288,7 @@ def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str
     return out
 
 
-def find_compared_rows(angle: Mask, commanded: Mask, command: Array) -> Mask:
+def find_compared_rows(angle: Flags, commanded: Flags, command: Floats) -> Flags:
     """Return the rows (k,) in which a wheel angle says something of its own about the commands (k,), from the rows in
     which either was measured.
 
@@ -314,7 +306,7 @@ def find_compared_rows(angle: Mask, commanded: Mask, command: Array) -> Mask:
     return out
 
 
-def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
+def resample_on_grid(time: Floats, columns: dict[str, Floats | None]) -> dict[str, Floats]:
     """Resample columns (None: not logged) on the grid, commands held from halfway between two rows."""
     steps = math.ceil((time[-1] - time[0]) / DT_S) + 1
     grid = np.arange(steps) * DT_S
@@ -328,12 +320,12 @@ def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str,
     return grids
 
 
-def compute_half_numbers(seconds: Array) -> npt.NDArray[np.int64]:
+def compute_half_numbers(seconds: Floats) -> Integers:
     """Return the half (0 or 1) of times since the start of a segment: its windows, counted from 0, alternate."""
     return (seconds / WINDOW_S).astype(np.int64) % 2
 
 
-def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
+def compute_course(time: Floats, east: Floats, north: Floats) -> tuple[Floats, Floats]:
     """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
     before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
     before, after = np.maximum(before, time[0]), np.minimum(after, time[-1])
@@ -351,11 +343,11 @@ def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array
     moving = np.flatnonzero(pace > max(0.3 * float(np.median(pace)), noise_pace))
     if len(moving) == 0:
         return np.zeros(len(time)), pace
-    course: Array = np.interp(np.arange(len(time)), moving, np.unwrap(angle[moving]))
+    course: Floats = np.interp(np.arange(len(time)), moving, np.unwrap(angle[moving]))
     return course, pace
 
 
-def compute_course_offset(time: Array, course: Array, pace: Array, length: float) -> Array:
+def compute_course_offset(time: Floats, course: Floats, pace: Floats, length: float) -> Floats:
     """Return the angle (k, rad) from the heading to the antenna's course; `length` (m) is from the rear axle to the
     antenna, negative where it trails the axle."""
     out = np.zeros(len(time))
@@ -397,7 +389,7 @@ class ReplayRig:
     tractor: Tractor
     model: Any
     ground: Any
-    table: Array
+    table: Floats
     origin: tuple[float, float] = (0.0, 0.0)
     ranges: Mapping[str, float] = field(default_factory=dict)
 

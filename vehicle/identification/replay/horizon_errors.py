@@ -7,10 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from fields.arrays import Floats, Integers
 from vehicle.fast_math import compute_cosine_sine, round_number
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import HORIZONS_S, DriveDataset, DriveSegment, ReplayRig
 from vehicle.identification.replay.simulation import simulate_instruments
 from vehicle.jit import compile_function
@@ -21,10 +20,10 @@ POSITION_TRUST_M = 0.01  # a centimetre, what a receiver with corrections is off
 LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
 FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
 ERROR_PIECE_S = HORIZONS_S[1]  # of the errors that are told in words and shares
-Pieces = Mapping[float, Array]
+Pieces = Mapping[float, Floats]
 """By horizon (s) a row per piece (p, 6): its run, its middle (s since the start of its segment), squares of the errors
 across and along (m2) and of the heading (rad2; nan without one) summed over its rows, and its rows."""
-PieceBounds = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
+PieceBounds = tuple[Integers, Integers]
 
 
 @compile_function
@@ -118,7 +117,7 @@ class HorizonError:
     heading_deg: float
 
 
-def compute_piece_errors(segment: DriveSegment, antenna: Array, heading: Array, bounds: PieceBounds) -> Array:
+def compute_piece_errors(segment: DriveSegment, antenna: Floats, heading: Floats, bounds: PieceBounds) -> Floats:
     """Return the errors of all pieces, in the rows of the segment (k, 3); headings are nan where none was measured."""
     out = np.zeros((segment.rows, 3))
     x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
@@ -128,7 +127,7 @@ def compute_piece_errors(segment: DriveSegment, antenna: Array, heading: Array, 
     return out
 
 
-def find_piece_bounds(time: Array, horizon: float) -> PieceBounds:
+def find_piece_bounds(time: Floats, horizon: float) -> PieceBounds:
     """Return the first rows (p,) of whole pieces of a horizon, and the rows (p,) after their last."""
     starts = np.arange(0.0, time[-1] - horizon + 1e-6, horizon)
     edges = np.searchsorted(time, np.append(starts, starts[-1] + horizon if len(starts) else 0.0) - 1e-9)
@@ -136,7 +135,7 @@ def find_piece_bounds(time: Array, horizon: float) -> PieceBounds:
     return edges[:-1][has_enough_rows], edges[1:][has_enough_rows]
 
 
-def list_covering_bounds(time: Array, horizon: float) -> list[PieceBounds]:
+def list_covering_bounds(time: Floats, horizon: float) -> list[PieceBounds]:
     """Return the bounds of the whole pieces from the start of a segment and, where more than LONGEST_REST_S remain
     after them, of one more that ends with the segment.
 
@@ -153,7 +152,7 @@ def list_covering_bounds(time: Array, horizon: float) -> list[PieceBounds]:
     return [(starts, ends), (np.array([first]), np.array([len(time)]))]
 
 
-def measure_pieces(segment: DriveSegment, antenna: Array, heading: Array) -> Pieces:
+def measure_pieces(segment: DriveSegment, antenna: Floats, heading: Floats) -> Pieces:
     """Return the errors of all pieces of a segment, whose antenna (k, 2) and heading (k,) were simulated."""
     pieces = {}
     for horizon in HORIZONS_S:
@@ -182,7 +181,7 @@ def measure_dataset(dataset: DriveDataset, rig: ReplayRig, settings: Settings) -
     )
 
 
-def sum_by_run(pieces: Pieces, runs: int, horizon: float = ERROR_PIECE_S) -> Array:
+def sum_by_run(pieces: Pieces, runs: int, horizon: float = ERROR_PIECE_S) -> Floats:
     """Return the squares of every run (runs, 4): across, along (m2), heading (rad2), and rows."""
     numbers = pieces[horizon][:, 0].astype(np.int64)
     return np.stack([np.bincount(numbers, column, runs) for column in pieces[horizon][:, 2:].T], axis=1)

@@ -20,9 +20,9 @@ from typing import Any
 
 import numpy as np
 
+from fields.arrays import Flags, Floats
 from vehicle.control.steering import step_steering_simulator
 from vehicle.fast_math import compute_cosine_sine
-from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_inputs import DriveInputs, Samples, build_inputs
 from vehicle.identification.replay.drive_segments import DriveSegment, ReplayRig
 from vehicle.jit import compile_function, inline_function
@@ -270,9 +270,9 @@ def sample_values(places, segments, starts, values, late_s, step_s, out) -> None
         out[row] = _read_at(values, begin, end, places[row] - late_s[i] / step_s)
 
 
-InstrumentColumns = tuple[Array, Array, Array, Array]
+InstrumentColumns = tuple[Floats, Floats, Floats, Floats]
 """Positions of the antenna (k, 2), headings, wheel angles and speeds (k,) at the rows of a segment."""
-Fields = Mapping[str, Array]
+Fields = Mapping[str, Floats]
 Keys = Mapping[str, Hashable]
 
 
@@ -287,7 +287,7 @@ class Simulator:
     rig: ReplayRig
     settings: Settings = field(default_factory=dict)
     base: dict[str, float] = field(init=False)
-    cache: dict[tuple[str, Hashable], Array] = field(default_factory=dict)
+    cache: dict[tuple[str, Hashable], Floats] = field(default_factory=dict)
     simulations: int = 0
 
     def __post_init__(self) -> None:
@@ -310,7 +310,7 @@ class Simulator:
             ]
         )
 
-    def simulate(self, fields: Fields, keys: Keys) -> dict[str, Array]:
+    def simulate(self, fields: Fields, keys: Keys) -> dict[str, Floats]:
         """Predicted columns in the cells of the windows.
 
         `fields` holds arrays on the axis of the path for fields that differ from the base; `keys` says per chain what
@@ -322,7 +322,7 @@ class Simulator:
         path = self._get("path", (keys["path"], steered), lambda: self.simulate_path(fields, wheel))
         return self.show(path, wheel[0], speed, fields)
 
-    def replay(self, fields: Fields, from_sensor: bool = False, from_speed: bool = False) -> tuple[Array, Array]:
+    def replay(self, fields: Fields, from_sensor: bool = False, from_speed: bool = False) -> tuple[Floats, Floats]:
         """Wheel angles before each step (n,) and the path (4, m), driven as commanded; with `from_sensor` as wheel
         angles, with `from_speed` as speeds were measured, and so wherever there is no command.
 
@@ -342,7 +342,7 @@ class Simulator:
         is_inside[self.data.path_starts[1:-1] - 1] = False
         return float(np.max(np.abs(np.diff(angle)[is_inside]))) / self.data.path_step_s
 
-    def _get(self, chain: str, key: Hashable, make: Any) -> Array:
+    def _get(self, chain: str, key: Hashable, make: Any) -> Floats:
         if (chain, key) not in self.cache:
             old = [entry for entry in self.cache if entry[0] == chain]
             if len(old) >= MOST_CACHED:
@@ -351,7 +351,7 @@ class Simulator:
             self.simulations += 1
         return self.cache[chain, key]
 
-    def _fill(self, chain: str, fields: Fields, repeats: int = 1) -> Array:
+    def _fill(self, chain: str, fields: Fields, repeats: int = 1) -> Floats:
         """All fields of a chain (f, n), each step so many times; (f, 1) where none varies."""
         names = CHAINS[chain]
         if not any(name in fields for name in names):
@@ -362,11 +362,11 @@ class Simulator:
                 out[place] = np.repeat(fields[name], repeats)
         return out
 
-    def _find_places(self, terms: Sequence[str]) -> Array:
+    def _find_places(self, terms: Sequence[str]) -> Floats:
         """Places (t,) of fields in the memory of the model."""
         return np.array([(self.model.dtype.names or ()).index(name) for name in terms])
 
-    def simulate_wheel(self, fields: Fields) -> Array:
+    def simulate_wheel(self, fields: Fields) -> Floats:
         """Wheel angles that follow their commands, before and after each step (2, n)."""
         data = self.data
         out = np.empty((2, len(data.command)))
@@ -374,7 +374,7 @@ class Simulator:
                           self._fill("steering", fields, data.stride), self.model, DT_S, out)  # fmt: skip
         return out
 
-    def _simulate_speed(self, fields: Fields) -> Array:
+    def _simulate_speed(self, fields: Fields) -> Floats:
         data, out = self.data, np.empty(len(self.data.target))
         first = data.path["speed"][data.path_starts[:-1]]
         simulate_speeds(
@@ -385,8 +385,8 @@ class Simulator:
         return out
 
     def simulate_path(
-        self, fields: Fields, wheel: Array, measured: Mask | None = None, commanded: Mask | None = None
-    ) -> Array:
+        self, fields: Fields, wheel: Floats, measured: Flags | None = None, commanded: Flags | None = None
+    ) -> Floats:
         """The path (4, m) at wheel angles where they were `measured` (s,), by default all that were, else at simulated
         ones (2, n); at commanded speeds where `commanded` (s,), by default nowhere, else at measured ones."""
         data, inputs = self.data, self.data.path
@@ -408,7 +408,7 @@ class Simulator:
         )  # fmt: skip
         return out
 
-    def show(self, path: Array, wheel: Array, speed: Array, fields: Fields) -> dict[str, Array]:
+    def show(self, path: Floats, wheel: Floats, speed: Floats, fields: Fields) -> dict[str, Floats]:
         """What instruments show of a path (3, m), wheel angles (n,) and speeds (n,), column by column."""
         return {
             **self.show_pose(path, fields),
@@ -416,7 +416,7 @@ class Simulator:
             "speed": self._show(self.data.speed, speed, fields, *SENSOR_FIELDS["speed"]),
         }
 
-    def show_pose(self, path: Array, fields: Fields) -> dict[str, Array]:
+    def show_pose(self, path: Floats, fields: Fields) -> dict[str, Floats]:
         """What receiver and compass show of a path."""
         data, filled, tractor = self.data, self._fill("instruments", fields), self.rig.tractor
         places, step_s = data.east, data.path_step_s
@@ -432,7 +432,7 @@ class Simulator:
         return {"east": data.east.average(positions[0]), "north": data.north.average(positions[1]),
                 "heading": data.heading.average(headings)}  # fmt: skip
 
-    def _show(self, samples: Samples, values: Array, fields: Fields, clock: str, scale: str) -> Array:
+    def _show(self, samples: Samples, values: Floats, fields: Fields, clock: str, scale: str) -> Floats:
         """A sensor of one column: what it shows is late by its clock and of its own scale."""
         late, factor = (np.repeat(fields.get(name, [self.base[name]]), self.data.stride) for name in (clock, scale))
         out = np.empty(len(samples.places))
@@ -441,7 +441,7 @@ class Simulator:
         return samples.average(out)
 
 
-def make_settled_state(command: Array, earlier: Array) -> Any:
+def make_settled_state(command: Floats, earlier: Floats) -> Any:
     """Return the state of a tractor that was given `earlier` commands (m,) before the first one of `command` (n,).
 
     Without any its wheels have settled at the first command. What delays cannot reach back to is left out.
@@ -456,14 +456,14 @@ def make_settled_state(command: Array, earlier: Array) -> Any:
 
 def replay_segment(
     rig: ReplayRig, segment: DriveSegment, settings: Settings, from_sensor: bool, from_speed: bool
-) -> Array:
+) -> Floats:
     """Return states (n, 5) on the grid of a segment; see Simulator.replay."""
     wheel, path = Simulator(build_inputs([segment]), rig, settings).replay({}, from_sensor, from_speed)
     return np.column_stack([*path[:3], wheel, path[3]])
 
 
 def simulate_logged_values(
-    rig: ReplayRig, segment: DriveSegment, states: Array, settings: Settings
+    rig: ReplayRig, segment: DriveSegment, states: Floats, settings: Settings
 ) -> InstrumentColumns:
     """Return what instruments would log of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
     path = np.ascontiguousarray(states[:, [X_COLUMN, Y_COLUMN, ANGLE_COLUMN]].T)
@@ -478,6 +478,6 @@ def simulate_instruments(rig: ReplayRig, segment: DriveSegment, settings: Settin
     return _show_columns(simulator, path, wheel, path[3])
 
 
-def _show_columns(simulator: Simulator, path: Array, wheel: Array, speed: Array) -> InstrumentColumns:
+def _show_columns(simulator: Simulator, path: Floats, wheel: Floats, speed: Floats) -> InstrumentColumns:
     shown = simulator.show(path, wheel, speed, {})
     return np.stack([shown["east"], shown["north"]], axis=1), shown["heading"], shown["wheel"], shown["speed"]

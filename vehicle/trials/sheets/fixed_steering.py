@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Flags
 from fields.errors import mark_parameter
 from fields.units import KMH_PER_MPS
-from vehicle.arrays import Booleans
 from vehicle.errors import VehicleError
 from vehicle.model.ground import get_tyres
 from vehicle.model.tractor import Tractor, load_tractor
@@ -283,7 +283,7 @@ def _build_statement_table(head: str, outcomes: Iterable[tuple[str, bool, bool]]
     return TextTable("Statements", (head, "Here", "Closest hypothesis"), rows)
 
 
-def _is_stable_above_threshold(stable: Booleans) -> bool:
+def _is_stable_above_threshold(stable: Flags) -> bool:
     """Whether cells with a larger slope or limit than a stable one are stable, and some cells are unstable."""
     rows = (stable[1:] >= stable[:-1]).all() and (stable[:, 1:] >= stable[:, :-1]).all()
     return bool(rows and stable.any() and not stable.all())

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vehicle.arrays import Floats
+from fields.arrays import Floats
 
 # Trajectory difference between the digital twin and the real tractor: (speed, statistic) -> per offset.
 TABLE_3_1 = {

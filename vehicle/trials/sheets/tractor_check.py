@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from fields.arrays import Floats, build_directions
 from fields.units import HOUR_S, KILO, MINUTE_S
-from vehicle.arrays import Floats, build_directions
 from vehicle.energy.fuel import ElectricDrive, build_power_source
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fields.arrays import Floats
 from fields.units import KMH_PER_MPS
-from vehicle.arrays import Floats
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission
 from vehicle.model.tractor import Implement, Tractor, load_tractor
 from vehicle.trials.sheets.sheet import (

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
-Booleans = npt.NDArray[np.bool_]
+Flags = npt.NDArray[np.bool_]
 Records = npt.NDArray[Any]
 """Records of a dtype with fields, such as those of vehicle.records."""
 
