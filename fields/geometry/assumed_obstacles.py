@@ -25,10 +25,11 @@ from fields.feature_words import (
     find_name,
     is_label,
 )
-from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
+from fields.geometry.arithmetic import MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.geometry.coordinates import FieldFrame, parse_position
 from fields.geometry.field_lines import FENCE, clip_outline_to_line
 from fields.geometry.obstacles import DEFAULT_WIDTH_M, LINE, MAX_OBSTACLE_M, POINT, Obstacle
+from fields.geometry.overlays import unite_on_grid
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -134,7 +135,7 @@ def assume_roles(
         solid: obstacles with a role; what lies within them is part of them.
     """
     roles = AssumedRoles()
-    covered = shapely.union_all([*(shapely.Polygon(hole) for hole in shape.interiors), *solid], grid_size=GRID_M)
+    covered = unite_on_grid([*(shapely.Polygon(hole) for hole in shape.interiors), *solid])
     unknown: list[_Candidate] = []
     for raw in features:
         candidate = _read_candidate(raw, frame)

@@ -8,10 +8,11 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.arithmetic import CURVE_M, GRID_M, MITRE_LIMIT
+from fields.geometry.arithmetic import CURVE_M, MITRE_LIMIT
 from fields.geometry.field import Field
 from fields.geometry.obstacles import compute_workable_ground
 from fields.geometry.outline_cleaning import find_largest_polygon, list_polygons
+from fields.geometry.overlays import intersect_on_grid, subtract_on_grid, unite_on_grid
 
 MIN_PART_SHARE, MIN_PART_M2 = 0.01, 300.0  # smaller parts are not listed
 LINK_REACH_M = 100.0  # from the shortest line between two parts to the middle of the neck
@@ -43,11 +44,11 @@ def list_field_parts(field: Field, margin_m: float, width_m: float) -> tuple[Fie
     boundary = field.whole_boundary
     margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
     workable = compute_workable_ground(boundary, field.obstacles, margins_m)
-    ground = shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
+    ground = unite_on_grid([workable.margin_boundary, *workable.cut_off_parts])
     half_m = 0.5 * width_m
     cores = list_polygons(_shrink(ground, half_m))
     grown = [core.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for core in cores]
-    pieces = [find_largest_polygon(shapely.intersection(one, ground, grid_size=GRID_M)) for one in grown]
+    pieces = [find_largest_polygon(intersect_on_grid(one, ground)) for one in grown]
     regions = [orient(piece, 1.0) for piece in pieces]
     least_m2 = max(MIN_PART_M2, MIN_PART_SHARE * field.area_m2)
     pairs = [(core, region) for core, region in zip(cores, regions, strict=True) if region.area >= least_m2]
@@ -102,7 +103,7 @@ def find_neck(ground: shapely.Geometry, main_core: shapely.Polygon, core: shapel
         middle_m = 0.5 * (low_m + high_m)
         low_m, high_m = (middle_m, high_m) if _is_joined(_shrink(ground, middle_m), ends) else (low_m, middle_m)
     apart = _shrink(ground, high_m)
-    link = shapely.difference(_shrink(ground, low_m), apart.buffer(2.0 * (high_m - low_m)), grid_size=GRID_M)
+    link = subtract_on_grid(_shrink(ground, low_m), apart.buffer(2.0 * (high_m - low_m)))
     nearest = shapely.shortest_line(*(_find_piece(list_polygons(apart), end) for end in ends))
     links = [part for part in list_polygons(link) if part.dwithin(nearest, LINK_REACH_M)]
     place = nearest.interpolate(0.5, normalized=True)

@@ -11,9 +11,10 @@ import shapely
 
 from fields.errors import MAX_NAMED, FieldError, shorten_value
 from fields.feature_words import find_name
-from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT
+from fields.geometry.arithmetic import MITRE_LIMIT
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
 from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
+from fields.geometry.overlays import subtract_on_grid, unite_on_grid
 from fields.raw_document import RawShape
 from fields.text_files import count_noun
 
@@ -121,7 +122,7 @@ def compute_workable_ground(
         buffer_geometry(geometry, half_m + margin_m)
         for (geometry, half_m), margin_m in zip(shapes, margins_m, strict=True)
     ]
-    blocked = list_polygons(shapely.union_all(buffered, grid_size=GRID_M))
+    blocked = list_polygons(unite_on_grid(buffered))
     tree = shapely.STRtree(buffered)
     part_margins_m = [max(margins_m[number] for number in tree.query(part, "intersects")) for part in blocked]
     small = [
@@ -130,7 +131,7 @@ def compute_workable_ground(
         if _is_small(part, outline, margin_m, max_small_m)
     ]
     large = [part for part in blocked if not any(part is one for one in small)]
-    parts = list_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
+    parts = list_polygons(subtract_on_grid(outline, unite_on_grid(large)))
     if not parts:
         return WorkableGround(shapely.Polygon(), shapely.Polygon(), (), ())
     largest = max(parts, key=lambda part: part.area)
@@ -144,8 +145,8 @@ def _shrink_from_obstacles(
     ground: shapely.Polygon, large_obstacles: list[shapely.Polygon], distance_m: float
 ) -> shapely.Polygon:
     """The largest piece of the ground beyond a distance from obstacles; all of it if less than half would remain."""
-    buffered = shapely.union_all([buffer_geometry(part, distance_m) for part in large_obstacles], grid_size=GRID_M)
-    largest = find_largest_polygon(shapely.difference(ground, buffered, grid_size=GRID_M))
+    buffered = unite_on_grid([buffer_geometry(part, distance_m) for part in large_obstacles])
+    largest = find_largest_polygon(subtract_on_grid(ground, buffered))
     return largest if largest.area >= 0.5 * ground.area else ground
 
 

@@ -11,6 +11,7 @@ import shapely
 from fields.arrays import Floats
 from fields.errors import FieldError
 from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, MITRE_LIMIT
+from fields.geometry.overlays import subtract_on_grid, unite_on_grid
 
 TURNING_CIRCLE_M = 12.0
 """Of a usual tractor; along shorter sides than this on average, headland passes wind and planning takes long."""
@@ -40,9 +41,7 @@ def clean_outline(
     if cleaned.equals_exact(drawn):
         return (drawn, ()) if drawn.is_valid else None
     if not cleaned.is_valid:
-        cleaned = find_largest_polygon(
-            shapely.difference(outer, shapely.union_all(holes, grid_size=GRID_M), grid_size=GRID_M)
-        )
+        cleaned = find_largest_polygon(subtract_on_grid(outer, unite_on_grid(holes)))
     valid = _repair(drawn)
     changed_m2, points = float(shapely.symmetric_difference(cleaned, valid).area), _count_points(drawn)
     if cleaned.is_empty or (changed_m2 > MAX_CHANGED_SHARE * valid.area and not (is_obstacle and drawn.is_valid)):

@@ -1,9 +1,9 @@
 """Unions, intersections and differences of areas: fast where GEOS gets them right, on a grid where it does not.
 
 Overlays on a grid never lose ground but take five times as long, and may fail on shapes that are not valid, as buffers
-with sharp corners may be: they may cross themselves. Without a grid GEOS may fail as well (`subtract`, `intersect` and
-`unite` then repair the shapes and use one), and it may lose area where edges nearly coincide, or take neighbours for
-one another, for which functions of areas check every result.
+with sharp corners may be: they may cross themselves, and are repaired then. Without a grid GEOS may fail as well
+(`subtract`, `intersect` and `unite` then use one), and it may lose area where edges nearly coincide, or take neighbours
+for one another, for which functions of areas check every result.
 """
 
 from __future__ import annotations
@@ -46,12 +46,34 @@ def unite(shapes: Iterable[shapely.Geometry]) -> shapely.Geometry:
     try:
         return shapely.disjoint_subset_union_all(parts)
     except shapely.errors.GEOSException:
-        return shapely.union_all(_repair(parts), grid_size=GRID_M)
+        return unite_on_grid(parts)
 
 
 def _overlay(cut: Callable[..., Any], *shapes: Any) -> Any:
     try:
         return cut(*shapes)
+    except shapely.errors.GEOSException:
+        return _overlay_on_grid(cut, *shapes)
+
+
+def subtract_on_grid(shapes: Any, others: Any) -> Any:
+    """What of shapes, one or an array, lies outside others; no ground is lost."""
+    return _overlay_on_grid(shapely.difference, shapes, others)
+
+
+def intersect_on_grid(shapes: Any, others: Any) -> Any:
+    """What of shapes, one or an array, lies in others; no ground is lost."""
+    return _overlay_on_grid(shapely.intersection, shapes, others)
+
+
+def unite_on_grid(shapes: Iterable[shapely.Geometry]) -> shapely.Geometry:
+    """The union of shapes, areas or lines; no ground is lost."""
+    return _overlay_on_grid(shapely.union_all, np.array([*shapes], dtype=np.object_))
+
+
+def _overlay_on_grid(cut: Callable[..., Any], *shapes: Any) -> Any:
+    try:
+        return cut(*shapes, grid_size=GRID_M)
     except shapely.errors.GEOSException:
         return cut(*map(_repair, shapes), grid_size=GRID_M)
 
@@ -71,7 +93,7 @@ def unite_areas(areas: Areas) -> shapely.Geometry:
     union = extract_polygons(unite(areas))
     if _covers_all_areas(union, areas):
         return union
-    return extract_polygons(shapely.union_all(_repair(areas), grid_size=GRID_M))
+    return extract_polygons(unite_on_grid(_repair(areas)))
 
 
 def _covers_all_areas(union: shapely.Geometry, areas: Areas) -> bool:
@@ -138,9 +160,8 @@ def _split_area(area: shapely.Geometry, part: shapely.Geometry) -> tuple[shapely
     inside, outside = extract_polygons(intersect(area, part)), extract_polygons(subtract(area, part))
     if _adds_up(area, part, inside, outside):
         return inside, outside
-    valid, cut = (_repair(area), _repair(part)), (shapely.intersection, shapely.difference)
-    inside, outside = (extract_polygons(one(*valid, grid_size=GRID_M)) for one in cut)
-    return inside, outside
+    valid = _repair(area), _repair(part)
+    return extract_polygons(intersect_on_grid(*valid)), extract_polygons(subtract_on_grid(*valid))
 
 
 def _adds_up(area: Any, part: Any, inside: Any, outside: Any) -> Any:

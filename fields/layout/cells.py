@@ -24,7 +24,8 @@ from shapely.geometry.polygon import orient
 from shapely.ops import split
 
 from fields.arrays import Floats
-from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, ROUNDING
+from fields.geometry.arithmetic import CURVE_M, EDGE_M, ROUNDING
+from fields.geometry.overlays import intersect_on_grid, subtract_on_grid, unite_on_grid
 from fields.layout.bearings import SIMPLIFY_M
 from fields.layout.parallel_lines import TURN_COST_M, collect_edges, compute_axes
 
@@ -235,7 +236,7 @@ def _split_region(region: shapely.Polygon, place: Floats, direction: Floats) -> 
     aside = reach_m * np.array([-direction[1], direction[0]])
     a, b = place - reach_m * direction, place + reach_m * direction
     half = shapely.Polygon([a, b, b + aside, a + aside])
-    sides = shapely.intersection(region, half, grid_size=GRID_M), shapely.difference(region, half, grid_size=GRID_M)
+    sides = intersect_on_grid(region, half), subtract_on_grid(region, half)
     return [piece for side in sides for piece in _collect_polygons(side)]
 
 
@@ -245,7 +246,7 @@ def _join_pieces_by_bearing(pieces: list[shapely.Polygon], bearings: Floats) -> 
         (polygon, float(bearing))
         for bearing in sorted(set(bearings.tolist()))
         for polygon in _collect_polygons(
-            shapely.union_all([p for p, b in zip(pieces, bearings, strict=True) if b == bearing], grid_size=GRID_M)
+            unite_on_grid([p for p, b in zip(pieces, bearings, strict=True) if b == bearing])
         )
     ]
 

@@ -18,8 +18,9 @@ import shapely
 
 from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.arithmetic import GRID_M, MIN_SWATH_LENGTH_M, multiply
+from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
+from fields.geometry.overlays import intersect_on_grid
 from fields.layout.headland_passes import compute_inner_region
 from fields.layout.parallel_lines import PatternRules, compute_axes, fill_region
 from fields.layout.swaths import Layout, Swath, build_swaths, number_from_longer_side, orient_bearing_by_outline
@@ -148,9 +149,7 @@ def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[Fl
     heights = np.unique(np.round(np.quantile(grid.heights_m[inside], HEIGHT_SHARES), 6))
     for height_m in heights.tolist():
         pieces = [points for points in trace_height(grid, height_m) if math.dist(points[0], points[-1]) > STEP_M]
-        lengths = [
-            shapely.intersection(shapely.LineString(points), region, grid_size=GRID_M).length for points in pieces
-        ]
+        lengths = [intersect_on_grid(shapely.LineString(points), region).length for points in pieces]
         if lengths and max(lengths) >= MIN_CONTOUR_SHARE * math.sqrt(region.area):
             yield pieces[int(np.argmax(lengths))]
 

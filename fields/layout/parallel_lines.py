@@ -12,6 +12,7 @@ import shapely
 
 from fields.arrays import Floats, Integers
 from fields.geometry.arithmetic import CURVE_M, GRID_M, multiply
+from fields.geometry.overlays import intersect_on_grid
 
 TURN_COST_M = 15.0
 """Driving length charged for every piece, because each ends in a turn."""
@@ -224,7 +225,7 @@ def fill_region(region: shapely.Geometry, bearing_rad: float, rules: PatternRule
         low = high = 0.5 * (low + high)
     q = _spread_lines(space_lines(low, high, rules.width_m), min(rules.min_spacing_m, rules.width_m))
     west, _, east, _ = turned.bounds
-    swaths = shapely.intersection(shapely.box(west - 1.0, q - half, east + 1.0, q + half), turned, grid_size=GRID_M)
+    swaths = intersect_on_grid(shapely.box(west - 1.0, q - half, east + 1.0, q + half), turned)
     line: list[int] = []
     ends: list[tuple[float, float]] = []
     for number, swath in enumerate(swaths):

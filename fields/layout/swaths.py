@@ -19,7 +19,7 @@ from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import CURVE_M, EDGE_M, GRID_M, MIN_SWATH_LENGTH_M, MITRE_LIMIT, multiply
 from fields.geometry.coordinates import MAX_LOCAL_M
 from fields.geometry.field import Field
-from fields.geometry.overlays import subtract, unite
+from fields.geometry.overlays import subtract, subtract_on_grid, unite, unite_on_grid
 from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
 from fields.layout.cells import Cell, convert_to_compass_deg
 from fields.layout.headland_passes import compute_inner_region
@@ -402,9 +402,9 @@ def _trim_region(region: shapely.Geometry, edges: Floats, frame: Floats, trim_m:
     a, b = edges[slanted, 0], edges[slanted, 1]
     swept = shapely.polygons(np.stack([a - reach, b - reach, b + reach, a + reach], axis=1))
     # Without a grid GEOS loses whole pieces when it unites shapes with nearly coincident edges.
-    blocked = shapely.union_all(swept, grid_size=GRID_M)
-    parts = shapely.get_parts(shapely.difference(region, blocked, grid_size=GRID_M))
-    return shapely.union_all(parts[shapely.area(parts) > MIN_THICKNESS_M * shapely.length(parts)], grid_size=GRID_M)
+    blocked = unite_on_grid(swept)
+    parts = shapely.get_parts(subtract_on_grid(region, blocked))
+    return unite_on_grid(parts[shapely.area(parts) > MIN_THICKNESS_M * shapely.length(parts)])
 
 
 def _describe_bearing(bearing_deg: float | None) -> str:

@@ -5,7 +5,18 @@ import pytest
 import shapely
 from shapely import affinity
 
-from fields.geometry.overlays import clip_all_areas, clip_area, intersect, subtract, subtract_area, unite
+from fields.geometry.arithmetic import GRID_M
+from fields.geometry.overlays import (
+    clip_all_areas,
+    clip_area,
+    intersect,
+    intersect_on_grid,
+    subtract,
+    subtract_area,
+    subtract_on_grid,
+    unite,
+    unite_on_grid,
+)
 
 # Two strips of 6 m side by side; shapely.intersection says of the second that it lies in the first.
 STRIPS = np.array(
@@ -49,3 +60,14 @@ def test_ground_that_crosses_itself_is_cut_on_a_grid_where_that_fails_without() 
     assert unite([ground, buffered]).area == pytest.approx(outside.area + unite([sliver, tip]).area, abs=0.5)
     parts = subtract(np.array([ground, tip]), np.array([buffered, ground]))
     assert [part.area for part in parts] == pytest.approx([outside.area, subtract(tip, ground).area], abs=0.5)
+
+
+def test_ground_that_crosses_itself_is_repaired_where_a_grid_fails() -> None:
+    bow, band = shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)]), shapely.box(-1.0, 2.0, 11.0, 8.0)
+    for overlay in (shapely.intersection, shapely.difference):
+        with pytest.raises(shapely.errors.GEOSException):
+            overlay(bow, band, grid_size=GRID_M)
+    # Two triangles of 25 m2 whose tips touch; the band holds all of them but four corners of 2 m2.
+    assert intersect_on_grid(bow, band).area == pytest.approx(42.0)
+    assert subtract_on_grid(bow, band).area == pytest.approx(8.0)
+    assert unite_on_grid([bow, band]).area == pytest.approx(72.0 + 8.0)

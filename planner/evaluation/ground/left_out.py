@@ -6,8 +6,7 @@ import math
 
 import shapely
 
-from fields.geometry.arithmetic import GRID_M
-from fields.geometry.overlays import extract_polygons
+from fields.geometry.overlays import extract_polygons, subtract_on_grid
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.site import get_site_moves
 from strategies.lines.lay_lines import unite_strips
@@ -22,7 +21,7 @@ def find_left_out_ground(context: PlanningContext) -> shapely.Geometry:
     out = set(wishes.find_left_out(moves.lines))
     sides = [[line for number, line in enumerate(moves.lines) if (number in out) == is_out] for is_out in (True, False)]
     left, worked = (unite_strips(moves.site, lines) for lines in sides)
-    return extract_polygons(shapely.difference(left, worked, grid_size=GRID_M))
+    return extract_polygons(subtract_on_grid(left, worked))
 
 
 def measure_left_out_m2(context: PlanningContext) -> float:

@@ -8,9 +8,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
+from fields.geometry.arithmetic import MITRE_LIMIT, SHARP_MITRE_LIMIT
 from fields.geometry.field import MIN_FENCE_MARGIN_M, MIN_REPORTED_M2
-from fields.geometry.overlays import extract_polygons, intersect, subtract, unite
+from fields.geometry.overlays import (
+    extract_polygons,
+    intersect,
+    intersect_on_grid,
+    subtract,
+    subtract_on_grid,
+    unite,
+    unite_on_grid,
+)
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
@@ -52,20 +60,20 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
         if context.layout.field.original_boundary is None
         else list(_find_obstacle_losses(context, context.layout.field.original_boundary))
     )
-    remainder = extract_polygons(shapely.difference(boundary, get_site_moves(context).covered_ground, grid_size=GRID_M))
+    remainder = extract_polygons(subtract_on_grid(boundary, get_site_moves(context).covered_ground))
     # Wide enough for the machines but without a passage to it: all rooms but the largest.
     cut_off = extract_polygons(intersect(unite(_list_rooms(context)[1:]), boundary))
     parts_by_reason.append((_describe_cut_off(context), cut_off))
-    remainder = extract_polygons(shapely.difference(remainder, cut_off, grid_size=GRID_M))
+    remainder = extract_polygons(subtract_on_grid(remainder, cut_off))
     for why, zone in _iter_zones(context):
-        part = extract_polygons(shapely.intersection(remainder, zone, grid_size=GRID_M))
+        part = extract_polygons(intersect_on_grid(remainder, zone))
         parts_by_reason.append((why, part))
-        remainder = extract_polygons(shapely.difference(remainder, part, grid_size=GRID_M))
+        remainder = extract_polygons(subtract_on_grid(remainder, part))
     parts_by_reason += _find_unexplained_ground(context, remainder)
     parts_by_reason.append((LEFT_OUT, find_left_out_ground(context)))
     done = context.layout.field.done
     if done is not None:
-        due = ((why, shapely.difference(part, done, grid_size=GRID_M)) for why, part in parts_by_reason)
+        due = ((why, subtract_on_grid(part, done)) for why, part in parts_by_reason)
         parts_by_reason = [(why, extract_polygons(part)) for why, part in due]
     areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
     return tuple(one for one in areas if one.area_m2 >= MIN_REPORTED_M2)
@@ -92,20 +100,18 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
     """Ground lost to the margin, and ground behind obstacles, by reason."""
     field = context.layout.field
     margin_m = max(context.request.margin_m, MIN_FENCE_MARGIN_M if field.fences else 0.0)
-    obstacles = shapely.union_all([one.shape for one in field.obstacles], grid_size=GRID_M)
-    lost = shapely.difference(
-        shapely.difference(outline, obstacles, grid_size=GRID_M), field.workable_region, grid_size=GRID_M
-    )
-    solid = shapely.union_all([obstacles, *map(shapely.Polygon, outline.interiors), *field.fences], grid_size=GRID_M)
+    obstacles = unite_on_grid([one.shape for one in field.obstacles])
+    lost = subtract_on_grid(subtract_on_grid(outline, obstacles), field.workable_region)
+    solid = unite_on_grid([obstacles, *map(shapely.Polygon, outline.interiors), *field.fences])
     near_obstacles = solid.buffer(2.0 * margin_m + EDGE_M)
     obstacle_kinds = "obstacles and fences" if field.fences else "obstacles"
     yield (
         mark_text(f"cut off by {obstacle_kinds}"),
-        extract_polygons(shapely.difference(lost, near_obstacles, grid_size=GRID_M)),
+        extract_polygons(subtract_on_grid(lost, near_obstacles)),
     )
     yield (
         mark_text(f"margin of {margin_m:g} m to {obstacle_kinds}"),
-        extract_polygons(shapely.intersection(lost, near_obstacles, grid_size=GRID_M)),
+        extract_polygons(intersect_on_grid(lost, near_obstacles)),
     )
 
 
@@ -126,7 +132,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     layout, boundary = context.layout, context.layout.field.workable_region
     half = 0.5 * layout.width_m
     if layout.field.margin_boundary is not None:
-        band = shapely.difference(layout.field.margin_boundary, layout.field.boundary, grid_size=GRID_M)
+        band = subtract_on_grid(layout.field.margin_boundary, layout.field.boundary)
         obstacle_kinds = "obstacles and fences" if layout.field.fences else "obstacles"
         yield (
             f"beside {obstacle_kinds}: room beyond the margin for machines swinging out in turns",
@@ -139,9 +145,9 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     yield "beside obstacles that are driven round", small
     if not layout.headland_passes:
         lines = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
-        strips = shapely.union_all(shapely.buffer(lines, half, cap_style="flat"), grid_size=GRID_M)
+        strips = unite_on_grid(shapely.buffer(lines, half, cap_style="flat"))
         yield "on tracks that the machine has no room to work", strips
-        headland_zone = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)
+        headland_zone = unite_on_grid(shapely.buffer(lines, layout.headland_m + layout.width_m))
         yield KEPT_HEADLAND, headland_zone
         yield "too short for a track between its headlands", boundary
 

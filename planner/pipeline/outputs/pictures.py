@@ -12,9 +12,9 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.arrays import Floats
-from fields.geometry.arithmetic import GRID_M
 from fields.geometry.field import MIN_REPORTED_M2, Field
 from fields.geometry.obstacles import LINE, POINT, Obstacle
+from fields.geometry.overlays import intersect_on_grid
 from fields.layout.cells import Cell
 from fields.layout.swaths import Layout
 from fields.terrain.elevation_grid import ElevationGrid
@@ -197,7 +197,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
     """
     layout, field, driving_rules = context.layout, context.layout.field, context.driving_rules
     lengths, ground = [swath.length_m for swath in layout.swaths], field.region_without_obstacles
-    covered = shapely.intersection(get_site_moves(context).covered_ground, ground, grid_size=GRID_M)
+    covered = intersect_on_grid(get_site_moves(context).covered_ground, ground)
     return {
         "name": field.name,
         "source": field.source,
