@@ -13,13 +13,13 @@ from itertools import pairwise
 import numpy as np
 
 from strategies.formations.round_order import DirectedRound
-from strategies.formations.rounds import APPROACH_M, RoundPlace, get_neighbour, get_row
+from strategies.formations.rounds import APPROACH_M, SHORTEST_M, RoundPlace, get_neighbour, get_row
 from strategies.formations.tours import FormationTour
 from strategies.lines.work_line import cut_line
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
 from strategies.rules.legs import make_mission
-from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, Leg, LegGate, Plan
+from vehicle.missions.plan import FollowOrder, Leg, LegGate, Plan
 
 QUEUE_PART = 3  # of a pass: after its way to its place, what it works in formation, and its approach to the queue
 MOVED_ON_GAP_SHARE = 0.8  # share of the gap the tractor in front must have driven
@@ -183,7 +183,7 @@ def _list_stops_m(
     """Where the legs of a pass are cut: places count from its begin, those in the queue from its end."""
     whole_m = sum(leg.length_m for leg in legs)
     begin_m, end_m = straight_m
-    place_m = max(MAX_JOINT_GAP_M, place.place_m - begin_m)
+    place_m = max(SHORTEST_M, place.place_m - begin_m)
     queue_m = [whole_m - (end_m - waits_m) for waits_m in (place.hold_m, *(place.up_m if move_up else ()))]
     stops_m = [0.0, place_m, queue_m[0] - APPROACH_M, *queue_m, whole_m]
     kept = [(stop, after) for stop, after in pairwise(stops_m)]
@@ -192,7 +192,7 @@ def _list_stops_m(
 
 
 def _cut_legs(legs: Sequence[Leg], first_m: float, last_m: float) -> list[Leg]:
-    """The legs between two distances along them, none shorter than MAX_JOINT_GAP_M unless it is all."""
+    """The legs between two distances along them, none shorter than SHORTEST_M unless it is all."""
     begin_m, parts = 0.0, list[Leg]()
     for leg in legs:
         low, high = max(first_m - begin_m, 0.0), min(last_m - begin_m, leg.length_m)

@@ -13,8 +13,8 @@ from itertools import pairwise
 
 from strategies.formations.columns import FIRST, OTHER, Column
 from strategies.rules.driving_rules import DrivingRules
-from vehicle.missions.plan import MAX_JOINT_GAP_M
 
+SHORTEST_M = 0.1  # of a stretch that is driven in formation
 APPROACH_M = 1.0  # before its place in the queue a tractor is followed no longer: who follows stops when it stops
 FindPlace = Callable[[float], float]
 """The nearest place on a column to one given, metres from its begin, that is in nobody's way."""
@@ -80,7 +80,7 @@ class RoundPlace:
     @property
     def missing_m(self) -> float:
         """What the column lacks between the place in formation and that in the queue; 0 or less with room."""
-        return self.place_m + APPROACH_M + MAX_JOINT_GAP_M - self.hold_m
+        return self.place_m + APPROACH_M + SHORTEST_M - self.hold_m
 
 
 def take_place(place_m: float) -> float:
@@ -124,7 +124,7 @@ def place_tractors(
     for k, row in enumerate(rows):
         queue_m, clear = fronts_m[k] - begins_m[k] - rules.hold_back_m, traffic[k].find_wait
         waits_m = [clear(queue_m - ahead * rules.gap_m) for ahead in range(row - 1, -1, -1)]
-        ups_m = (up for before, up in pairwise(waits_m) if up > before + MAX_JOINT_GAP_M)
+        ups_m = (up for before, up in pairwise(waits_m) if up > before + SHORTEST_M)
         places.append(RoundPlace(places_m[k] - begins_m[k], waits_m[0], tuple(ups_m)))
     return places
 
@@ -149,7 +149,7 @@ def has_room(one: ColumnRound, rules: DrivingRules) -> bool:
 
 def compute_needed_length_m(rules: DrivingRules, rows: int) -> float:
     """Length of the shortest column with room for so many rows, where columns end side by side (m)."""
-    return APPROACH_M + MAX_JOINT_GAP_M + (rows - 1) * rules.gap_m + rules.hold_back_m
+    return APPROACH_M + SHORTEST_M + (rows - 1) * rules.gap_m + rules.hold_back_m
 
 
 def divide_runs(runs: Sequence[Sequence[Column]], tractors: int, rules: DrivingRules) -> list[ColumnRound]:
