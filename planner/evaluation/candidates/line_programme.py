@@ -95,19 +95,28 @@ class SketchedPlan:
 
     Attributes:
         tractor_s: about the seconds of every tractor.
-        tours: the nodes of every tractor in order; empty for a formation.
-        served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
         sketch_others: sketches the same with lines dealt otherwise, such as by who stands near where work goes on; None
             for such a sketch.
+        dealt: the lines as dealt; None for a formation.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
     sketch_others: Callable[[], list[SketchedPlan]] | None = None
-    tours: Sequence[Sequence[int]] = ()
-    served_s: Sequence[float] = ()
+    dealt: DealtLines | None = None
+
+    @property
+    def tours(self) -> Sequence[Sequence[int]]:
+        """The nodes of every tractor in order, as they are composed; empty for a formation."""
+        return () if self.dealt is None else self.dealt.tidied[0].tours
+
+    @property
+    def served_s(self) -> Sequence[float]:
+        """About the seconds of every tractor at service stops, on top of `tractor_s`."""
+        served_s = None if self.dealt is None else self.dealt.served_s
+        return [0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in self.tours]
 
 
 SketchOrder = Callable[[str], SketchedPlan]
@@ -353,14 +362,12 @@ class DealtLines:
 
     def sketch(self) -> SketchedPlan:
         """The plan as sketched by the deal alone; `tidied` where it is composed."""
-        served_s = np.zeros(len(self.moves.lines)) if self.served_s is None else self.served_s
         return SketchedPlan(
             self.order,
             self.free.tractor_s,
             lambda: self._compose(self._pose_tours(self.tidied[1]), self.tidied[0].tours),
             self._sketch_others if self.is_first else None,
-            tours=self.free.tours,
-            served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in self.free.tours],
+            self,
         )
 
     def _sketch_others(self) -> list[SketchedPlan]:
