@@ -58,9 +58,7 @@ def test_answers_that_are_kept_are_not_worked_out_again(
     again = headland(*asked)
     assert again.out == first.out and kept.read_text(encoding="utf-8") == lines
 
-    monkeypatch.setattr(
-        "planner.pipeline.many_fields.answer_question", lambda question: pytest.fail("worked out again")
-    )
+    monkeypatch.setattr("planner.pipeline.many_fields.answer_order", lambda *_: pytest.fail("worked out again"))
     assert headland(*asked).out == first.out
     assert kept.read_text(encoding="utf-8") == lines
 
