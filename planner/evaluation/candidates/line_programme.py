@@ -361,10 +361,10 @@ class DealtLines:
         return self.free, self.deal.allowed
 
     def sketch(self) -> SketchedPlan:
-        """The plan as sketched by the deal alone; `tidied` where it is composed."""
+        """The plan as sketched, `tidied` where that is the deal of a strategy."""
         return SketchedPlan(
             self.order,
-            self.free.tractor_s,
+            self.tidied[0].tractor_s,
             lambda: self._compose(self._pose_tours(self.tidied[1]), self.tidied[0].tours),
             self._sketch_others if self.is_first else None,
             self,
