@@ -34,7 +34,6 @@ MOST_OFF_M, MOST_OTHER_SHARE = 0.1, 1e-3  # of half of the tracks, and of the gr
 _PLAN_TIME = re.compile(r"(?P<file>.+)@(?P<hours>\d{1,3}):(?P<minutes>\d{2})(?::(?P<seconds>\d{2}))?")
 FieldChoice = Field | FieldSource | None
 """What replaces the field of a request."""
-# Planned turns are this much wider than full lock, so that guidance has something to correct with.
 
 DoneSource = str | DoneWork
 

@@ -12,8 +12,6 @@ from strategies.programmes.programme import Sketch
 from strategies.rules.dealing import LineDeal
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, LegTask
 
-DEAL = LineDeal(np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 0, 1]], bool))
-
 
 def make_lines() -> list[WorkLine]:
     """The four sides of a field anticlockwise, and a track in the west and in the east."""
@@ -30,20 +28,22 @@ def make_lines() -> list[WorkLine]:
     ]
 
 
+DEAL = LineDeal(np.array([[1, 1, 1, 1, 1, 0], [1, 1, 1, 1, 0, 1]], bool))
+
+
 @pytest.mark.parametrize(("dearer", "is_tidy"), [(0.5, True), (1.5, False)])
 def test_a_tidier_sketch_is_taken_unless_it_is_clearly_dearer(dearer: float, is_tidy: bool) -> None:
     asked = list[Any]()
 
     def sketch(allowed: Any) -> Sketch:
         asked.append(allowed)
-        return Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0 * (1.0 + dearer * TIDY_SHARE))
+        return Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0 * (1.0 + (len(asked) == 2) * dearer * TIDY_SHARE))
 
     moves: Any = SimpleNamespace(lines=make_lines(), starts=(4,))
-    free = Sketch([[0, 2], [4, 7]], [50.0, 50.0], 100.0)
-    found, allowed = sketch_tidily(sketch, moves, DEAL, free)
-    (tidier,) = asked
-    assert (tidier[:, :4].sum(axis=0) == 1).all()
-    assert allowed is (tidier if is_tidy else DEAL.allowed)
+    found, allowed = sketch_tidily(sketch, moves, DEAL)
+    free, other = asked
+    assert free is DEAL.allowed and (other[:, :4].sum(axis=0) == 1).all()
+    assert allowed is (other if is_tidy else DEAL.allowed)
     assert found.cost_s == pytest.approx(100.0 * (1.0 + is_tidy * dearer * TIDY_SHARE))
 
 
@@ -51,4 +51,4 @@ def test_without_a_tidier_deal_lines_are_dealt_as_they_are() -> None:
     moves: Any = SimpleNamespace(lines=make_lines()[4:], starts=())
     plain = Sketch([[0], [2]], [1.0, 1.0], 1.0)
     deal = LineDeal(DEAL.allowed[:, 4:])
-    assert sketch_tidily(lambda _: plain, moves, deal, plain) == (plain, deal.allowed)
+    assert sketch_tidily(lambda _: plain, moves, deal) == (plain, deal.allowed)

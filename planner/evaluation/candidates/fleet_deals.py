@@ -29,13 +29,13 @@ SketchDeal = Callable[[Flags], Sketch]
 """Sketches tours by a deal of lines."""
 
 
-def sketch_tidily(sketch: SketchDeal, moves: SiteMoves, deal: LineDeal, free: Sketch) -> tuple[Sketch, Flags]:
-    """A sketch in a way that people would rather see than the one by a deal alone, `free`; with the lines for each.
+def sketch_tidily(sketch: SketchDeal, moves: SiteMoves, deal: LineDeal) -> tuple[Sketch, Flags]:
+    """A sketch by a deal in a way that people would rather see, with the lines for each.
 
     Every side of the headland is one tractor's in all passes, and the tracks of each are neighbours. What is clearly
     dearer than by the deal alone is not taken.
     """
-    lines = moves.lines
+    lines, free = moves.lines, sketch(deal.allowed)
     most_s = (1.0 + TIDY_SHARE) * free.cost_s
     found, allowed = _sketch_tidier(sketch, deal_sides(lines, deal.allowed), (free, deal.allowed), most_s)
     return _sketch_tidier(sketch, deal_runs(lines, allowed, found.tours), (found, allowed), most_s)

@@ -95,28 +95,19 @@ class SketchedPlan:
 
     Attributes:
         tractor_s: about the seconds of every tractor.
+        tours: the nodes of every tractor in order; empty for a formation.
+        served_s: about the seconds of every tractor at service stops, on top of `tractor_s`.
         compose: composes it of moves that were driven well; raises StrategyError where that does not work.
         sketch_others: sketches the same with lines dealt otherwise, such as by who stands near where work goes on; None
             for such a sketch.
-        dealt: the lines as dealt; None for a formation.
     """
 
     order: str
     tractor_s: list[float]
     compose: Callable[[], ComposedPlan]
     sketch_others: Callable[[], list[SketchedPlan]] | None = None
-    dealt: DealtLines | None = None
-
-    @property
-    def tours(self) -> Sequence[Sequence[int]]:
-        """The nodes of every tractor in order, as they are composed; empty for a formation."""
-        return () if self.dealt is None else self.dealt.tidied[0].tours
-
-    @property
-    def served_s(self) -> Sequence[float]:
-        """About the seconds of every tractor at service stops, on top of `tractor_s`."""
-        served_s = None if self.dealt is None else self.dealt.served_s
-        return [0.0 if served_s is None else math.fsum(served_s[node // 2] for node in tour) for tour in self.tours]
+    tours: Sequence[Sequence[int]] = ()
+    served_s: Sequence[float] = ()
 
 
 SketchOrder = Callable[[str], SketchedPlan]
@@ -348,33 +339,28 @@ class DealtLines:
         """Tours by estimated moves, of lines that each tractor may work (tractors, n)."""
         return sketch_programme(self._pose_tours(allowed))
 
-    @cached_property
-    def free(self) -> Sketch:
-        """The sketch by the deal alone."""
-        return self.sketch_tours(self.deal.allowed)
-
-    @cached_property
-    def tidied(self) -> tuple[Sketch, Flags]:
-        """A sketch by the deal of a strategy in a way that people would rather see, with the lines for each."""
-        if self.is_first and len(self.deal.allowed) > 1 and self.context.going_on is None:
-            return sketch_tidily(self.sketch_tours, self.moves, self.deal, self.free)
-        return self.free, self.deal.allowed
-
     def sketch(self) -> SketchedPlan:
-        """The plan as sketched, `tidied` where that is the deal of a strategy."""
+        """The plan as sketched; by the deal of a strategy in a way that people would rather see (sketch_tidily)."""
+        own = self.deal.allowed
+        if self.is_first and len(own) > 1 and self.context.going_on is None:
+            sketched, own = sketch_tidily(self.sketch_tours, self.moves, self.deal)
+        else:
+            sketched = self.sketch_tours(own)
+        served_s = np.zeros(len(self.moves.lines)) if self.served_s is None else self.served_s
         return SketchedPlan(
             self.order,
-            self.tidied[0].tractor_s,
-            lambda: self._compose(self._pose_tours(self.tidied[1]), self.tidied[0].tours),
-            self._sketch_others if self.is_first else None,
-            self,
+            sketched.tractor_s,
+            lambda: self._compose(self._pose_tours(own), sketched.tours),
+            (lambda: self._sketch_others(is_tidy=own is not self.deal.allowed)) if self.is_first else None,
+            tours=sketched.tours,
+            served_s=[math.fsum(served_s[node // 2] for node in tour) for tour in sketched.tours],
         )
 
-    def _sketch_others(self) -> list[SketchedPlan]:
-        """Sketches by other deals, that of the strategy alone first where it was tidied."""
+    def _sketch_others(self, *, is_tidy: bool) -> list[SketchedPlan]:
+        """Sketches by other deals, that of the strategy alone first where the first sketch `is_tidy`."""
         goes_on, found = self.context.going_on is not None, list[SketchedPlan]()
         others = list_other_deals(self.sketch_tours, self.moves, self.deal, self.order, goes_on=goes_on)
-        for deal in others if self.tidied[1] is self.deal.allowed else [self.deal, *others]:
+        for deal in [self.deal, *others] if is_tidy else others:
             with suppress(StrategyError):
                 found.append(replace(self, deal=deal, is_first=False).sketch())
         return found
