@@ -11,7 +11,7 @@ Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Records = npt.NDArray[Any]
-"""Records of a dtype with fields, such as those of vehicle.records."""
+"""Records of a dtype with fields."""
 
 
 def find_true_spans(flags: npt.ArrayLike) -> Integers:

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import Floats, build_directions
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
@@ -65,7 +65,7 @@ class GuideCurve:
         stations = STEP_M * np.arange(len(self.points))
         inside = np.clip(along, 0.0, self.length_m)
         heading = np.interp(inside, stations, self.headings)
-        ahead = np.column_stack([np.cos(heading), np.sin(heading)])
+        ahead = build_directions(heading)
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
         foot = np.column_stack([np.interp(inside, stations, axis) for axis in self.points.T])
         placed: Floats = foot + (along - inside)[:, None] * ahead + measured[:, 1:] * left
@@ -191,7 +191,7 @@ def smooth_contour(contour: Floats, smoothing_m: float) -> GuideCurve | None:
          2.0 * _fit_end(headings[::-1], reach) - headings[-2 : -reach - 2 : -1]]
     )  # fmt: skip
     smooth = multiply(np.lib.stride_tricks.sliding_window_view(continued, len(kernel)), kernel / kernel.sum())
-    points = np.concatenate([[[0.0, 0.0]], np.cumsum(STEP_M * np.column_stack([np.cos(smooth), np.sin(smooth)]), 0)])
+    points = np.concatenate([[[0.0, 0.0]], np.cumsum(STEP_M * build_directions(smooth), 0)])
     ends = 1.5 * smooth[[0, -1]] - 0.5 * smooth[[1, -2]]
     node_headings = np.concatenate([ends[:1], 0.5 * (smooth[1:] + smooth[:-1]), ends[1:]])
     return _move_onto(GuideCurve(points, node_headings), places)

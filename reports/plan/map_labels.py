@@ -8,7 +8,7 @@ from string import ascii_lowercase
 
 import numpy as np
 
-from fields.arrays import Floats
+from fields.arrays import Floats, measure_along
 from reports.common.plan_records import HeadlandPassLine, PlanDrive
 from reports.common.wording import format_area
 from reports.plan.drive_geometry import (
@@ -239,7 +239,7 @@ def _iterate_worked_legs(drive: PlanDrive, tractor: int) -> Iterator[tuple[str, 
 
 def _iterate_arrow_heads(line: Floats, length_m: float) -> Iterator[Floats]:
     """Heads of arrows at several places along a path, the middle first; none on a path shorter than two heads."""
-    along: Floats = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+    along = measure_along(line)
     if along[-1] < 2.0 * length_m:
         return
     for share in _ARROW_SHARES:

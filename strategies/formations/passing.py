@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, measure_along
+from fields.arrays import Flags, Floats, build_directions, measure_along
 from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
@@ -53,7 +53,7 @@ def trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
     places = locate_at(part, along, np.linspace(0.0, along[-1], 2 + int(along[-1] / LINE_STEP_M)))
     headings = np.arctan2(*np.diff(places, axis=0).T[::-1])
     back_m = site.back_m
-    return np.column_stack([places[1:] - back_m * np.column_stack([np.cos(headings), np.sin(headings)]), headings])
+    return np.column_stack([places[1:] - back_m * build_directions(headings), headings])
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, measure_along
+from fields.arrays import Flags, Floats, build_directions, measure_along
 from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import MOST_OFF_SHARE, extend_line
@@ -177,7 +177,7 @@ class MoveDrives:
 
     def _measure_off_m(self, line: Floats, poses: Floats) -> Floats:
         """How far (t,) beside a line (n, 2) the implement is, with the centre of mass at poses (t, 3)."""
-        back = self.site.bar_m * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        back = self.site.bar_m * build_directions(poses[:, 2])
         long = shapely.LineString(extend_line(line, SETTLE_M, SETTLE_M))
         off_m: Floats = shapely.distance(long, shapely.points(poses[:, :2] - back))
         return off_m

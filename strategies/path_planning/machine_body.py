@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import Floats, build_directions
 
 POINT_STEP_M = 0.5  # between the points of an outline
 
@@ -56,7 +56,7 @@ class MachineBody:
     def place_boxes(self, poses: Floats) -> npt.NDArray[np.object_]:
         """The boxes at poses (n, 3) of the rear axle, as polygons."""
         corners = np.array([[(a, -half), (b, -half), (b, half), (a, half)] for a, b, half in self.boxes])
-        ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        ahead = build_directions(poses[:, 2])
         sideways = np.column_stack([-ahead[:, 1], ahead[:, 0]])
         turned = corners[None, ..., :1] * ahead[:, None, None] + corners[None, ..., 1:] * sideways[:, None, None]
         return np.asarray(shapely.polygons((turned + poses[:, None, None, :2]).reshape(-1, 4, 2)))

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Flags, Floats, Integers
+from fields.arrays import Flags, Floats, Integers, build_directions
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import subtract, unite
 from planner.evaluation.context import PlanningContext
@@ -114,7 +114,7 @@ class TouchTable:
             rows, self._axle_m, boxes, self._reach_m, self._bounds, self._firsts, self._edges
         )
         clear = np.flatnonzero(~found)
-        ahead = np.column_stack([np.cos(poses[clear, 2]), np.sin(poses[clear, 2])])
+        ahead = build_directions(poses[clear, 2])
         for rear_m, front_m, _ in self._body.boxes:
             middles = poses[clear, :2] + (0.5 * (rear_m + front_m) - self._axle_m) * ahead
             found[clear] |= shapely.intersects_xy(self._areas, middles)
@@ -122,7 +122,7 @@ class TouchTable:
 
     def place_boxes(self, poses: Floats) -> Boxes:
         """The boxes of tractor and implement at poses (t, 3) of the centre of mass, one after another for each pose."""
-        ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        ahead = build_directions(poses[:, 2])
         return self._body.place_boxes(np.column_stack([poses[:, :2] - self._axle_m * ahead, poses[:, 2]]))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Flags, Floats, Integers
+from fields.arrays import Flags, Floats, Integers, build_directions
 from fields.geometry.overlays import (
     ROUNDING_SHARE,
     Areas,
@@ -292,7 +292,7 @@ def _find_swept_pieces(
 
 def _classify_bar_motion(angle: Floats, ends: Floats) -> npt.NDArray[np.int8]:
     """Per step of the bar: 1 if both ends move forward, -1 if both move back, 0 if it turns on the spot."""
-    ahead = np.column_stack([np.cos(angle[:-1]), np.sin(angle[:-1])])
+    ahead = build_directions(angle[:-1])
     gone = np.einsum("etk,tk->et", np.diff(ends, axis=1), ahead)
     direction = np.where((gone >= -STILL_M).all(axis=0), 1, np.where((gone <= STILL_M).all(axis=0), -1, 0))
     return direction.astype(np.int8)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import Floats, measure_along
 from fields.geometry.arithmetic import GRID_M
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Leg, Mission
@@ -127,7 +127,7 @@ class TimedMission:
 
     @cached_property
     def _point_distances_m(self) -> list[Floats]:
-        return [np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T)))) for leg in self.legs]
+        return [measure_along(leg.points) for leg in self.legs]
 
     def locate_ahead(self, leg: int, leg_m: float, base_end: int, place: tuple[float, float]) -> tuple[int, float]:
         """Leg and metres on it nearest to a place, from a known place on, up to SEARCH_AHEAD_M of the base."""

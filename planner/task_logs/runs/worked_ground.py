@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import Floats, measure_along
 from fields.geometry.outline_cleaning import list_polygons
 from fields.geometry.overlays import clip_area, extract_polygons, intersect, subtract_area, unite, unite_areas
 from fields.terrain.elevation_grid import ElevationGrid
@@ -71,7 +71,7 @@ def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Floats
 
 def _build_tool_strips(line: Floats, width_m: float) -> Iterator[shapely.Geometry]:
     """The ground under the tool along a path, piece by piece."""
-    length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    length = measure_along(line)
     cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
     for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(line) - 1], strict=True):
         if last > first:
