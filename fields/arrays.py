@@ -13,6 +13,9 @@ Flags = npt.NDArray[np.bool_]
 Records = npt.NDArray[Any]
 """Records of a dtype with fields."""
 
+ANGLE_DIGITS, DIRECTION_DIGITS = 12, 14
+"""Processors differ in the last of 16 digits, and what is laid or measured by an angle would differ with it."""
+
 
 def find_true_spans(flags: npt.ArrayLike) -> Integers:
     """First index and one past the last of every run of true in `flags` (n,): spans (k, 2)."""
@@ -27,6 +30,12 @@ def measure_along(points: Floats) -> Floats:
     return along
 
 
+def compute_angles(vectors: Floats) -> Floats:
+    """Mathematical angles (n,) of vectors (n, 2), -pi to pi, the same on every processor."""
+    angles: Floats = np.arctan2(vectors[:, 1], vectors[:, 0])
+    return angles.round(ANGLE_DIGITS)
+
+
 def build_directions(angles: Floats) -> Floats:
-    """Unit vectors (n, 2) along mathematical angles (n,)."""
-    return np.column_stack([np.cos(angles), np.sin(angles)])
+    """Unit vectors (n, 2) along mathematical angles (n,), the same on every processor."""
+    return np.column_stack([np.cos(angles), np.sin(angles)]).round(DIRECTION_DIGITS)

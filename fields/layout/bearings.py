@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import Floats, build_directions, compute_angles
 from fields.geometry.arithmetic import PARALLEL_RAD, ROUNDING, multiply
 
 SIMPLIFY_M = 1.0
@@ -84,7 +84,7 @@ def _measure_edge_directions(boundary: shapely.Polygon) -> tuple[Floats, Floats]
     simplified = boundary.simplify(SIMPLIFY_M)
     for loop in (simplified.exterior, *simplified.interiors):
         step = np.diff(np.asarray(loop.coords)[:, :2], axis=0)
-        angles.append(np.arctan2(step[:, 1], step[:, 0]) % math.pi)
+        angles.append(compute_angles(step) % math.pi)
         lengths.append(np.hypot(step[:, 0], step[:, 1]))
     angle, length = np.concatenate(angles), np.concatenate(lengths)
     is_long_enough = length > 1e-9
@@ -101,9 +101,10 @@ def _find_rectangle_directions(boundary: shapely.Polygon) -> list[float]:
     """
     hull = np.asarray(boundary.convex_hull.exterior.coords)[:, :2]
     step = np.diff(hull, axis=0)
-    angle = np.arctan2(step[:, 1], step[:, 0]) % math.pi
-    along = multiply(hull, np.stack([np.cos(angle), np.sin(angle)]))
-    across = multiply(hull, np.stack([-np.sin(angle), np.cos(angle)]))
+    angle = compute_angles(step) % math.pi
+    cosine, sine = build_directions(angle).T
+    along = multiply(hull, np.stack([cosine, sine]))
+    across = multiply(hull, np.stack([-sine, cosine]))
     size = np.stack([np.ptp(along, axis=0), np.ptp(across, axis=0)])
     area = size[0] * size[1]
     is_smallest = np.flatnonzero(area <= area.min() * (1.0 + ROUNDING))[:MAX_DIRECTIONS]

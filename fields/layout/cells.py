@@ -23,7 +23,7 @@ import shapely
 from shapely.geometry.polygon import orient
 from shapely.ops import split
 
-from fields.arrays import Floats
+from fields.arrays import Floats, compute_angles
 from fields.geometry.arithmetic import CURVE_M, EDGE_M, ROUNDING
 from fields.geometry.overlays import intersect_on_grid, subtract_on_grid, unite_on_grid
 from fields.layout.bearings import SIMPLIFY_M
@@ -197,7 +197,7 @@ def _find_reflex_corners(region: shapely.Polygon) -> list[tuple[Floats, Floats, 
         points = np.asarray(ring.coords)[:-1, :2]
         before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
         cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-        turn = np.arctan2(cross, (before * after).sum(axis=1))
+        turn = compute_angles(np.column_stack([(before * after).sum(axis=1), cross]))
         for k in np.flatnonzero(turn < -REFLEX_RAD).tolist():
             reach = float(np.hypot(*before[k]) + np.hypot(*after[k]))
             corners.append((-round(reach, 3), len(corners), points[k], before[k], after[k]))

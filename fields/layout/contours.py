@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, build_directions
+from fields.arrays import Floats, build_directions, compute_angles
 from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
@@ -79,8 +79,9 @@ class GuideCurve:
             inside = np.clip(along, 0.0, self.length_m)
             heading = np.interp(inside, STEP_M * np.arange(len(self.points)), self.headings)
             offset = points - self.place(np.column_stack([along, np.zeros(len(along))]))
-            ahead = offset[:, 0] * np.cos(heading) + offset[:, 1] * np.sin(heading)
-            beside = offset[:, 1] * np.cos(heading) - offset[:, 0] * np.sin(heading)
+            cosine, sine = build_directions(heading).T
+            ahead = offset[:, 0] * cosine + offset[:, 1] * sine
+            beside = offset[:, 1] * cosine - offset[:, 0] * sine
             step = np.clip((along / STEP_M).astype(np.int64), 0, len(self.curvatures) - 1)
             curvature = np.where(along == inside, self.curvatures[step], 0.0)
             along = along + ahead / np.maximum(1.0 - curvature * beside, 0.1)
@@ -184,7 +185,7 @@ def smooth_contour(contour: Floats, smoothing_m: float) -> GuideCurve | None:
     spare_m = line.length - stations[-1]  # half of it is left out at each end: longer steps would bend the guide more
     places = shapely.get_coordinates(shapely.line_interpolate_point(line, 0.5 * spare_m + stations))
     steps = np.diff(places, axis=0)
-    headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    headings = np.unwrap(compute_angles(steps))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * STEP_M / smoothing_m) ** 2)
     continued = np.concatenate(
         [2.0 * _fit_end(headings, reach) - headings[reach:0:-1], headings,
@@ -222,7 +223,7 @@ def _has_room_to_bend(guide: GuideCurve, region: shapely.Geometry, radius_m: flo
 
 def _compute_mean_heading(guide: GuideCurve) -> float:
     """The mean direction of a guide in (-pi, pi]."""
-    return math.atan2(float(np.sin(guide.headings).mean()), float(np.cos(guide.headings).mean()))
+    return math.atan2(*build_directions(guide.headings).mean(axis=0)[::-1].tolist())
 
 
 def _orient_guide(guide: GuideCurve, field: Field) -> GuideCurve:

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry.polygon import orient
 
-from fields.arrays import Floats
+from fields.arrays import Floats, compute_angles
 from fields.errors import FieldError
 from fields.geometry.arithmetic import GRID_M, MITRE_LIMIT, SHARP_MITRE_LIMIT
 from fields.geometry.field import Field
@@ -188,7 +188,7 @@ def _split_into_sides(ring: Floats, corner_length_m: float) -> tuple[HeadlandPas
 def _compute_deflections(ring: Floats) -> Floats:
     """Turn to the left at each vertex of a ring (n,), radians."""
     step = np.roll(ring, -1, axis=0) - ring
-    heading = np.arctan2(step[:, 1], step[:, 0])
+    heading = compute_angles(step)
     turn: Floats = (heading - np.roll(heading, 1) + math.pi) % (2.0 * math.pi) - math.pi
     return turn
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, Integers
+from fields.arrays import Floats, Integers, build_directions
 from fields.geometry.arithmetic import CURVE_M, GRID_M, multiply
 from fields.geometry.overlays import intersect_on_grid
 
@@ -87,7 +87,7 @@ def collect_edges(region: shapely.Geometry) -> Floats:
 
 def compute_axes(bearing_rad: float) -> Floats:
     """Rows: unit vector u along the tracks and n to the left of it, shape (2, 2)."""
-    c, s = np.cos(bearing_rad), np.sin(bearing_rad)
+    ((c, s),) = build_directions(np.array([bearing_rad]))
     return np.array([[c, s], [-s, c]])
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import Floats, compute_angles
 from fields.terrain.elevation_grid import ElevationGrid
 
 LIGHT_AZIMUTH_DEG, LIGHT_HEIGHT_DEG = 315.0, 45.0
@@ -154,7 +154,7 @@ def measure_fall_line_share(lines: Iterable[Floats], grid: ElevationGrid) -> flo
 def measure_cross_slope(lines: Iterable[Floats], grid: ElevationGrid) -> float:
     """The largest slope (m/m) across lines (n, 2), to either side."""
     vectors, gradients = _measure_steps(lines, grid)
-    _, across = compute_directional_slopes(gradients, np.arctan2(vectors[:, 1], vectors[:, 0]))
+    _, across = compute_directional_slopes(gradients, compute_angles(vectors))
     return float(np.abs(across).max())
 
 

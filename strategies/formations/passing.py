@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, build_directions, measure_along
+from fields.arrays import Flags, Floats, build_directions, compute_angles, measure_along
 from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.paths import DrivePath, Pose
@@ -36,7 +36,7 @@ def trace_body(site: Site, path: DrivePath) -> Floats:
     angle = path.start[2]
     x, y = path.start[0] - guide_m * math.cos(angle), path.start[1] - guide_m * math.sin(angle)
     for gear, points in settled.sample(CELL_M):
-        headings = np.arctan2(*np.diff(points, axis=0).T[::-1]).tolist()
+        headings = compute_angles(np.diff(points, axis=0)).tolist()
         for (px, py), heading in zip(points.tolist(), [*headings, headings[-1]], strict=True):
             angle = math.atan2(py - y, px - x) if gear > 0 else heading + math.pi
             x, y = px - guide_m * math.cos(angle), py - guide_m * math.sin(angle)
@@ -51,7 +51,7 @@ def trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
     part = cut_line(path, first_m, min(whole_m, first_m + reach_m))
     along = measure_along(part)
     places = locate_at(part, along, np.linspace(0.0, along[-1], 2 + int(along[-1] / LINE_STEP_M)))
-    headings = np.arctan2(*np.diff(places, axis=0).T[::-1])
+    headings = compute_angles(np.diff(places, axis=0))
     back_m = site.back_m
     return np.column_stack([places[1:] - back_m * build_directions(headings), headings])
 

@@ -17,7 +17,8 @@ def queue_by_rows(draft: RoundDraft, number: int, tractor: int) -> list[LegGate]
     row, ahead_m = get_row(tractor, draft.tractors), draft.table.site.rules.ahead_m
     rows = {other: get_row(other, draft.tractors) for other in range(draft.tractors)}
     gates = [draft.build_place_gate(number, other) for other in rows if rows[other] == row - 1]
-    beside = max(other for other in rows if rows[other] == row)
+    onward = max if _moves_up(draft, number) else min
+    beside = onward(other for other in rows if rows[other] == row)
     if row > 1 and beside != tractor and ahead_m:
         gates.append(draft.build_release_gate(number, beside, ahead_m))
     return gates

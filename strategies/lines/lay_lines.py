@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, find_true_spans, measure_along
+from fields.arrays import Flags, Floats, compute_angles, find_true_spans, measure_along
 from fields.geometry.arithmetic import CURVE_M, SLIVER_M2
 from fields.geometry.overlays import Areas, clip_all_areas, intersect, subtract_area, unite_areas
 from fields.layout.headland_passes import MIN_OPEN_AREA, HeadlandPass, HeadlandPassSide
@@ -223,7 +223,7 @@ def _find_spans(site: Site, path: Floats, length_m: float) -> list[Span]:
 def _measure_rooms_at(site: Site, bars: Floats, guided: Floats) -> Floats:
     """Room (n,) where the implement and the guided point are at places (n, 2), exact below SCARCE_M (m)."""
     body, ground, ahead = site.body, site.ground, guided - bars
-    poses = np.column_stack([guided, np.arctan2(ahead[:, 1], ahead[:, 0])])
+    poses = np.column_stack([guided, compute_angles(ahead)])
     return measure_rooms(poses, body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M)  # type: ignore[no-any-return]
 
 

@@ -15,6 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.ops import nearest_points
 
+from fields.arrays import DIRECTION_DIGITS, build_directions
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.primitives import SNAP, TAU
 
@@ -123,12 +124,9 @@ def advance_along_segment(pose: Pose, segment: PathSegment) -> Pose:
 def sample_arc(pose: Pose, segment: PathSegment, pieces: int) -> Points:
     """Points that cut the segment driven from `pose` into equal pieces, shape (pieces + 1, 2)."""
     run = np.linspace(0.0, segment.gear * segment.length_m, pieces + 1)
-    points = np.empty((pieces + 1, 2))
     half = 0.5 * segment.curvature * run
-    chord = run * np.sinc(half / math.pi) if segment.curvature else run
-    angle = pose[2] + half
-    points[:, 0], points[:, 1] = pose[0] + chord * np.cos(angle), pose[1] + chord * np.sin(angle)
-    return points
+    chord = run * np.round(np.sinc(half / math.pi), DIRECTION_DIGITS) if segment.curvature else run
+    return np.array(pose[:2]) + chord[:, None] * build_directions(pose[2] + half)
 
 
 def merge_segments(start: Pose, segments: Iterable[PathSegment], kind: str) -> DrivePath:

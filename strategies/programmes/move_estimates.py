@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, Integers
+from fields.arrays import Flags, Floats, Integers, build_directions
 from strategies.lines.work_line import WorkLine
 from strategies.moves.closed_forms import (
     FEW_FORMS,
@@ -171,7 +171,7 @@ class MoveEstimates:
 
 def _see_from(a_poses: Floats, b_poses: Floats) -> Floats:
     """Poses b as seen from poses a, both (k, 3)."""
-    cosine, sine = np.cos(a_poses[:, 2]), np.sin(a_poses[:, 2])
+    cosine, sine = build_directions(a_poses[:, 2]).T
     east, north, turn = (b_poses - a_poses).T
     return np.column_stack([east * cosine + north * sine, north * cosine - east * sine, turn])
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, measure_along
+from fields.arrays import Flags, Floats, build_directions, compute_angles, measure_along
 from strategies.lines.work_line import cut_line, locate_at
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.missions.plan import HEADLAND_PASS
@@ -25,10 +25,9 @@ def sample_poses(points: Floats, back_m: float, gear: int = 1) -> Floats:
     along = measure_along(points)
     places = locate_at(points, along, np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / POSE_STEP_M))))
     ahead, poses = gear * (places[1:] - places[:-1]), np.empty((len(places), 3))
-    poses[:-1, 2] = np.arctan2(ahead[:, 1], ahead[:, 0])
+    poses[:-1, 2] = compute_angles(ahead)
     poses[-1, 2] = poses[-2, 2]
-    poses[:, 0] = places[:, 0] - back_m * np.cos(poses[:, 2])
-    poses[:, 1] = places[:, 1] - back_m * np.sin(poses[:, 2])
+    poses[:, :2] = places - back_m * build_directions(poses[:, 2])
     return poses
 
 

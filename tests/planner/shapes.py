@@ -26,6 +26,9 @@ def _ring(radius_m: float, corners: int, other_m: float | None = None) -> Corner
     return [(radii[k % 2] * math.sin(turn), radii[k % 2] * math.cos(turn)) for k, turn in enumerate(turns)]
 
 
+STAR = _ring(95.0, 10, 50.0)
+
+
 def _drawn(name: str, outline: Corners, holes: tuple[Corners, ...] = (), obstacles: tuple[Obstacle, ...] = ()) -> Field:
     return Field(name, shapely.Polygon(outline, holes), obstacles=obstacles)
 
@@ -34,7 +37,7 @@ SHAPES = {
     "L": _drawn("L", L_SHAPE),
     "U": _drawn("U", U_SHAPE),
     "comb": _drawn("comb", COMB),
-    "star": _drawn("star", _ring(95.0, 10, 50.0)),
+    "star": _drawn("star", STAR),
     "triangle": _drawn("triangle", [(0, 0), (180, 0), (60, 130)]),
     "thin strip": _drawn("thin strip", [(0, 0), (420, 20), (419, 45), (-1, 25)]),
     "donut": _drawn("donut", _ring(70.0, 48), (_ring(25.0, 24),)),

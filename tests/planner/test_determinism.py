@@ -20,6 +20,7 @@ from planner.request.option_texts import parse_counts
 from reports.common.plan_results import PlanRanking
 from reports.plan.figures import format_ranking_csv, format_ranking_json
 from tests.drawn_fields import rectangle
+from tests.planner.shapes import STAR, Corners
 from vehicle.model.tractor import load_tractor
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -177,15 +178,18 @@ def test_progress_counts_up_to_all(few: PlanRequest) -> None:
     assert len(format_ranking_csv(ranking).splitlines()) == 4
 
 
+SKEW = [(0.0, 0.0), (83.0, 9.0), (95.0, 61.0), (22.0, 78.0), (0.0, 0.0)]
+
+
 @pytest.mark.slow
-def test_another_processor_gives_the_same_plan(tmp_path: Path) -> None:
-    """Libraries choose other code on other processors, which may add in another order; where they cannot be told to,
-    the two are the same in any case."""
-    corners = [[0, 0], [83, 9], [95, 61], [22, 78], [0, 0]]
-    field = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [corners]}}
-    (tmp_path / "skew.geojson").write_text(json.dumps(field))
+@pytest.mark.parametrize("outline", [SKEW, STAR], ids=["skew", "star"])
+def test_another_processor_gives_the_same_plan(outline: Corners, tmp_path: Path) -> None:
+    """Libraries choose other code on other processors, which may add in another order or round the other way; where
+    they cannot be told to, the two are the same in any case."""
+    field = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [outline]}}
+    (tmp_path / "drawn.geojson").write_text(json.dumps(field))
     older = {"OPENBLAS_CORETYPE": "Prescott", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR"}
-    command = (sys.executable, "-m", "planner.cli.main", "plan", "skew.geojson", "--local", "--tractors", "2")
+    command = (sys.executable, "-m", "planner.cli.main", "plan", "drawn.geojson", "--local", "--tractors", "2")
     plans = []
     for name, more in (("here", {}), ("older", older)):
         subprocess.run(

@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fields.arrays import Floats, Records, build_directions
+from fields.arrays import ANGLE_DIGITS, Floats, Records, build_directions
 from fields.units import KMH_PER_MPS
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index
@@ -60,7 +60,7 @@ def drive_circle_with_tables(
     antenna_path = body_rows[:, BODY_PLACE] + tractor.guide_m * build_directions(body_rows[:, BODY_ANGLE])
     last_rows = body_rows[-MEASURED_STEPS:]
     spin, facing = last_rows[:, BODY_SPIN], last_rows[:, BODY_ANGLE]
-    aside = np.stack([-np.sin(facing), np.cos(facing)], axis=1)
+    aside = build_directions(facing + 0.5 * math.pi)
     velocity = last_rows[:, BODY_VELOCITY] + tractor.guide_m * spin[:, None] * aside
     radius_m = np.hypot(*velocity.T) / np.maximum(np.abs(spin), 1e-12)
     return SteeringCircle(antenna_path, float(radius_m.mean()))
@@ -123,7 +123,7 @@ def _invert_base_curve(tractor: Tractor, radius: Floats, ground: int) -> Floats:
         middle = 0.5 * (low + high)
         is_too_wide = compute_radius(middle) > radius
         low, high = np.where(is_too_wide, middle, low), np.where(is_too_wide, high, middle)
-    return np.where(np.isinf(radius), 0.0, 0.5 * (low + high))
+    return np.where(np.isinf(radius), 0.0, 0.5 * (low + high)).round(ANGLE_DIGITS)
 
 
 def build_steering_tables(tractor: Tractor) -> Floats:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, Integers
+from fields.arrays import Floats, Integers, build_directions
 from fields.geometry.arithmetic import EDGE_M, MITRE_LIMIT
 from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite, unite_areas
 from planner.evaluation.context import PlanningContext
@@ -113,9 +113,7 @@ def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: i
 
 def locate_antenna(poses: Floats, context: PlanningContext) -> Floats:
     """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
-    x, y, angle = poses.T
-    reach = context.tractor.guide_m
-    return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
+    return poses[:, :2] + context.tractor.guide_m * build_directions(poses[:, 2])
 
 
 def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptArea | None = None) -> Coverage:

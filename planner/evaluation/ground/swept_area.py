@@ -244,10 +244,10 @@ def compute_swept_between_rows(
 
 def locate_implement_ends(poses: Floats, context: PlanningContext) -> Floats:
     """Left and right end of the implement, (2, t, 2), at poses (t, 3) of the centre of mass."""
-    x, y, angle = poses.T
-    reach = -(context.tractor.rear_axle_m + context.implement.hitch_m)
-    middle = np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
-    aside = 0.5 * context.implement.width_m * np.column_stack([-np.sin(angle), np.cos(angle)])
+    cosine, sine = build_directions(poses[:, 2]).T
+    reach = context.tractor.rear_axle_m + context.implement.hitch_m
+    middle = poses[:, :2] - reach * np.column_stack([cosine, sine])
+    aside = 0.5 * context.implement.width_m * np.column_stack([-sine, cosine])
     return np.stack([middle + aside, middle - aside])
 
 

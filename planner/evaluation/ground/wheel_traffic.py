@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.arrays import Integers, find_true_spans
+from fields.arrays import Integers, build_directions, find_true_spans
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import Areas, clip_area, intersect, subtract, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
@@ -173,7 +173,7 @@ def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Integers, *,
     rows, owner = _list_span_rows(spans)
     # Places (4, t, 2) of the wheels at poses (t, 3) of the centre of mass.
     x, y, angle = run.record[rows, spans[owner, 0], REC_POSE].T
-    cosine, sine = np.cos(angle), np.sin(angle)
+    cosine, sine = build_directions(angle).T
     wheels = np.stack(
         [
             np.column_stack([x + ahead * cosine - left * sine, y + ahead * sine + left * cosine])

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Flags, Floats, Integers, measure_along
+from fields.arrays import Flags, Floats, Integers, compute_angles, measure_along
 from fields.geometry.overlays import intersect, subtract, unite
 from planner.farm.workday import Workday
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
@@ -290,7 +290,7 @@ def _classify_turn(legs: Sequence[Leg]) -> str:
     points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
     steps = np.diff(points, axis=0)
     steps = steps[np.hypot(*steps.T) > MIN_STEP_M]
-    bends = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+    bends = np.diff(np.unwrap(compute_angles(steps)))
     left_rad, right_rad = float(bends[bends > 0].sum()), float(-bends[bends < 0].sum())
     if max(left_rad, right_rad) < MIN_U_TURN_RAD:
         return ""
