@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ Flags = npt.NDArray[np.bool_]
 Records = npt.NDArray[Any]
 """Records of a dtype with fields."""
 
-ANGLE_DIGITS, DIRECTION_DIGITS = 12, 14
+ANGLE_STEP_RAD, DIRECTION_STEP = math.pi / 2**40, 1.0 / 2**46
 """Processors differ in the last of 16 digits, and what is laid or measured by an angle would differ with it."""
 
 
@@ -33,9 +34,14 @@ def measure_along(points: Floats) -> Floats:
 def compute_angles(vectors: Floats) -> Floats:
     """Mathematical angles (n,) of vectors (n, 2), -pi to pi, the same on every processor."""
     angles: Floats = np.arctan2(vectors[:, 1], vectors[:, 0])
-    return angles.round(ANGLE_DIGITS)
+    return round_to_steps(angles, ANGLE_STEP_RAD)
 
 
 def build_directions(angles: Floats) -> Floats:
     """Unit vectors (n, 2) along mathematical angles (n,), the same on every processor."""
-    return np.column_stack([np.cos(angles), np.sin(angles)]).round(DIRECTION_DIGITS)
+    return round_to_steps(np.column_stack([np.cos(angles), np.sin(angles)]), DIRECTION_STEP)
+
+
+def round_to_steps(values: Floats, step: float) -> Floats:
+    """The nearest whole numbers of steps."""
+    return np.rint(values / step) * step

@@ -151,7 +151,8 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     """Order by the time to finish the field, then tractors, then name; infeasible plans last.
 
     A plan is charged for missed ground at its own rate: time and hourly cost grow by missed over worked area, without
-    ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked.
+    ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked,
+    among those that keep the clearance if any does.
     Raises RequestError for a margin that takes most of the field, or much of it if no plan works.
     """
     field = context.layout.field
@@ -164,7 +165,8 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     check_margin(context, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)
     front: list[PlanResult] = []  # what no plan beats in time and number of tractors; of equal counts the quickest
-    for result in sorted(feasible, key=lambda r: (r.tractors, r.ranked_s)):
+    keeping = [result for result in feasible if result.keeps_clearance] or feasible
+    for result in sorted(keeping, key=lambda r: (r.tractors, r.ranked_s)):
         if not front or result.ranked_s < front[-1].ranked_s - TIME_TOLERANCE_S:
             front.append(result)
     ranked = [

@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.ops import nearest_points
 
-from fields.arrays import DIRECTION_DIGITS, build_directions
+from fields.arrays import DIRECTION_STEP, build_directions, round_to_steps
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.primitives import SNAP, TAU
 
@@ -125,7 +125,7 @@ def sample_arc(pose: Pose, segment: PathSegment, pieces: int) -> Points:
     """Points that cut the segment driven from `pose` into equal pieces, shape (pieces + 1, 2)."""
     run = np.linspace(0.0, segment.gear * segment.length_m, pieces + 1)
     half = 0.5 * segment.curvature * run
-    chord = run * np.round(np.sinc(half / math.pi), DIRECTION_DIGITS) if segment.curvature else run
+    chord = run * round_to_steps(np.sinc(half / math.pi), DIRECTION_STEP) if segment.curvature else run
     return np.array(pose[:2]) + chord[:, None] * build_directions(pose[2] + half)
 
 

@@ -60,6 +60,7 @@ from vehicle.model.gnss import draw_uniform
 
 MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
 KICKS = 150  # of a thorough search, and one for every line: four times as many find 1 % more
+TOUR_KICKS = 20  # of so many one leaves a whole tour
 DRAWS = 5  # random numbers of a perturbation
 
 
@@ -307,13 +308,30 @@ def _leave_run(tours, tables, a, i, j) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
+def _leave_tour(tours, tables, a) -> None:  # type: ignore[no-untyped-def]
+    """Leave all of row a, to be inserted anew after what was left before."""
+    left = len(tours.seconds) - 1
+    for row in (left, a):
+        for place in range(tours.lengths[row]):
+            push_line(tours, tours.nodes[row, place] // 2)
+    set_move(tours, a, BEGIN, tours.lengths[a] - 1, ONWARD, left, tours.lengths[left])
+    make_move(tours, tables)
+
+
+@compile_for_views
 def _perturb_tours(tours, tables, seed, kick) -> None:  # type: ignore[no-untyped-def]
-    """In turn: two runs next to one another change places, two of different tractors do, and both of these are left."""
+    """In turn: two runs next to one another change places, two of different tractors do, and both of these are left.
+
+    Now and then, while lines are left, all of a tour: what no tractor gets to from where it works, one may begin with.
+    """
     left, n = len(tours.seconds) - 1, len(tours.row_of)
     line = int(draw_uniform(seed, DRAWS * kick) * n)
     while tours.row_of[line] == left:
         line = (line + 1) % n
     a, i = tours.row_of[line], tours.place_of[line]
+    if kick % TOUR_KICKS == 0 and left > 1 and tours.lengths[left] > 0:
+        _leave_tour(tours, tables, a)
+        return
     end_a = tours.lengths[a] - 1
     j = i + int(draw_uniform(seed, DRAWS * kick + 1) * min(MAX_RUN_LINES, end_a - i + 1))
     near = tables.after[tours.nodes[a, i], int(draw_uniform(seed, DRAWS * kick + 2) * tables.after.shape[1])] // 2

@@ -144,8 +144,12 @@ def _bar_stuck(
     connected = [_keep_connected(table, tour) for tour in tours]
     ways = {number: book.build_way(build_mission(table, tour)) for number, tour in enumerate(connected) if tour}
     sides = [(book.find_stuck_side(ways[a], ways[b], check), a, b) for a, b in combinations(ways, 2)]
-    first_side = 1 if table.starts else 0  # those on the field stand where they stand
-    stuck = [(side, a, b) for side, a, b in sides if side is not None and side >= first_side]
+    stand = set(table.starts)  # two that stand on the field stand where they stand
+    stuck = [
+        (side, a, b)
+        for side, a, b in sides
+        if side is not None and (side or not {connected[a][0], connected[b][0]} <= stand)
+    ]
     for side, a, b in stuck:
         pair = [connected[a][-side], connected[b][-side]]
         clashes[side, pair, pair[::-1]] = True

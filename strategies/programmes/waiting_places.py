@@ -47,11 +47,11 @@ def list_parts_m(moves: SiteMoves, node: int, length_m: float) -> list[float]:
 
 def find_clashes(moves: SiteMoves, check: ClearanceCheck) -> Flags:
     """Nodes of which no two tractors may begin (0) or end (1) with both, (2, nodes, nodes): each stands where the other
-    has to pass on its first or last part. Those on the field stand where they stand."""
+    has to pass on its first or last part. Two that stand on the field stand where they stand."""
     known = moves.clashes
     if check not in known:
         known[check] = np.array([_find_clashes(moves, check, side) for side in (0, 1)])
-        known[check][0] &= not moves.starts
+        known[check][0][np.ix_(moves.starts, moves.starts)] = False
     return known[check]
 
 

@@ -225,7 +225,7 @@ class Ground:
         cells = np.rint((places[:, ::-1] - self.frame[1::-1]) / CELL_M).astype(int)
         is_known = ((cells >= 0) & (cells < self.grid.shape)).all(axis=1)
         numbers = np.zeros(len(places), np.int64)
-        numbers[is_known] = label_parts(self.grid, half_m - CELL_M)[tuple(cells[is_known].T)]
+        numbers[is_known] = label_parts(self.grid, half_m - 0.5 * CELL_M)[tuple(cells[is_known].T)]
         return numbers
 
 

@@ -94,7 +94,8 @@ def test_the_rest_takes_what_the_plan_would_have_taken_and_leaves_no_more(
     later = compute_swept_area(rest.run, rest.context).ground
     field = whole.context.layout.field.boundary
     worked_m2 = shapely.intersection(unite_areas(np.concatenate([begun, later])), field).area
-    assert 100.0 * worked_m2 / field.area >= measure_coverage(whole.run, whole.context).worked_pct - 0.2
+    corners_pct = 100.0 * 2.0 * 10.0 / field.area  # a corner may be worked the other way round, and 10 m2 stay at it
+    assert 100.0 * worked_m2 / field.area >= measure_coverage(whole.run, whole.context).worked_pct - corners_pct
 
 
 @pytest.mark.slow
@@ -205,7 +206,8 @@ def test_a_plan_of_the_rest_goes_on_in_turn(
     rests[()].save(folder / "rest.json")
     last = go_on(folder, f"{folder}/rest.json@0:02")
     assert last.ranking.area_ha < rests[()].ranking.area_ha < whole.ranking.area_ha
-    assert last.run.duration_s == pytest.approx(rests[()].run.duration_s - 120.0, rel=0.05, abs=20.0)
+    # A corner that the plan before has left may now be worked.
+    assert last.run.duration_s == pytest.approx(rests[()].run.duration_s - 120.0, rel=0.05, abs=30.0)
 
 
 @pytest.mark.slow
@@ -374,7 +376,7 @@ def test_the_last_seconds_of_a_plan_are_driven_or_said_to_be_done(folder: Path, 
             assert "is done; there is nothing left to plan" in str(error)
             continue
         best = ranking.best
-        assert best.works_enough if best else ranking.refusal.startswith("Everything is done")
+        assert best.works_enough if best else re.match("Everything is done|Nothing more can be done", ranking.refusal)
 
 
 def test_a_load_is_counted_from_the_last_stop() -> None:

@@ -161,6 +161,20 @@ def test_clearance_of_parallel_tractors(
     assert run.min_clearance_m == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("slow", [False, True])
+def test_exactly_parallel_tractors_with_gaps_between_them_do_not_touch(build: Any, eg105: Tractor, slow: bool) -> None:
+    """Chipmunk takes boxes of the first and the last for touching after 1.7 s, 3 m apart, and would push them aside."""
+    begins = (-14.854008233433296, 0.915549812575235), (-12.723543102625387, 2.902240687543854)
+    begins = (*begins, (-10.59307797181748, 4.888931562512475))
+    ends = (-21.673991834062925, 8.229086828764599), (-26.363510303884652, 17.52931471992258)
+    ends = (*ends, (-17.413061572449095, 12.202468578703968))
+    plan = build.plan(*[[build.leg(begin, end)] for begin, end in zip(begins, ends, strict=True)])
+    run = simulate(plan, eg105, Implement(width_m=3.0), max_time_s=4.0, slow=slow)
+    assert run.contacts == ()
+    turns = np.abs(np.diff(np.unwrap([run.get_poses(number)[:, 2] for number in range(3)]), axis=1))
+    assert turns.max() < 1e-6, "none is pushed"
+
+
 def test_clearance_in_a_crossing_agrees_with_shapely_along_the_record(
     build: Any, eg105: Tractor, implement: Implement
 ) -> None:

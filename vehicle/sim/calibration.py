@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from fields.arrays import ANGLE_DIGITS, Floats, Records, build_directions
+from fields.arrays import ANGLE_STEP_RAD, Floats, Records, build_directions, round_to_steps
 from fields.units import KMH_PER_MPS
 from vehicle.errors import VehicleError
 from vehicle.model.ground import GROUNDS, find_ground_index
@@ -123,7 +123,7 @@ def _invert_base_curve(tractor: Tractor, radius: Floats, ground: int) -> Floats:
         middle = 0.5 * (low + high)
         is_too_wide = compute_radius(middle) > radius
         low, high = np.where(is_too_wide, middle, low), np.where(is_too_wide, high, middle)
-    return np.where(np.isinf(radius), 0.0, 0.5 * (low + high)).round(ANGLE_DIGITS)
+    return round_to_steps(np.where(np.isinf(radius), 0.0, 0.5 * (low + high)), ANGLE_STEP_RAD)
 
 
 def build_steering_tables(tractor: Tractor) -> Floats:

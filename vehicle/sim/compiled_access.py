@@ -34,6 +34,7 @@ from vehicle.sim.pymunk_bridge import (
     SPACE,
     STEP,
     TOUCH_DATA,
+    TOUCH_WIDTH,
     WRITE_DATA,
     WRITE_WIDTH,
     PymunkBridge,
@@ -150,7 +151,7 @@ def step_space(bridge, dt) -> None:  # type: ignore[no-untyped-def]
 
 @compile_function
 def count_contacts(bridge) -> int:  # type: ignore[no-untyped-def]
-    """Number of pairs of bodies in contact; their ids are in `bridge.touching`, one pair after another."""
+    """Number of pairs of boxes that touch, or did a few steps ago, or are let pass; they are in `bridge.touching`."""
     bridge.touch_count[0], at = 0, bridge.addresses
     _invoke_each(at[EACH_CONTACT], at[SPACE], at[GET_CONTACT], at[TOUCH_DATA])
-    return bridge.touch_count[0] // 2  # type: ignore[no-any-return]
+    return bridge.touch_count[0] // TOUCH_WIDTH  # type: ignore[no-any-return]

@@ -46,6 +46,7 @@ from vehicle.sim.dynamics import (
 )
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
 from vehicle.sim.load_terms import STALL_AFTER_S
+from vehicle.sim.pymunk_bridge import TOUCH_WIDTH
 
 # m/s, rad/s. Speeds that decay on a straight line become ever smaller, and processors calculate many times slower with
 # numbers below 1e-307; the cube of this limit is above that.
@@ -146,17 +147,17 @@ def find_stuck_tractor(states) -> int:  # type: ignore[no-untyped-def]
 @compile_function
 def note_contacts(bridge, contacts, time) -> None:  # type: ignore[no-untyped-def]
     """Add the pairs that touch for the first time to `contacts` (k, 3), whose last row counts them."""
-    touching = bridge.touching
     for pair in range(count_contacts(bridge)):
-        used = int(contacts[-1, 0])
-        is_known = False
+        at, used = TOUCH_WIDTH * pair, int(contacts[-1, 0])
+        first, second, points = bridge.touching[at], bridge.touching[at + 1], bridge.touching[at + 2]
+        is_known = points == 0
         for row in range(used):
-            if contacts[row, 1] == touching[2 * pair] and contacts[row, 2] == touching[2 * pair + 1]:
+            if contacts[row, 1] == first and contacts[row, 2] == second:
                 is_known = True
         if not is_known and used < len(contacts) - 1:
             contacts[used, 0] = time
-            contacts[used, 1] = touching[2 * pair]
-            contacts[used, 2] = touching[2 * pair + 1]
+            contacts[used, 1] = first
+            contacts[used, 2] = second
             contacts[-1, 0] += 1.0
 
 

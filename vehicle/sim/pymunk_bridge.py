@@ -32,8 +32,12 @@ READ = (
     | pymunk.batch.BodyFields.ANGULAR_VELOCITY
 )
 WRITE = pymunk.batch.BodyFields.FORCE | pymunk.batch.BodyFields.TORQUE
-TOUCH = pymunk.batch.ArbiterFields.BODY_A_ID | pymunk.batch.ArbiterFields.BODY_B_ID
-READ_WIDTH, WRITE_WIDTH, SLACK = BODY_WIDTH, 3, 16
+TOUCH = (
+    pymunk.batch.ArbiterFields.BODY_A_ID
+    | pymunk.batch.ArbiterFields.BODY_B_ID
+    | pymunk.batch.ArbiterFields.CONTACT_COUNT
+)
+READ_WIDTH, WRITE_WIDTH, TOUCH_WIDTH, SLACK = BODY_WIDTH, 3, 3, 16
 # Positions in the array of addresses for compiled code.
 STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SPACE, READ_DATA, WRITE_DATA, TOUCH_DATA = range(10)
 
@@ -42,7 +46,25 @@ def create_space() -> pymunk.Space:
     """A space without contact boxes, in which nothing can touch."""
     space = pymunk.Space()
     space.iterations = MIN_SOLVER_ITERATIONS
+    space.on_collision(None, None, begin=drop_false_contact)
     return space
+
+
+def drop_false_contact(arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
+    """Let boxes pass that have a gap between them: Chipmunk takes some that lie side by side, exactly parallel, for
+    touching, metres apart."""
+    first, second = (_get_corners(shape) for shape in arbiter.shapes)
+    sides = [np.roll(corners, -1, axis=0) - corners for corners in (first, second)]
+    axes = np.concatenate(sides)[:, ::-1] * (1.0, -1.0)
+    one, other = axes @ first.T, axes @ second.T
+    gaps = np.maximum(other.min(axis=1) - one.max(axis=1), one.min(axis=1) - other.max(axis=1))
+    arbiter.process_collision = bool((gaps <= 0.0).all())
+
+
+def _get_corners(shape: pymunk.Shape) -> Floats:
+    """Corners (n, 2) of a box where it is."""
+    assert isinstance(shape, pymunk.Poly) and shape.body is not None
+    return np.array([shape.body.local_to_world(corner) for corner in shape.get_vertices()])
 
 
 def create_body(space: pymunk.Space, tractor: Tractor, pose: tuple[float, float, float]) -> pymunk.Body:
@@ -93,8 +115,9 @@ class PymunkBridge(NamedTuple):
     `addresses` (10,) in the order of the constants above. If the probe of vehicle.sim.body_memory succeeded, bodies are
     read and written in memory at `offsets` (11,) from the addresses `places` (n,). Otherwise both are empty and bodies
     are handled in batch: `read` (6 n + slack,) holds x, y, angle, vx, vy, spin per body after a read, `write` (3 n +
-    slack,) takes fx, fy, torque per body before a write. `touching` holds pairs of body ids. The three `*_count` are
-    the C headers: element 0 is the number in use and must be set to zero before every call.
+    slack,) takes fx, fy, torque per body before a write. `touching` (TOUCH_WIDTH per pair of boxes) holds both body ids
+    and how many points of contact they have. The three `*_count` are the C headers: element 0 is the number in use and
+    must be set to zero before every call.
     """
 
     addresses: Integers
@@ -115,7 +138,7 @@ class PymunkEngine:
         self.space, self.bodies = space, bodies
         count = len(bodies)
         read, write = np.zeros(READ_WIDTH * count + SLACK), np.zeros(WRITE_WIDTH * count + SLACK)
-        touching = np.zeros(8 * count * count + 64, dtype=np.uint64)
+        touching = np.zeros(4 * TOUCH_WIDTH * count * count + 64, dtype=np.uint64)
         self._buffers = [pymunk.batch.Buffer() for _ in range(3)]
         self._buffers[0].set_float_buf(read)
         self._buffers[1].set_float_buf(write)

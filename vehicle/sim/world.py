@@ -41,7 +41,14 @@ from vehicle.sim.loop import (
     run_loop,
     write_record_row,
 )
-from vehicle.sim.pymunk_bridge import ContactBoxes, EngineUnavailableError, PymunkEngine, create_body, create_space
+from vehicle.sim.pymunk_bridge import (
+    ContactBoxes,
+    EngineUnavailableError,
+    PymunkEngine,
+    create_body,
+    create_space,
+    drop_false_contact,
+)
 
 CHUNK_S = 600.0  # of simulated time between two calls of `progress`
 # Expected time of a run over that of its speeds, for which memory is reserved.
@@ -131,8 +138,9 @@ def _record_contacts(world: World, dt: float) -> None:
     """Record every contact in the table that the compiled loop uses."""
 
     def record_contact(arbiter: pymunk.Arbiter, space: pymunk.Space, data: Any) -> None:
+        drop_false_contact(arbiter, space, data)
         used = int(world.contacts[-1, 0])
-        if used < len(world.contacts) - 1:
+        if arbiter.process_collision and used < len(world.contacts) - 1:
             first, second = (shape.body.id for shape in arbiter.shapes if shape.body)
             world.contacts[used] = world.clock[0] * dt, first, second
             world.contacts[-1, 0] += 1.0
