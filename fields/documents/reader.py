@@ -35,13 +35,13 @@ from fields.geometry.coordinates import (
 )
 from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import read_edge_overhangs, read_fences, read_guidance_lines, read_headland_edges
+from fields.geometry.geodesy import DEGREES_CRS
 from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.outline_cleaning import clean_outline
 from fields.raw_document import LOCAL_METRES, FieldDocument, GeoShape, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
 
-WGS84_CODE = "EPSG:4326"
 FieldSource = str | Path | GeoShape
 """A field as users name it: a sample, a file, or a shape of another library."""
 HEIGHT_SUFFIXES = (*RASTER_SUFFIXES, *POINT_SUFFIXES)
@@ -179,7 +179,7 @@ def read_polygons(where: FieldSource, field: Field) -> list[shapely.Geometry]:
     if is_local != (field.crs is None):
         found, needed = ("longitude and latitude", "local metres") if field.crs is None else ("local metres", "degrees")
         raise FieldError(f"{label} is in {found}, and field '{field.name}' is not; give it in {needed}.")
-    frame = FieldFrame(None if is_local else document.crs or WGS84_CODE, field.crs, field.origin_m)
+    frame = FieldFrame(None if is_local else document.crs or DEGREES_CRS, field.crs, field.origin_m)
     rings = [[frame.to_local(ring) for ring in part] for part in raw_rings]
     return [shapely.make_valid(shapely.Polygon(outer, holes)) for outer, *holes in rings]
 

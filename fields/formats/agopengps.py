@@ -20,7 +20,6 @@ import shapely
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.features import Feature, build_document, build_feature
-from fields.formats.gdal import WGS84
 from fields.formats.guidance import (
     DegreePoints,
     FileContents,
@@ -30,7 +29,7 @@ from fields.formats.guidance import (
     build_folder_name,
     simplify_to_ascii,
 )
-from fields.geometry.geodesy import LocalPlane
+from fields.geometry.geodesy import DEGREES_CRS, LocalPlane
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import count_noun
 
@@ -59,7 +58,7 @@ def _read_fields(path: str, label: str) -> FieldDocument:
         features += _read_field_features(members, name, label, notes)
     if not features:
         raise FieldError(f"{label} has no field with a boundary; draw it in AgOpenGPS, or name another folder.")
-    return build_document(features, label, crs=WGS84, source="AgOpenGPS", notes=tuple(notes))
+    return build_document(features, label, crs=DEGREES_CRS, source="AgOpenGPS", notes=tuple(notes))
 
 
 def _read_field_features(members: ArchiveMembers, field_file: str, label: str, notes: list[str]) -> list[Feature]:

@@ -26,7 +26,7 @@ import shapely
 
 from fields.errors import FieldError
 from fields.formats.features import LINE_TYPES, Feature, build_document, convert_to_name_text
-from fields.geometry.geodesy import project
+from fields.geometry.geodesy import DEGREES_CRS, project
 from fields.raw_document import UNKNOWN_CRS, FieldDocument
 
 SHAPEFILE_DRIVER, GEOPACKAGE_DRIVER, FLATGEOBUF_DRIVER, GPX_DRIVER = "ESRI Shapefile", "GPKG", "FlatGeobuf", "GPX"
@@ -51,7 +51,6 @@ _GDAL_LOCK = threading.RLock()  # drivers and options are global to the process
 MAX_FEATURES = 100_000
 NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
 """Columns with the name of a feature; the first one that is not empty counts."""
-WGS84 = "EPSG:4326"
 LATIN1 = "ISO-8859-1"
 ENCODINGS = (None, LATIN1)
 """Of texts, in this order: what the file says; else any bytes."""
@@ -167,13 +166,13 @@ def read_layers(
         features = _list_features(table)
         if layer_names is None and len(tables) > 1:
             name_layer(features, table.name)
-        if len(systems) > 1 and table.crs is not None and table.crs != WGS84:
+        if len(systems) > 1 and table.crs is not None and table.crs != DEGREES_CRS:
             features = [_convert_to_wgs84(feature, table.crs) for feature in features]
         layers.features += features
         if table.is_latin1:
             name = "fields" if table.name.startswith(IN_MEMORY_PREFIX) else table.name
             layers.notes.append(f"Names of '{name}' do not match the declared encoding; they are read as Latin-1.")
-    layers.crs = systems.pop() if len(systems) == 1 else WGS84 if systems else None
+    layers.crs = systems.pop() if len(systems) == 1 else DEGREES_CRS if systems else None
     return layers
 
 
@@ -321,7 +320,7 @@ def _convert_to_wgs84(feature: Feature, crs: str) -> Feature:
     if not feature["geometry"]:
         return feature
     shape = shapely.from_geojson(json.dumps(feature["geometry"]))
-    moved = shapely.transform(shape, lambda points: project(points, crs, WGS84))
+    moved = shapely.transform(shape, lambda points: project(points, crs, DEGREES_CRS))
     return {**feature, "geometry": json.loads(shapely.to_geojson(moved))}
 
 

@@ -13,9 +13,10 @@ import shapely
 
 from fields.errors import FieldError
 from fields.formats.features import BOUNDARY, Feature
-from fields.formats.gdal import GPX_DRIVER, WGS84, build_layer_document, read_layers
+from fields.formats.gdal import GPX_DRIVER, build_layer_document, read_layers
 from fields.formats.guidance import DEGREE_DECIMALS, DegreePoints, FileContents, GuidanceFormat, PlanGuidance
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
+from fields.geometry.geodesy import DEGREES_CRS
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import read_bytes
 
@@ -34,7 +35,7 @@ def parse_gpx(content: bytes, label: str) -> FieldDocument:
     """Parse a GPX text; raises FieldError."""
     check_xml_root(content, label, "GPX", ("gpx",))
     layers = read_layers(content, label, "GPX", (GPX_DRIVER,), ("waypoints", "routes", "tracks"))
-    layers.features, layers.crs = [close_boundary_polygon(feature) for feature in layers.features], WGS84
+    layers.features, layers.crs = [close_boundary_polygon(feature) for feature in layers.features], DEGREES_CRS
     if layers.features and not any(one["geometry"].get("type") == "Polygon" for one in layers.features):
         raise FieldError(
             f"{label} has no track that returns to its start, so no boundary; record a track all round the field."

@@ -27,7 +27,6 @@ from fields.errors import FieldError, join_first
 from fields.feature_words import ENTRANCE, OBSTACLE, REFILL, find_word_meaning
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.features import Feature, build_document, build_feature
-from fields.formats.gdal import WGS84
 from fields.formats.guidance import (
     DEGREE_DECIMALS,
     DegreePoints,
@@ -39,7 +38,7 @@ from fields.formats.guidance import (
     build_designator,
 )
 from fields.formats.markup import add_child, parse_root, serialise_xml
-from fields.geometry.geodesy import compute_rings_area_m2, extend_position
+from fields.geometry.geodesy import DEGREES_CRS, compute_rings_area_m2, extend_position
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import count_noun, parse_number, read_bytes
 
@@ -83,7 +82,7 @@ def _read_isoxml(path: str, label: str) -> FieldDocument:
         notes.append(f"Partfields without a boundary are skipped: {join_first(empty)}.")
     if not features:
         raise FieldError(f"{label} is ISOXML without a partfield with points; export the fields with boundaries.")
-    return build_document(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
+    return build_document(features, label, crs=DEGREES_CRS, source="ISOXML", notes=tuple(notes))
 
 
 def read_taskdata_roots(members: ArchiveMembers, taskdata_file: str, label: str) -> Iterator[Element]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, is_archive
-from fields.formats.gdal import KML_DRIVERS, WGS84, LayerFeatures, build_layer_document, read_layers
+from fields.formats.gdal import KML_DRIVERS, LayerFeatures, build_layer_document, read_layers
 from fields.formats.guidance import (
     DEGREE_DECIMALS,
     DegreePoints,
@@ -23,6 +23,7 @@ from fields.formats.guidance import (
     PlanGuidance,
 )
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
+from fields.geometry.geodesy import DEGREES_CRS
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import read_bytes
 
@@ -55,7 +56,7 @@ def parse_kml(content: bytes, label: str) -> FieldDocument:
 
 
 def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
-    document = LayerFeatures(crs=WGS84)
+    document = LayerFeatures(crs=DEGREES_CRS)
     for content in texts:
         check_xml_root(content, label, "KML", ROOT_TAGS)
         layers = read_layers(content, label, "KML", KML_DRIVERS)

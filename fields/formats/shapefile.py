@@ -29,6 +29,7 @@ from fields.formats.gdal import (
 )
 from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
 from fields.formats.markup import remove_forbidden
+from fields.geometry.geodesy import DEGREES_CRS
 from fields.raw_document import FieldDocument, FieldFormat
 
 FORMAT_NAME = "a Shapefile"
@@ -183,7 +184,7 @@ def _write_layer(name: str, shapes: Sequence[shapely.Geometry], columns: Columns
             [_build_column(values) for values in columns.values()],
             list(columns),
             geometry_type=shapes[0].geom_type,
-            crs="EPSG:4326",
+            crs=DEGREES_CRS,
             driver=SHAPEFILE_DRIVER,
             encoding="UTF-8",
             DBF_DATE_LAST_UPDATE=FIXED_DATE,

@@ -17,7 +17,7 @@ from shapely.geometry.polygon import orient
 
 from fields.arrays import Floats
 from fields.errors import FieldError, attach_parameter, join_first, mark_parameter, shorten_middle, shorten_value
-from fields.geometry.geodesy import can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
+from fields.geometry.geodesy import DEGREES_CRS, can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
 from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
 
 MAX_FIELD_SPAN_DEG = 1.0
@@ -80,14 +80,14 @@ def build_field_frame(document: FieldDocument, rings: list[Floats], local: bool,
         raise FieldError(f"{label} is in longitude and latitude by its header; leave out {mark_parameter('local')}.")
     if document.crs is None and (local or document.frame == LOCAL_METRES):
         return _build_local_frame(document, rings[0], label)
-    source_crs = document.crs or "EPSG:4326"
+    source_crs = document.crs or DEGREES_CRS
     if document.crs is not None and not is_wgs84_longitude_latitude(source_crs):
-        degrees = [project(ring, source_crs, "EPSG:4326") for ring in rings]
+        degrees = [project(ring, source_crs, DEGREES_CRS) for ring in rings]
         _check_place(document, source_crs, rings[0], degrees[0][0], label)
         return _build_earth_frame(document, source_crs, rings, degrees, label)
     _check_degrees(rings[0], label, has_crs=document.crs is not None)
-    _check_place(document, "EPSG:4326", rings[0], rings[0][0], label)
-    return _build_earth_frame(document, "EPSG:4326", rings, rings, label)
+    _check_place(document, DEGREES_CRS, rings[0], rings[0][0], label)
+    return _build_earth_frame(document, DEGREES_CRS, rings, rings, label)
 
 
 def looks_like_degrees(ring: Floats) -> bool:
@@ -149,7 +149,7 @@ def _check_place(document: FieldDocument, crs: str, outer: Floats, place_deg: Fl
     if is_certain or can_be_farmland(longitude, latitude):
         return
     try:
-        swapped = project(outer[:1, ::-1], crs, "EPSG:4326")[0].tolist()
+        swapped = project(outer[:1, ::-1], crs, DEGREES_CRS)[0].tolist()
     except FieldError:  # no place on the earth
         swapped = [math.nan, math.nan]
     option = mark_parameter("swap_axes")

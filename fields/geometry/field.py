@@ -25,7 +25,7 @@ from fields.geometry.field_lines import (
     check_fence_opening,
     compute_overhang_region,
 )
-from fields.geometry.geodesy import project
+from fields.geometry.geodesy import DEGREES_CRS, project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
 from fields.geometry.overlays import subtract, subtract_area, unite
 
@@ -270,7 +270,7 @@ class Field:
         points = np.asarray(xy, dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 2:
             raise FieldError(f"Points of shape {points.shape} are not pairs; pass an array of shape (n, 2).")
-        return project(points + np.asarray(self.origin_m), self.crs, "EPSG:4326")
+        return project(points + np.asarray(self.origin_m), self.crs, DEGREES_CRS)
 
     def locate_place(self, place: tuple[float, float]) -> tuple[float, float] | None:
         """A place in metres of the field, given in longitude and latitude, or in the metres of its file without them.
@@ -281,7 +281,7 @@ class Field:
         if self.crs is not None:
             if not (-180.0 <= place[0] <= 180.0 and -90.0 <= place[1] <= 90.0):
                 return None
-            points = project(points, "EPSG:4326", self.crs)
+            points = project(points, DEGREES_CRS, self.crs)
         x, y = (points[0] - np.asarray(self.origin_m)).tolist()
         return x, y
 

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 _FILE_PATH = re.compile(r"""(?:^|(?<=[\s"'=@,;|]))(?:[/\\~]|\.\.?[/\\]|[A-Za-z]:[/\\]|[A-Za-z][\w+.-]*://)[^\s"',;]+""")
 _OGC_NAME = re.compile(r"https?://www\.opengis\.net/(?:def/crs|gml/srs)/[\w./#:-]+|urn:[\w.:/-]+")
 """Coordinate systems by OGC addresses, which PROJ resolves without network."""
+DEGREES_CRS = "EPSG:4326"
+"""Longitude and latitude on WGS84."""
 UTM_SOUTH_DEG, UTM_NORTH_DEG = -80.0, 84.0
 """Latitudes between which UTM is defined (NGA.STND.0037, section 7)."""
 FARMED_LATITUDES_DEG = (-56.0, 72.0)
@@ -158,7 +160,7 @@ def is_wgs84_longitude_latitude(crs: str) -> bool:
     Raises:
         FieldError: the system is unknown.
     """
-    return any(is_same_crs(crs, plain_system) for plain_system in ("EPSG:4326", "OGC:CRS84"))
+    return any(is_same_crs(crs, plain_system) for plain_system in (DEGREES_CRS, "OGC:CRS84"))
 
 
 def is_same_crs(crs: str, other: str) -> bool:

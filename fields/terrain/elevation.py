@@ -14,7 +14,7 @@ from fields.arrays import Flags, Floats
 from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_value
 from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.field import Field
-from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, measure_distance_m, project
+from fields.geometry.geodesy import DEGREES_CRS, is_same_crs, is_wgs84_longitude_latitude, measure_distance_m, project
 from fields.terrain.checks import (
     MIN_SPIKE_M,
     check_coverage,
@@ -244,7 +244,7 @@ def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon,
         middle_m = corners.mean(axis=0) - np.asarray(field.origin_m)
         far_m = float(np.hypot(*(middle_m - (outline.centroid.x, outline.centroid.y))))
     else:
-        corners = project(corners, crs, "EPSG:4326")
+        corners = project(corners, crs, DEGREES_CRS)
         here = field.to_wgs84([[outline.centroid.x, outline.centroid.y]])[0]
         far_m = measure_distance_m(corners.mean(axis=0), here)
     (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)

@@ -17,19 +17,12 @@ import shapely
 
 from fields.arrays import Floats
 from fields.formats.features import get_member_object
-from fields.formats.gdal import (
-    GEOPACKAGE_DRIVER,
-    GPX_DRIVER,
-    KML_DRIVERS,
-    SHAPEFILE_DRIVER,
-    WGS84,
-    LayerTable,
-    read_tables,
-)
+from fields.formats.gdal import GEOPACKAGE_DRIVER, GPX_DRIVER, KML_DRIVERS, SHAPEFILE_DRIVER, LayerTable, read_tables
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
 from fields.formats.kml import ROOT_TAGS, read_kml_texts
 from fields.formats.markup import check_xml_root
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
+from fields.geometry.geodesy import DEGREES_CRS
 from fields.nested_text import parse_json
 from fields.raw_document import LOCAL_METRES
 from fields.terrain.elevation_grid import ElevationError
@@ -142,7 +135,7 @@ def _read_text_table(path: str) -> HeightPoints:
         raise ElevationError(f"{quote_path(path)} is empty; give points with their heights.")
     height = _find_column(header, HEIGHT_NAMES)
     names = (_find_column(header, LONGITUDE_NAMES), _find_column(header, LATITUDE_NAMES))
-    crs: str | None = WGS84
+    crs: str | None = DEGREES_CRS
     if None in names:
         names, crs = (_find_column(header, EAST_NAMES), _find_column(header, NORTH_NAMES)), None
     if height is None or names[0] is None or names[1] is None:
@@ -170,7 +163,7 @@ def _parse_agopengps(lines: list[str], path: str) -> HeightPoints:
     unread = len(lines) - 1 - len(rows)
     if unread:
         remarks.append(f"{count_noun(unread, 'line')} of {quote_path(path)} cut off or garbled; left out.")
-    return _build_points(path, WGS84, table[:, :2], table[:, 2], tuple(remarks))
+    return _build_points(path, DEGREES_CRS, table[:, :2], table[:, 2], tuple(remarks))
 
 
 def _read_geojson(path: str) -> HeightPoints:
@@ -205,7 +198,7 @@ def _read_geojson(path: str) -> HeightPoints:
     _check_any_height(table[:, 2], path)
     named = get_member_object(get_member_object(root, "crs"), "properties").get("name")
     is_local = get_member_object(root, "headland").get("frame") == LOCAL_METRES
-    crs = None if is_local else named if isinstance(named, str) else WGS84
+    crs = None if is_local else named if isinstance(named, str) else DEGREES_CRS
     return _build_points(path, crs, table[:, :2], table[:, 2], remarks)
 
 
@@ -239,13 +232,13 @@ def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
         content = read_bytes(path, "a GPX file", ElevationError)
         check_xml_root(content, label, "GPX", ("gpx",))
         tables = read_tables(content, label, "GPX", (GPX_DRIVER,), GPX_POINT_LAYERS)
-        return _collect_table_points(tables, path, WGS84, is_in_metres=True)
+        return _collect_table_points(tables, path, DEGREES_CRS, is_in_metres=True)
     if suffix in (".kml", ".kmz"):
         tables = []
         for content in read_kml_texts(path, label):
             check_xml_root(content, label, "KML", ROOT_TAGS)
             tables += read_tables(content, label, "KML", KML_DRIVERS)
-        return _collect_table_points(tables, path, WGS84)
+        return _collect_table_points(tables, path, DEGREES_CRS)
     if suffix == GEOPACKAGE_SUFFIX:
         return _read_geopackage(path, label)
     members, names = find_shapefiles(Path(path))

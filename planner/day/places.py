@@ -11,7 +11,7 @@ import numpy as np
 
 from fields.arrays import Floats
 from fields.geometry.field import Field
-from fields.geometry.geodesy import measure_distance_m, project
+from fields.geometry.geodesy import DEGREES_CRS, measure_distance_m, project
 from fields.units import DAY_S, KILO, MINUTE_S
 from planner.day.input_file import DayFile, DayRoad
 from planner.errors import RequestError, suggest_name
@@ -111,7 +111,7 @@ def project_places(places: Sequence[DayPlace]) -> list[tuple[float, float] | Non
     if not known_lon_lat:
         return [None] * len(places)
     lon, lat = np.asarray(known_lon_lat).mean(axis=0).tolist()
-    metres = iter(project(np.asarray(known_lon_lat), "EPSG:4326", f"+proj=aeqd +lat_0={lat!r} +lon_0={lon!r}").tolist())
+    metres = iter(project(np.asarray(known_lon_lat), DEGREES_CRS, f"+proj=aeqd +lat_0={lat!r} +lon_0={lon!r}").tolist())
     return [None if place.lon_lat is None else (lambda xy: (xy[0], xy[1]))(next(metres)) for place in places]
 
 

@@ -16,14 +16,13 @@ import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
 from fields.geometry.field import Field
-from fields.geometry.geodesy import project
+from fields.geometry.geodesy import DEGREES_CRS, project
 from fields.terrain.point_files import RTK_FIXED
 from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.work_order import read_requested_field
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
 from planner.task_logs.formats.isoxml_logs import DEGREES_PER_UNIT, TLG_EPOCH
-from planner.task_logs.runs.run_records import WGS84
 from vehicle.missions.plan import LEAVE
 from vehicle.records import WORKING
 
@@ -73,7 +72,7 @@ def simulate_task_data(plan: str | Path, seed: int = 1, pace: float = EXAMPLE_PA
     columns = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
     header = f'<?xml version="1.0" encoding="UTF-8"?>\n<TIM A="" D="4"><PTN A="" B="" D=""/>{columns}</TIM>\n'
     for name, truth in zip(names, truths, strict=True):
-        lonlat = project(truth.xy + np.array(saved_run.saved.origin_m), saved_run.saved.crs, WGS84)
+        lonlat = project(truth.xy + np.array(saved_run.saved.origin_m), saved_run.saved.crs, DEGREES_CRS)
         files[f"{name}.xml"] = header.encode()
         files[f"{name}.bin"] = encode_records(truth.time_s, lonlat, _build_values(truth, width_m))
     return ExampleTaskData(files, truths, width_m)

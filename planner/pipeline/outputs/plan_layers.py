@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from fields.geometry.geodesy import DEGREES_CRS
 from planner.errors import RequestError
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import measure_coverage
@@ -20,7 +21,6 @@ from vehicle.missions.run import SimulationRun
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
-DEGREES_CRS = "EPSG:4326"
 COLUMNS = ("kind", "name", "tractor", "order", "length_m", "area_m2", "geometry")
 KIND_OF_TASK = {
     SWATH: "swath", HEADLAND_PASS: "headland pass", ENTER: "way in", LEAVE: "way out", REFILL: "way to refill"

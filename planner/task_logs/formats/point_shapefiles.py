@@ -21,10 +21,10 @@ from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
 from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
-from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
+from fields.geometry.geodesy import DEGREES_CRS, is_wgs84_longitude_latitude, project
 from fields.text_files import parse_number
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
-from planner.task_logs.runs.run_records import WGS84, LogContents, LoggedRun
+from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 
 METADATA_SUFFIX = "-Deere-Metadata.json"
@@ -83,7 +83,7 @@ def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequ
         raise LogError("it has no .prj with its coordinate system; export it with one.")
     if not is_wgs84_longitude_latitude(table.crs):
         is_finite = np.isfinite(lonlat).all(axis=1)
-        lonlat[is_finite] = project(lonlat[is_finite], table.crs, WGS84)
+        lonlat[is_finite] = project(lonlat[is_finite], table.crs, DEGREES_CRS)
     return table.columns, lonlat, LATIN1_NOTE if table.is_latin1 else ""
 
 

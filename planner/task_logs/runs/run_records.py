@@ -10,7 +10,7 @@ import shapely
 
 from fields.arrays import Flags, Floats, Integers
 from fields.geometry.coordinates import MAX_NEAR_DEG
-from fields.geometry.geodesy import find_utm_crs, project
+from fields.geometry.geodesy import DEGREES_CRS, find_utm_crs, project
 from fields.geometry.outline_cleaning import find_largest_polygon
 from vehicle.identification.logs.gating import FASTEST_MPS
 
@@ -18,7 +18,6 @@ ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S = "active_m", "inactive_m", "active_s
 AREA_M2, FUEL_L = "area_m2", "fuel_l"
 COUNTERS = (ACTIVE_M, INACTIVE_M, ACTIVE_S, INACTIVE_S, AREA_M2, FUEL_L)
 """Totals that machines count, by their keys in the files of runs."""
-WGS84 = "EPSG:4326"
 COURSE_STEP_M = 0.3  # distance of positions for a course: ten times the scatter of receivers
 STANDING_MPS = 0.15  # about half a km/h; slower is standing
 
@@ -111,7 +110,7 @@ def project_run(run: LoggedRun) -> ProjectedRun:
     is_near = bool(run.outline) and bool((np.abs(run.outline[0] - run.lonlat[0]) < MAX_NEAR_DEG).all())
     place = run.outline[0][0] if is_near else run.lonlat[0]
     crs = find_utm_crs(float(place[0]), float(place[1]))
-    xy = project(run.lonlat, WGS84, crs)
+    xy = project(run.lonlat, DEGREES_CRS, crs)
     speed_by_place = compute_speeds(run.time_s, xy)
     speed = speed_by_place
     if run.speed_mps is not None:
@@ -125,7 +124,7 @@ def project_run(run: LoggedRun) -> ProjectedRun:
     if run.outline and not is_near:
         notes.append("the outline of its field is not used, as it lies far from the run")
     if is_near:
-        outer, *holes = (project(ring, WGS84, crs) for ring in run.outline)
+        outer, *holes = (project(ring, DEGREES_CRS, crs) for ring in run.outline)
         outline = find_largest_polygon(shapely.make_valid(shapely.Polygon(outer, holes)))
     shared = {one.name: getattr(run, one.name) for one in dataclasses.fields(RunRecord)}
     return ProjectedRun(
