@@ -79,7 +79,7 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", ["mirrored", *seldom("upside down")])
+@pytest.mark.parametrize("how", ["upside down", *seldom("mirrored")])
 def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str, move: Any) -> None:
     field = replace(IRREGULAR, entrance=None)
     before, after = (
