@@ -23,7 +23,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetManagerError
-from planner.fleet.replanning.planning_anew import ReplanProposal, _build_taken_ground, continue_remaining_work
+from planner.fleet.replanning.planning_anew import MENTIONED_M, ReplanProposal, _build_taken_ground, continue_remaining_work
 from planner.fleet.safety.compliance import build_area_doubt
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.saved_plans import write_saved_plan
@@ -101,7 +101,8 @@ def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
     assert told is not None and float(told[1]) == pytest.approx(0.42 - worked_ha, abs=0.015), "also what they keep"
     assert proposal.sentence.startswith("Tractor 1 is ") and "Tractor 2 is left out." in proposal.sentence
     assert "of 0.42 ha are left to work." in proposal.sentence
-    assert f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked." in proposal.sentence
+    blocked = f"{proposal.blocked_m:.0f} m of track are too near tractor 2 and remain unworked."
+    assert (blocked in proposal.sentence) == (proposal.blocked_m >= MENTIONED_M)
 
 
 def test_where_no_way_leads_on_that_is_said(plan: FleetPlan, monkeypatch: pytest.MonkeyPatch) -> None:
