@@ -23,7 +23,12 @@ from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits, extract_remaining_work
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetManagerError
-from planner.fleet.replanning.planning_anew import MENTIONED_M, ReplanProposal, _build_taken_ground, continue_remaining_work
+from planner.fleet.replanning.planning_anew import (
+    MENTIONED_M,
+    ReplanProposal,
+    _build_taken_ground,
+    continue_remaining_work,
+)
 from planner.fleet.safety.compliance import build_area_doubt
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.outputs.saved_plans import write_saved_plan
