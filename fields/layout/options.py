@@ -143,8 +143,9 @@ def _cover_cells(base_layout: Layout, cells: Iterable[tuple[shapely.Geometry, fl
         base_layout.inner_region.area,
         base_layout.min_spacing_m,
     )
+    entrance = base_layout.field.entrance
     return [
-        _CellSwaths(region, bearing, number_from_longer_side(build_swaths(pattern, compute_axes(bearing))))
+        _CellSwaths(region, bearing, number_from_longer_side(build_swaths(pattern, compute_axes(bearing)), entrance))
         for region, bearing in (
             (region, orient_bearing_by_outline(base_layout.field, bearing)) for region, bearing in cells
         )

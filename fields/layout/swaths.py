@@ -37,6 +37,7 @@ from fields.layout.parallel_lines import (
 MAX_LINES = 20_000
 MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
+SAME_M = 0.01  # lines that differ by less are equally long, or equally far from the entrance
 WIDTH_STEP_M = 0.5  # of widths that are advised, of machines and of headlands
 SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
 PROMISING_COST_RATIO = 1.25
@@ -199,7 +200,8 @@ def lay_swaths(
         )
     bearing_rad, pattern = choice
     inner = _trim_region(region, edges, compute_axes(bearing_rad), trim_m)
-    return Layout(field, bearing_rad, width_m, headland_m, build_swaths(pattern, compute_axes(bearing_rad)), inner)
+    swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)), field.entrance)
+    return Layout(field, bearing_rad, width_m, headland_m, swaths, inner)
 
 
 def _advise_on_turning_room(field: Field, edges: Floats, rules: PatternRules, bearing_deg: float | None) -> str:
@@ -307,7 +309,7 @@ def _lay_inside_headland(
         )
     bearing_rad, region, pattern = filled
     depth = headland_passes * width_m
-    swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)))
+    swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)), field.entrance)
     return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 
@@ -377,13 +379,21 @@ def build_swaths(pattern: SwathPattern, axes: Floats) -> tuple[Swath, ...]:
     return tuple(swaths)
 
 
-def number_from_longer_side(swaths: tuple[Swath, ...]) -> tuple[Swath, ...]:
-    """Swaths with lines counted from the side where they are longer, whatever the orientation of the field."""
-    line_length_m: dict[int, float] = {}
-    for swath in swaths:
-        line_length_m[swath.line] = line_length_m.get(swath.line, 0.0) + swath.length_m
-    rounded = [round(line_length_m[line], 2) for line in sorted(line_length_m)]
-    return reverse_line_numbers(swaths) if rounded[::-1] > rounded else swaths
+def number_from_longer_side(
+    swaths: tuple[Swath, ...], entrance: tuple[float, float] | None = None
+) -> tuple[Swath, ...]:
+    """Swaths with lines counted from the side where they are longer, whatever the orientation of the field.
+
+    Where both sides look the same, from that of the entrance.
+    """
+    lengths_m = np.bincount([swath.line for swath in swaths], [swath.length_m for swath in swaths])
+    leads_m = (lengths_m - lengths_m[::-1]).tolist()
+    if entrance is not None:
+        ends = [shapely.LineString(swath.points_m) for swath in (swaths[0], swaths[-1])]
+        first_m, last_m = shapely.distance(ends, shapely.Point(entrance)).tolist()
+        leads_m.append(last_m - first_m)
+    lead_m = next((lead_m for lead_m in leads_m if abs(lead_m) > SAME_M), 0.0)
+    return reverse_line_numbers(swaths) if lead_m < 0.0 else swaths
 
 
 def reverse_line_numbers(swaths: tuple[Swath, ...]) -> tuple[Swath, ...]:

@@ -56,10 +56,10 @@ def deal_tours(allowed: Flags, tours: Tours) -> Flags:
 
 
 def deal_runs(lines: Sequence[WorkLine], allowed: Flags, tours: Tours) -> Flags:
-    """The deal in which the swaths of each tractor are a run of neighbours, as near as can be to those of its tour.
+    """The deal in which the swaths of each tractor are a run of neighbours, as long as those of its tour.
 
-    Tractors come along the swaths in the order of the middles of their own. Swaths stay as dealt where no tractors in
-    that order may have such runs.
+    Tractors come along the swaths in the order of the middles of their own. Swaths stay as dealt where one of them may
+    not have such a run.
     """
     runs = group_swath_lines(lines)
     worked_by = {node // 2: tractor for tractor, tour in enumerate(tours) for node in tour}
@@ -69,17 +69,14 @@ def deal_runs(lines: Sequence[WorkLine], allowed: Flags, tours: Tours) -> Flags:
             own_m[place, worked_by[number]] += lines[number].length_m
     middles = (own_m * np.arange(len(runs))[:, None]).sum(axis=0) / np.maximum(own_m.sum(axis=0), 1e-9)
     order = np.argsort(middles, kind="stable")
-    kept_m, befores = np.zeros(len(allowed)), list[list[int]]()
-    for place, run in enumerate(runs):
-        befores.append([int(np.argmax(kept_m[: last + 1])) for last in range(len(allowed))])
-        is_allowed = allowed[order][:, run].all(axis=1)
-        kept_m = np.where(is_allowed, kept_m[befores[-1]] + own_m[place, order], -np.inf)
-    if not runs or kept_m.max() == -np.inf:
-        return allowed
-    dealt, last = allowed.copy(), int(np.argmax(kept_m))
-    for run, before in zip(reversed(runs), reversed(befores), strict=True):
-        dealt[:, run], dealt[order[last], run] = False, True
-        last = before[last]
+    swaths_m, borders_m = own_m.sum(axis=1), np.cumsum(own_m.sum(axis=0)[order])
+    places_m = np.cumsum(swaths_m) - 0.5 * swaths_m
+    owners = order[np.searchsorted(np.round(borders_m[:-1], 3), np.round(places_m, 3))]
+    dealt = allowed.copy()
+    for run, owner in zip(runs, owners, strict=True):
+        if not allowed[owner, run].all():
+            return allowed
+        dealt[:, run], dealt[owner, run] = False, True
     return dealt
 
 

@@ -23,7 +23,8 @@ def moved(field: Field, move: Callable[[Any], Any]) -> Field:
         point = move(shapely.Point(entrance))
         entrance = (point.x, point.y)
     grounds = tuple(replace(zone, polygon=move(zone.polygon)) for zone in field.ground_zones)
-    return replace(field, boundary=move(field.boundary), entrance=entrance, ground_zones=grounds)
+    obstacles = tuple(replace(one, geometry=move(one.geometry)) for one in field.obstacles)
+    return replace(field, boundary=move(field.boundary), entrance=entrance, obstacles=obstacles, ground_zones=grounds)
 
 
 def site_on(polygon: shapely.Polygon, entrance: tuple[float, float] | None = None, **options: Any) -> PlanningContext:

@@ -6,9 +6,9 @@ from functools import cache
 from typing import Any
 
 import pytest
-from shapely import Polygon, affinity
+from shapely import LineString, Polygon, affinity, box
 
-from fields import Field, read_field
+from fields import Field, lay_swaths, read_field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -76,6 +76,16 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
         assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
         assert after.track_count == before.track_count
         assert after.total_length_m == pytest.approx(before.total_length_m, rel=1e-6)
+
+
+@pytest.mark.parametrize("how", MOVES)
+@pytest.mark.parametrize("field", [
+    IRREGULAR, replace(IRREGULAR, entrance=None), Field("rectangle", box(0, 0, 120, 66), entrance=(0.0, 0.0)),
+])  # fmt: skip
+def test_lines_are_counted_from_the_same_side(field: Field, how: str, move: Any) -> None:
+    before, after = (lay_swaths(one, 3.0, 10.0).swaths[0] for one in (field, move(field, MOVES[how])))
+    first = MOVES[how](LineString(before.points_m))
+    assert first.hausdorff_distance(LineString(after.points_m)) < 1e-3
 
 
 @pytest.mark.slow

@@ -192,6 +192,15 @@ def test_the_tracks_of_each_become_neighbours() -> None:
     assert deal_runs(lines, taken, tours) is taken, "0 may have 0 and 2, 1 what is between: that is no run"
 
 
+def test_runs_of_tracks_are_as_long_as_those_of_tours() -> None:
+    """The middle one of three works what is left between tracks of both others."""
+    lines = draw_lines(12)
+    tracks = [number for number, line in enumerate(lines) if line.task.kind == SWATH]
+    tours = [[2 * tracks[n] for n in own] for own in ((0, 1, 4, 5), (3, 2, 9, 8), (6, 7, 10, 11))]
+    dealt = deal_runs(lines, np.ones((3, len(lines)), bool), tours)
+    assert [int(dealt[:, number].argmax()) for number in tracks] == [0] * 4 + [1] * 4 + [2] * 4
+
+
 def test_moves_that_leave_the_order_of_passes_are_charged() -> None:
     """Three rings round a field, two round a hole, a track; a side of each."""
     rings = [draw_ring(number, 3.0 * number, 120.0 - 3.0 * number, number) for number in (1, 2, 3)]
