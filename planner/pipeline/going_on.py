@@ -48,6 +48,7 @@ from planner.task_logs.log_import import detect_log_format, read_task_logs
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproject_run
 from planner.task_logs.runs.worked_ground import iter_worked_strips
+from reports.common.wording import round_up_to_minute
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import cut_line
 from strategies.registry import get_strategy
@@ -380,13 +381,14 @@ def _find_time(
 ) -> tuple[float, float, tuple[str, ...]]:
     """Seconds after the start and of driving at which a plan is left, and that it has the same clock a day later."""
     begin_s = day.compute_clock_s(day.before_field_s, begins=True)
-    span = describe_span(request.start_s, begin_s, day.compute_clock_s(day.before_field_s + duration_s))
+    end_s = round_up_to_minute(day.compute_clock_s(day.before_field_s + duration_s))
+    span = describe_span(request.start_s, begin_s, end_s)
     name, time, start_s = quote_path(match["file"]), match[0].rpartition("@")[2], request.start_s or 0
     since_start_s = _read_clock(match) - start_s
     since_start_s += DAY_S if since_start_s < 0.0 else 0.0
     day_later_s = since_start_s + DAY_S
     elapsed_s, later_s = day.compute_work_s(np.array([since_start_s, day_later_s])) - day.before_field_s
-    if not 0.0 <= elapsed_s < duration_s:
+    if not 0.0 <= elapsed_s <= round_up_to_minute(duration_s):
         raise RequestError(
             f"The plan {name} {span}, and {time} is not within that; give a time within it.", parameter="done"
         )

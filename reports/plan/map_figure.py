@@ -6,6 +6,7 @@ import base64
 import io
 import math
 import textwrap
+import warnings
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -52,6 +53,9 @@ if TYPE_CHECKING:
     from matplotlib.patches import PathPatch
 
 
+OTHER_FONTS = (
+    "Noto Sans CJK JP", "Noto Sans JP", "IPAexGothic", "Hiragino Sans", "Yu Gothic", "MS Gothic", "Arial Unicode MS",
+)  # fmt: skip
 _BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
 _SAME_PLACE_M = 1.0  # tractors that begin nearer than this have their numbers beside each other
 _POINTER = [(0.0, 0.0), (-0.6, 1.0), (0.6, 1.0), (0.0, 0.0)]  # a triangle that points at its place
@@ -271,10 +275,24 @@ def measure_map(box: MapExtent) -> tuple[float, float]:
 
 
 def render_png(figure: Figure) -> bytes:
-    """A figure as a PNG file of 150 dots an inch."""
+    """A figure as a PNG file of 150 dots an inch; what no font of the machine shows is a box."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": None})
+    _add_fonts(figure)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
+        figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": None})
     return buffer.getvalue()
+
+
+def _add_fonts(figure: Figure) -> None:
+    """Let texts fall back on fonts of this machine for letters that matplotlib's own lacks."""
+    from matplotlib.font_manager import fontManager
+    from matplotlib.text import Text
+
+    installed = {font.name for font in fontManager.ttflist}
+    others = [name for name in OTHER_FONTS if name in installed]
+    for text in figure.findobj(Text):
+        text.set_fontfamily([*text.get_fontfamily(), *others])
 
 
 def render_svg(figure: Figure) -> str:

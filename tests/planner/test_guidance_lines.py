@@ -70,7 +70,7 @@ def test_the_field_comes_along() -> None:
 
 
 def test_what_is_no_line_is_counted() -> None:
-    assert build_guidance(saved()).left_out == (("turns", 2), ("waits for other tractors", 1), ("ways in and out", 1))
+    assert build_guidance(saved()).left_out == (("orders to give way", 1), ("turns", 2), ("ways in and out", 1))
     assert build_guidance(saved(), 2).left_out == (("turns", 1), ("ways in and out", 1))
 
 

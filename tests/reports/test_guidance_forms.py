@@ -239,7 +239,7 @@ def test_what_is_left_out_is_told() -> None:
     made = write_guidance(guidance, form)
     told = {one["what"]: one["count"] for one in list_unwritten_content(guidance, made)}
     assert told == {
-        "curves": 1, "headland": 1, "entrance": 1, "turns": 2, "ways in and out": 1, "waits for other tractors": 1,
+        "curves": 1, "headland": 1, "entrance": 1, "turns": 2, "ways in and out": 1, "orders to give way": 1,
     }  # fmt: skip
     assert collect_remarks(guidance, made) == []
     (warning,) = collect_remarks(guidance, write_guidance(guidance, form, include_curves=True))

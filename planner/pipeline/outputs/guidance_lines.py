@@ -153,7 +153,7 @@ def _count_omissions(plan: Plan, tractor_numbers: Sequence[int]) -> dict[str, in
         legs = plan.missions[number - 1].legs
         kinds = [kind for kind, _ in groupby(_classify_omitted_leg(leg, plan) for leg in legs) if kind]
         counts.update(kinds)
-        counts["waits for other tractors"] += sum(bool(leg.gates) for leg in legs)
+        counts["orders to give way"] += sum(bool(leg.gates) for leg in legs)
     return {what: count for what, count in sorted(counts.items()) if count}
 
 
