@@ -134,7 +134,7 @@ def test_one_that_stands_in_the_entrance_keeps_others_from_leaving_and_from_comi
 
 
 def test_what_is_released_past_one_that_stands_is_said_and_who_is_caught_can_be_left_out(plan: FleetPlan) -> None:
-    manager = at(plan, 0.3)
+    manager = at(plan, 0.4)
     manager.operators.stop_all("anna", 1.0)
     caught = manager.states[1]
     last = caught.mission.legs[max(caught.base_end, caught.leg + 1) - 1]
@@ -143,10 +143,9 @@ def test_what_is_released_past_one_that_stands_is_said_and_who_is_caught_can_be_
     manager.states[0].report = manager.states[0].report._replace(
         x_m=float(place[0]), y_m=float(place[1]), heading_rad=heading_rad
     )
-    also = ("", "( and tractor 3)?")  # which may stand near as well
-    for excluded, other in zip(([0], [0, 2]), also, strict=True):
-        words = f"What tractor 2 keeps leads too near tractor 1{other}: clear the way, or leave tractor 2 out as well."
-        with pytest.raises(FleetManagerError, match=words):
+    words = "What tractor 2 keeps leads too near tractor 1: clear the way, or leave tractor 2 out as well."
+    for excluded in ([0], [0, 2]):  # tractor 3 stands elsewhere
+        with pytest.raises(FleetManagerError, match=re.escape(words)):
             continue_remaining_work(extract_remaining_work(manager, excluded, 100.0))
     assert continue_remaining_work(extract_remaining_work(manager, [0, 1], 100.0)).reassigned_m > 100.0
 
