@@ -13,12 +13,10 @@ from fields.arrays import Flags, Floats, Integers
 from planner.traffic.conflict_zones import ConflictTable, ConflictZones
 from planner.traffic.deadlock_search import (
     ScheduleNet,
-    can_finish_by_turns,
-    can_finish_one_by_one,
     fill_safe_pair,
     fill_safe_pairs,
     find_last_passes,
-    find_last_waits,
+    find_way_home,
     is_pair_safe,
 )
 from planner.traffic.trajectories import SoloTrajectory
@@ -50,7 +48,8 @@ class DeadlockAvoidance:
     """Finds ways home. `waits` are gates by the segment they stand before, `waits_on` (n, n) tells who waits for whom.
 
     `start` (n,) are the hold points at which all stand. `dropped_gates` are gates that are ignored, as (tractor, leg,
-    gate): with them nobody would get home. `net` is the input of traffic.deadlock_search.
+    gate): with them nobody would get home. `net` is the input of traffic.deadlock_search. `way` is a way home from the
+    start, by the tractor of each segment, as soon as one was asked for.
     """
 
     def __init__(self, plan: Plan, zones: ConflictZones, at_once: Collection[int] = ()) -> None:
@@ -61,6 +60,7 @@ class DeadlockAvoidance:
         self.waits, self.waits_on = _list_waits(plan, self.trajectories)
         self.dropped_gates: list[tuple[int, int, LegGate]] = []
         self.net = self._build_net()
+        self.way = np.empty(sum(self.final_holds) - int(self.start.sum()), dtype=np.int64)
 
     def drop_deadlocked_gates(self) -> bool:
         """Drop gates of the plan, none if possible, until all get home from the start if one moves at a time.
@@ -69,9 +69,7 @@ class DeadlockAvoidance:
         """
         for _ in range(MAX_DROPPED_GATES):
             state, stuck = self.start.copy(), self._find_stuck_pair()
-            if stuck is None and (
-                can_finish_one_by_one(self.net, self.start) or can_finish_by_turns(self.net, self.start, state)
-            ):
+            if stuck is None and find_way_home(self.net, self.start, state, self.way):
                 return True
             dropped = self._choose_pair_wait(*stuck) if stuck else self._find_blocking_waits(state.tolist())
             if not dropped:
@@ -166,8 +164,8 @@ class DeadlockAvoidance:
         fill_safe_pairs(net)
         return net
 
-    def _build_waits(self, owner: Integers) -> tuple[Integers, Integers, Floats, Integers]:
-        """The gates that are not dropped, as `waits` and `last_wait` of ScheduleNet."""
+    def _build_waits(self, owner: Integers) -> tuple[Integers, Integers, Floats]:
+        """The gates that are not dropped, as `waits` of ScheduleNet."""
         base = self.zones.base
         rows = [
             (int(base[tractor]) + number, int(base[wait.tractor]) + wait.segment, wait.after_s)
@@ -178,11 +176,11 @@ class DeadlockAvoidance:
         places = wait_rows[:, :2].astype(np.int64)
         waits = ConflictTable.from_rows(places[:, 0], places[:, 1], np.repeat(wait_rows[:, 2:], 2, axis=1), len(owner))
         after_s = np.ascontiguousarray(waits.span_s[:, 0])
-        return waits.start, waits.at, after_s, find_last_waits(base, owner, waits.start, waits.at)
+        return waits.start, waits.at, after_s
 
     def _renew_waits(self, one: int, other: int) -> None:
         """Take the gates as they are now, after some between two were changed."""
-        names = "waits_start", "waits_at", "waits_s", "last_wait"
+        names = "waits_start", "waits_at", "waits_s"
         self.net = self.net._replace(**dict(zip(names, self._build_waits(self.net.owner), strict=True)))
         fill_safe_pair(self.net, one, other)
 

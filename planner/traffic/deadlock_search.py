@@ -1,10 +1,9 @@
-"""Whether a fleet that stands at hold points can get home, compiled: two of it, one after another, or in turns.
+"""How a fleet that stands at hold points can get home, compiled: two of it, or all, one moving at a time.
 
 Of two tractors all states are looked at, once for a plan: where these two alone cannot get home, no fleet with them
-can. Whoever goes home in one go needs that nobody stands where it passes, that its gates are open, and that it will
-stand in nobody's way at home. Each of these concerns one other tractor that has yet to go, so all get home one after
-another exactly if these needs have no circle. Else segments are tried depth first, but none after which two cannot get
-home.
+can. A way home of all is the order of the tractors in which their segments are driven. It is searched depth first, with
+no segment after which two cannot get home. Once there is one, a tractor that goes on out of turn changes only what
+comes before its turn: no more of the way is looked at again.
 """
 
 from __future__ import annotations
@@ -26,11 +25,10 @@ class ScheduleNet(NamedTuple):
 
     `owner` (p,) is the tractor of a place. The tables `apart`, `stands` and `blockers` of that module come as `_start`,
     `_at` and `_s` each. `waits` are gates of the plan in the same form: the segment that must have been begun, and for
-    how long (s). `last_wait` (p, n) is the last segment, by number, of another tractor which must have been begun
-    before all segments from here on are driven, `last_pass` (p, n) the last on which a tractor passes a place where
-    another stands; -1 for none. `near` (n, n) tells which tractors interact. `safe` holds a table for every two that do
-    or wait for each other, from `safe_start` (n, n) on (-1 for none): whether these two get home from a hold point of
-    the one and one of the other.
+    how long (s). `last_pass` (p, n) is the last segment, by number, on which a tractor passes a place where another
+    stands; -1 for none. `near` (n, n) tells which tractors interact. `safe` holds a table for every two that do or wait
+    for each other, from `safe_start` (n, n) on (-1 for none): whether these two get home from a hold point of the one
+    and one of the other.
     """
 
     base: Array
@@ -48,7 +46,6 @@ class ScheduleNet(NamedTuple):
     waits_start: Array
     waits_at: Array
     waits_s: Array
-    last_wait: Array
     last_pass: Array
     near: Array
     safe_start: Array
@@ -94,72 +91,12 @@ def find_last_passes(base, owner, start, at):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def find_last_waits(base, owner, start, at):  # type: ignore[no-untyped-def]
-    """`ScheduleNet.last_wait` from the table of gates."""
-    last_wait = np.full((len(owner), len(base) - 1), -1, dtype=np.int32)
-    for place in range(len(owner) - 1, -1, -1):
-        if place + 1 < len(owner) and owner[place + 1] == owner[place]:
-            copy_row(last_wait[place + 1], last_wait[place])
-        for row in range(start[place], start[place + 1]):
-            other_tractor = owner[at[row]]
-            last_wait[place, other_tractor] = max(last_wait[place, other_tractor], at[row] - base[other_tractor])
-    return last_wait
-
-
-@compile_function
 def is_off_remaining_paths(net, state, tractor, number):  # type: ignore[no-untyped-def]
     """Whether nobody else passes a hold point of a tractor any more."""
     for other_tractor in range(len(state)):
         if net.last_pass[net.base[tractor] + number, other_tractor] >= state[other_tractor]:
             return False
     return True
-
-
-@compile_function
-def _must_finish_after(net, state, tractor, other_tractor):  # type: ignore[no-untyped-def]
-    """Whether a tractor can go home in one go only after another has."""
-    base = net.base
-    if net.last_pass[base[other_tractor] + state[other_tractor], tractor] >= state[tractor]:
-        return True
-    if net.last_wait[base[tractor] + state[tractor], other_tractor] >= state[other_tractor]:
-        return True
-    return net.last_pass[base[tractor + 1] - 1, other_tractor] >= state[other_tractor]
-
-
-@compile_function
-def can_finish_one_by_one(net, state):  # type: ignore[no-untyped-def]
-    """Whether each can go home in one go, in some order."""
-    count = len(state)
-    home = np.empty(count, dtype=np.bool_)
-    for tractor in range(count):
-        home[tractor] = state[tractor] == net.base[tractor + 1] - net.base[tractor] - 1
-    needs = np.zeros(count, dtype=np.int64)
-    needed = np.zeros((count, count), dtype=np.bool_)
-    ready, ready_count = np.empty(count, dtype=np.int64), 0
-    for tractor in range(count):
-        if home[tractor]:
-            continue
-        for other_tractor in range(count):
-            if other_tractor != tractor and _must_finish_after(net, state, tractor, other_tractor):
-                needed[other_tractor, tractor] = True
-                needs[tractor] += 1
-        if needs[tractor] == 0:
-            ready[ready_count] = tractor
-            ready_count += 1
-    remaining = -ready_count
-    for tractor in range(count):
-        remaining += 0 if home[tractor] else 1
-    while ready_count > 0:
-        ready_count -= 1
-        finished = ready[ready_count]
-        for tractor in range(count):
-            if needed[finished, tractor]:
-                needs[tractor] -= 1
-                if needs[tractor] == 0:
-                    ready[ready_count] = tractor
-                    ready_count += 1
-                    remaining -= 1
-    return remaining == 0
 
 
 @compile_function
@@ -224,18 +161,24 @@ def are_pairs_safe(net, state, tractor):  # type: ignore[no-untyped-def]
 
 
 @compile_function
+def _can_go_on(net, state, tractor):  # type: ignore[no-untyped-def]
+    """Whether a tractor may drive its next segment while all others stand."""
+    for other_tractor in range(len(state)):
+        concerned = net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0
+        if concerned and not _may_go_on(net, tractor, state[tractor], other_tractor, state[other_tractor]):
+            return False
+    return True
+
+
+@compile_function
 def _is_next_move(net, state, tractor):  # type: ignore[no-untyped-def]
     """Whether a tractor may drive its next segment while all others stand, and no two are stuck after it."""
     if state[tractor] == net.base[tractor + 1] - net.base[tractor] - 1:
         return False
-    for other_tractor in range(len(state)):
-        if other_tractor != tractor and net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0:
-            number, other_number = state[tractor], state[other_tractor]
-            if not is_pair_safe(net, tractor, number + 1, other_tractor, other_number):
-                return False
-            if not _may_go_on(net, tractor, number, other_tractor, other_number):
-                return False
-    return True
+    state[tractor] += 1
+    leaves_ways = are_pairs_safe(net, state, tractor)
+    state[tractor] -= 1
+    return leaves_ways and _can_go_on(net, state, tractor)
 
 
 @compile_function
@@ -303,10 +246,11 @@ def _find_next_move(net, state, tried):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def can_finish_by_turns(net, start, reached):  # type: ignore[no-untyped-def]
-    """Whether an order of segments in which all get home is found; `reached` becomes the farthest state found.
+def find_way_home(net, start, reached, way):  # type: ignore[no-untyped-def]
+    """Whether a way home of all is found; `reached` becomes the farthest state found.
 
-    Where it is not, there is none if the search looked at all states that can be reached (MOST_LOOKS).
+    Its moves, the tractor for each segment that is left, become the last of `way` (one entry for each segment of all).
+    Where none is found, there is none if the search looked at all states that can be reached (MOST_LOOKS).
     """
     count, remaining = len(start), np.int64(0)
     for tractor in range(count):
@@ -338,4 +282,52 @@ def can_finish_by_turns(net, start, reached):  # type: ignore[no-untyped-def]
         if driven > farthest:
             farthest = driven
             copy_row(state, reached)
-    return driven == remaining
+    if driven < remaining:
+        return False
+    _write_way(moves[:depth], state, way)
+    return True
+
+
+@compile_function
+def _write_way(moves, state, way) -> None:  # type: ignore[no-untyped-def]
+    """Write the moves that led to a state, each a tractor and the hold point it left, at the end of `way`."""
+    row = len(way)
+    for number in range(len(moves) - 1, -1, -1):
+        tractor, before = moves[number, 0], moves[number, 1]
+        for _ in range(state[tractor] - before):
+            row -= 1
+            way[row] = tractor
+        state[tractor] = before
+
+
+@compile_function
+def is_on_way_home(net, state_after, tractor, length, way, state):  # type: ignore[no-untyped-def]
+    """Whether the moves of `way` lead home also after a tractor has gone on by `length` segments before its turn.
+
+    `way` are the moves that were left before that. `state` is overwritten: it is as it was to be once the turn comes.
+    """
+    copy_row(state_after, state)
+    ahead, row = length, 0
+    while ahead > 0:
+        if way[row] == tractor:
+            ahead -= 1
+        elif _can_go_on(net, state, way[row]):
+            state[way[row]] += 1
+        else:
+            return False
+        row += 1
+    return True
+
+
+@compile_function
+def drop_moves(way, tractor, length) -> None:  # type: ignore[no-untyped-def]
+    """Drop the next `length` moves of a tractor from a way home; what comes before is shifted to later rows."""
+    ahead, row = length, 0
+    while ahead > 0:
+        ahead -= way[row] == tractor
+        row += 1
+    kept = row
+    for before in range(row - 1, -1, -1):
+        if way[before] != tractor:
+            kept -= 1
+            way[kept] = way[before]

@@ -102,7 +102,7 @@ class PrecedenceSearch:
         net = self.deadlock_avoidance.net
         max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
         is_concerned = net.near | self.deadlock_avoidance.waits_on
-        how = eager, leads_s, self.deadlock_avoidance.start
+        how = eager, leads_s, self.deadlock_avoidance.start, self.deadlock_avoidance.way
         return fill_timetable(net, is_concerned, max_spans, (GAP_BEHIND_S, GAP_AHEAD_S), *how)  # type: ignore[no-any-return]
 
     def _build_gate(self, own_segment: float, other_segment: float, after_s: float) -> tuple[int, int, LegGate]:

@@ -12,10 +12,11 @@ import numpy as np
 
 from planner.traffic.deadlock_search import (
     are_pairs_safe,
-    can_finish_by_turns,
-    can_finish_one_by_one,
+    drop_moves,
     find_first_place_row,
+    find_way_home,
     is_off_remaining_paths,
+    is_on_way_home,
     round_to_tenths,
 )
 from vehicle.copying import copy_row
@@ -172,21 +173,26 @@ def _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried):  # t
 
 
 @compile_function
-def _stays_deadlock_free(net, state, tractor, length, state_after, reached, unsafe):  # type: ignore[no-untyped-def]
-    """Whether all can still get home after a tractor has gone on by `length` segments.
+def _stays_deadlock_free(net, state, tractor, length, way, states, unsafe):  # type: ignore[no-untyped-def]
+    """Whether all can still get home after a tractor has gone on by `length` segments; `way` then tells how.
 
-    What is found to be otherwise is marked `unsafe` and not searched again until that may have changed.
+    `way` are the moves that were left before, and becomes what is left after, at its end. What is found to have no way
+    is marked `unsafe` and not searched again until that may have changed. `states` (2, n) is overwritten.
     """
     if unsafe[tractor, length]:
         return False
+    state_after = states[0]
     copy_row(state, state_after)
     state_after[tractor] += length
-    is_safe = is_off_remaining_paths(net, state, tractor, state[tractor] + length) or (
-        are_pairs_safe(net, state_after, tractor)
-        and (can_finish_one_by_one(net, state_after) or can_finish_by_turns(net, state_after, reached))
+    if is_off_remaining_paths(net, state, tractor, state[tractor] + length) or (
+        are_pairs_safe(net, state_after, tractor) and is_on_way_home(net, state_after, tractor, length, way, states[1])
+    ):
+        drop_moves(way, tractor, length)
+        return True
+    unsafe[tractor, length] = not (
+        are_pairs_safe(net, state_after, tractor) and find_way_home(net, state_after, states[1], way)
     )
-    unsafe[tractor, length] = not is_safe
-    return is_safe
+    return not unsafe[tractor, length]
 
 
 @compile_function
@@ -302,11 +308,12 @@ def _commit_entry(net, state, begun_s, free_s, behind_s, refused, refused_for, t
 
 
 @compile_function
-def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, start):  # type: ignore[no-untyped-def]
+def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, start, way):  # type: ignore[no-untyped-def]
     """A timetable in which the earliest possible entry comes next that leaves everybody a way home.
 
     `margins_s` are seconds behind and ahead, `leads_s` (n,) by how much earlier a tractor is taken than it can begin,
-    `eager` as in precedence.EAGERNESS. `start` (n,) is where each begins: 1 is already on its first segment.
+    `eager` as in precedence.EAGERNESS. `start` (n,) is where each begins: 1 is already on its first segment. `way`
+    (k,) is a way home from there, the tractors by whom the segments of all are driven, one moving at a time.
     `is_concerned` (n, n) tells whether what one may do can depend on another, `max_spans` how many spans one entry can
     depend on.
 
@@ -319,7 +326,7 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, star
     refused, refused_for = np.zeros(count, dtype=np.bool_), np.zeros((count, count), dtype=np.bool_)
     unsafe, tried = np.zeros((count, MAX_CHAIN + 1), dtype=np.bool_), np.zeros(count, dtype=np.bool_)
     spans = np.empty((max_spans, 2))
-    state_after, reached = np.empty(count, dtype=np.int64), np.empty(count, dtype=np.int64)
+    states, way = np.empty((2, count), dtype=np.int64), way.copy()
     gates, gate_count = np.empty((64, 3)), np.int64(0)
     remaining = len(net.owner) - count
     for tractor in range(count):
@@ -338,7 +345,7 @@ def fill_timetable(net, is_concerned, max_spans, margins_s, eager, leads_s, star
         tractor = _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried)
         while tractor >= 0:
             most = int(entries[tractor, 0]) - 1
-            if _stays_deadlock_free(net, state, tractor, most + 1, state_after, reached, unsafe):
+            if _stays_deadlock_free(net, state, tractor, most + 1, way[len(way) - remaining :], states, unsafe):
                 break
             refused[tractor], tried[tractor] = True, most == 0
             _find_earliest_entry(

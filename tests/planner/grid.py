@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -112,17 +111,13 @@ class Plain:
     def after(self, state: State, one: int) -> State:
         return (*state[:one], state[one] + 1, *state[one + 1 :])
 
-    def in_turn(self, state: State) -> bool:
-        """Whether each goes home in one go in some order, by trying all orders."""
-        return any(self._works(state, order) for order in permutations(range(len(state))))
-
-    def _works(self, state: State, order: tuple[int, ...]) -> bool:
-        for one in order:
-            while state[one] < self.final_holds[one]:
-                if not self.can_move(state, one):
-                    return False
-                state = self.after(state, one)
-        return True
+    def leads_home(self, state: State, way: list[int]) -> bool:
+        """Whether all are home after these tractors have moved, one segment each, and each could."""
+        for one in way:
+            if not self.can_move(state, one):
+                return False
+            state = self.after(state, one)
+        return state == self.final_holds
 
     def gets_home(self, state: State) -> bool:
         """Whether all get home in any way, by looking at all states."""

@@ -8,8 +8,15 @@ import numpy as np
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from fields.arrays import Integers
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
-from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_by_one, is_pair_safe, round_to_tenths
+from planner.traffic.deadlock_search import (
+    drop_moves,
+    find_way_home,
+    is_on_way_home,
+    is_pair_safe,
+    round_to_tenths,
+)
 from tests.examples import count_examples
 from tests.planner.grid import Cells, Plain, State, all_hold_points, plan_on, straight, traffic, trajectory
 from vehicle.missions.plan import LegGate
@@ -37,11 +44,48 @@ def test_ways_home_are_found_exactly_where_there_are_any(
     drawn, gates, state = asked
     trajectories, plain = drawn.trajectories(), Plain(drawn, gates)
     net = DeadlockAvoidance(plan_on(trajectories, gates), all_hold_points(trajectories)).net
-    at = np.array(state, dtype=np.int64)
-    assert can_finish_one_by_one(net, at) == plain.in_turn(state)
-    reached, paths = np.empty(len(state), dtype=np.int64), plain.gets_home(state)
-    assert can_finish_by_turns(net, at, reached) == paths
+    at, reached, way = np.array(state), np.empty(len(state), dtype=np.int64), allocate_way(plain, state)
+    paths = plain.gets_home(state)
+    assert find_way_home(net, at, reached, way) == paths
     assert not paths or tuple(reached.tolist()) == plain.final_holds
+    assert not paths or plain.leads_home(state, way.tolist())
+
+
+@settings(max_examples=count_examples(150))
+@given(gated(), st.lists(st.tuples(st.integers(0, 3), st.integers(1, 3)), max_size=6))
+def test_a_way_home_stays_one_for_those_who_go_on_before_their_turn(
+    asked: tuple[Cells, dict[tuple[int, int], list[LegGate]], State], drives: list[tuple[int, int]]
+) -> None:
+    drawn, gates, state = asked
+    trajectories, plain = drawn.trajectories(), Plain(drawn, gates)
+    net = DeadlockAvoidance(plan_on(trajectories, gates), all_hold_points(trajectories)).net
+    walked, way = np.empty(len(state), dtype=np.int64), allocate_way(plain, state)
+    if not find_way_home(net, np.array(state), walked, way):
+        return
+    for tractor, length in drives:
+        one = tractor % len(state)
+        after = (*state[:one], state[one] + length, *state[one + 1 :])
+        if after[one] <= plain.final_holds[one] and is_on_way_home(net, np.array(after), one, length, way, walked):
+            drop_moves(way, one, length)
+            state, way = after, way[length:]
+            assert plain.leads_home(state, way.tolist())
+
+
+def test_who_goes_on_before_its_turn_must_leave_room_for_those_before() -> None:
+    """The second may go to the far end of the corridor once the first is out, not before."""
+    cells = [[0, 1, 2, 3], [4, 2, 5]]
+    drawn = Cells(cells, [[0, 3], [0, 1, 2]])
+    trajectories = drawn.trajectories()
+    net = DeadlockAvoidance(plan_on(trajectories), all_hold_points(trajectories)).net
+    walked = np.empty(2, dtype=np.int64)
+    for way, stays in ([0, 1, 1], False), ([1, 1, 0], True):
+        assert is_on_way_home(net, np.array([0, 1]), 1, 1, np.array(way), walked) is stays
+        assert is_on_way_home(net, np.array([0, 2]), 1, 2, np.array(way), walked)
+
+
+def allocate_way(plain: Plain, state: State) -> Integers:
+    """Room for the moves of all from a state to their ends."""
+    return np.empty(sum(plain.final_holds) - sum(state), dtype=np.int64)
 
 
 @settings(max_examples=count_examples(150))
@@ -76,9 +120,9 @@ def test_a_large_fleet_that_goes_round_in_a_ring_gets_home() -> None:
     courses = [[(30.0 * cell, 0.0, 0.0) for cell in own] for own in cells]
     trajectories = [trajectory(course, range(len(course)), 10.0) for course in courses]
     net = DeadlockAvoidance(plan_on(trajectories), all_hold_points(trajectories)).net
-    start = np.zeros(tractors, dtype=np.int64)
-    assert not can_finish_one_by_one(net, start)
-    assert can_finish_by_turns(net, start, np.empty_like(start))
+    start, way = np.zeros(tractors, dtype=np.int64), np.empty(tractors * (ring + 1), dtype=np.int64)
+    assert find_way_home(net, start, np.empty_like(start), way)
+    assert (np.bincount(way) == ring + 1).all()
 
 
 def test_of_two_in_two_deadlocks_only_the_gates_in_them_are_dropped() -> None:

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
-from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_by_one
+from planner.traffic.deadlock_search import find_way_home
 from planner.traffic.precedence import PrecedenceSearch, _add_gates
 from planner.traffic.timetable_search import GAP_BEHIND_S, START_LOSS_S
 from planner.traffic.trajectories import SoloTrajectory
@@ -101,10 +101,7 @@ class TestCorridor:
         home = DeadlockAvoidance(plan_on(trajectories), crossings(trajectories))
         for state, safe in (((0, 0), True), ((1, 0), True), ((0, 1), True), ((1, 1), False)):
             at = np.array(state)
-            assert (
-                can_finish_one_by_one(home.net, at) is safe
-                and can_finish_by_turns(home.net, at, np.empty_like(at)) is safe
-            )
+            assert find_way_home(home.net, at, np.empty_like(at), home.way) is safe
         assert home.drop_deadlocked_gates() and not home.dropped_gates
 
     def test_the_second_enters_when_the_first_is_out(self) -> None:
