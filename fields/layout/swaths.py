@@ -88,7 +88,7 @@ class Layout:
             field.
         width_m: working width, the largest spacing of the lines of a cell.
         headland_m: room beyond the ends of the swaths, along them.
-        swaths: sorted by line and piece; line numbers are unique across cells.
+        swaths: sorted by line and piece; line numbers are unique across cells. None if a headland pass takes all.
         inner_region: where the centre lines of swaths may be; with headland passes, the ground inside these.
         headland_passes: number of worked headland passes; 0 if the headland is only room for turning.
         cells: parts of `inner_region` with swaths in one direction, in order of their numbers; by default a single one.
@@ -182,7 +182,7 @@ def lay_swaths(
             width plus clearance, machines can pass each other on neighbouring swaths.
 
     Raises:
-        FieldError: a value is out of range, or no swath fits.
+        FieldError: a value is out of range, or no swath fits (with a single headland pass there may be none).
     """
     _check_layout_request(width_m, headland_m, bearing_deg)
     region = _inset_boundary(field, width_m)
@@ -218,16 +218,12 @@ def _advise_on_turning_room(field: Field, edges: Floats, rules: PatternRules, be
 
 
 def _advise_on_passes(field: Field, width_m: float, headland_passes: int) -> str:
-    """How many headland passes leave ground for a track, else how narrow an implement does; both tried."""
-    for passes in range(min(headland_passes - 1, math.floor(_measure_inner_radius_m(field) / width_m)), 0, -1):
+    """How many headland passes leave ground for a track, tried; a single one needs none."""
+    headland = mark_parameter("headland_m")
+    for passes in range(min(headland_passes - 1, math.floor(_measure_inner_radius_m(field) / width_m)), 1, -1):
         if _fill_inside_headland(field, width_m, passes) is not None:
-            headland, headland_m = mark_parameter("headland_m"), passes * width_m
-            return (
-                f"use one headland pass, which is a headland ({headland}) of {headland_m:g} m"
-                if passes == 1
-                else f"use {passes} headland passes, which is a headland ({headland}) of {headland_m:g} m"
-            )
-    return _advise_on_width(field)
+            return f"use {passes} headland passes, which is a headland ({headland}) of {passes * width_m:g} m"
+    return f"use one headland pass, which is a headland ({headland}) of {width_m:g} m"
 
 
 def _advise_on_width(field: Field) -> str:
@@ -299,8 +295,13 @@ def _lay_inside_headland(
     bearing_deg: float | None,
     min_spacing_m: float,
 ) -> Layout:
-    """Swaths over all ground inside the headland passes."""
+    """Swaths over all ground inside the headland passes; none where a single pass leaves no room for any."""
     filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, MIN_SWATH_LENGTH_M, min_spacing_m)
+    if filled is None and headland_passes == 1:
+        longest_rad = list_candidate_bearings(field.boundary)[0]
+        bearing_rad = longest_rad if bearing_deg is None else math.radians(90.0 - bearing_deg % 180.0)
+        region = compute_inner_region(field, width_m)
+        return Layout(field, normalise_bearing(bearing_rad), width_m, width_m, (), region, headland_passes)
     if filled is None:
         raise FieldError(
             f"No track fits field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} m, "

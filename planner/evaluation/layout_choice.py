@@ -77,6 +77,8 @@ def list_layouts(
     plain = _lay_deepest(
         request, headland_m, lambda passes, depth_m: _lay_plain(request, field, passes, depth_m, spacing_m, rates)
     )
+    if not plain.swaths:
+        return [plain]
     layouts = _list_promising_layouts(request, plain, rates, PROMISING)
     if min(len(layout.swaths) for layout in layouts) > MAX_SEARCHED_SWATHS:
         return layouts[:1]

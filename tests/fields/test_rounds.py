@@ -185,21 +185,18 @@ class TestRefusals:
     def test_no_room_inside_the_rounds(self) -> None:
         with pytest.raises(FieldError, match=r"use 3 headland passes, which is a headland \(headland_m\) of 9 m"):
             lay_swaths(rectangle(100, 20), 3.0, 12.0, headland_passes=4)
-        with pytest.raises(FieldError, match=r"use an implement \(width_m\) of 9.5 m or less"):
-            lay_swaths(rectangle(100, 20), 12.0, 12.0, headland_passes=1)
+        with pytest.raises(FieldError, match=r"use one headland pass, which is a headland \(headland_m\) of 12 m"):
+            lay_swaths(rectangle(100, 20), 12.0, 24.0, headland_passes=2)
 
-    @pytest.mark.parametrize(("width", "passes"), [(3.0, 4), (12.0, 1), (7.0, 3)])
-    def test_what_is_advised_has_room(self, width: float, passes: int) -> None:
+    @pytest.mark.parametrize(("width", "passes", "tracks"), [(3.0, 4, 1), (12.0, 2, 0), (7.0, 3, 1)])
+    def test_what_is_advised_has_room(self, width: float, passes: int, tracks: int) -> None:
         with pytest.raises(FieldError) as refused:
             lay_swaths(rectangle(100, 20), width, passes * width, headland_passes=passes)
-        passes_advised = re.search(r"use (one|\d) headland pass", str(refused.value))
-        width_advised = re.search(r"\(width_m\) of ([\d.]+) m", str(refused.value))
-        passes, width = (
-            (int(passes_advised[1].replace("one", "1")), width)
-            if passes_advised
-            else (1, float(width_advised[1] if width_advised else 0))
-        )
-        assert lay_swaths(rectangle(100, 20), width, passes * width, headland_passes=passes).swaths
+        advised = re.search(r"use (one|\d) headland pass", str(refused.value))
+        assert advised is not None
+        passes = int(advised[1].replace("one", "1"))
+        layout = lay_swaths(rectangle(100, 20), width, passes * width, headland_passes=passes)
+        assert (layout.track_count, layout.headland_passes) == (tracks, passes)
 
     def test_a_headland_left_for_turning_is_advised_less_deep_or_crossed_another_way(self) -> None:
         with pytest.raises(FieldError, match=r"use a headland \(headland_m\) of 10.9 m"):

@@ -14,7 +14,6 @@ from planner.errors import HeadlandError
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
-from tests.planner.shapes import SHAPES
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -27,25 +26,18 @@ POND = Field("pond", shapely.box(0, 0, 60, 60), obstacles=(Obstacle("pond", shap
 TREE = Field("tree", shapely.box(0, 0, 70, 50), obstacles=(Obstacle("tree", shapely.Point(22, 25), 1.0),))
 GATE = Field("gate", shapely.box(0, 0, 60, 40), entrance=(0.0, 20.0))
 LAID_OUT: list[tuple[Field, dict[str, Any]]] = [
-    (STRIP, {"width_m": 12.0}),
     (STRIP, {"width_m": 3.0, "headland_passes": 4}),
     (STRIP, {"width_m": 3.0, "headland_m": 20.0}),
     (STRIP, {"width_m": 24.0, "no_headland": True}),
-    (LANE, {"width_m": 6.0}),
     (LANE, {"width_m": 9.0}),
     (LANE, {"width_m": 1.5, "headland_passes": 6}),
-    (SQUARE, {"width_m": 24.0}),
     (SQUARE, {"width_m": 6.0, "headland_passes": 5}),
     (SQUARE, {"width_m": 3.0, "headland_m": 60.0}),
     (SQUARE, {"headland_m": 21.0, "no_headland": True}),
     (STRIP, {"headland_m": 9.0, "no_headland": True, "bearing_deg": 0.0}),
-    (GARDEN, {"width_m": 8.0}),
     (GARDEN, {"headland_m": 8.0}),
-    (WEDGE, {"width_m": 18.0}),
     (WEDGE, {"headland_passes": 6}),
     (TREE, {"width_m": 24.0, "headland_passes": 2}),
-    (SHAPES["thin strip"], {"width_m": 14.0}),
-    (STRIP, {"width_m": 9.0}),
     (POND, {"margin_m": 40.0}),
     (TREE, {"margin_m": 60.0}),
     (SQUARE, {"radius_m": 2.0}),

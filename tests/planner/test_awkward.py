@@ -4,7 +4,9 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from shapely import box
 
+from fields.geometry.field import Field
 from planner import farm as farm_room
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
@@ -34,6 +36,17 @@ def test_a_strip_of_few_lines_is_worked_by_two(strategy: str) -> None:
     result = simulate_candidate(site_of("thin strip"), Candidate(strategy, 2)).result
     assert result.feasible, result.reason
     assert result.worked_pct > 99.0
+
+
+@pytest.mark.slow
+def test_a_strip_no_wider_than_two_passes_is_worked_along_its_sides() -> None:
+    """The headland pass round it leaves no ground for a track, and needs none."""
+    site = prepare_context(WorkOrder(PlanRequest(field="strip", width_m=9.0), Field("strip", box(0, 0, 397, 14))))
+    assert not site.layout.swaths
+    result = simulate_candidate(site, Candidate("row-by-row", 1)).result
+    assert result.feasible, result.reason
+    assert result.worked_pct > 99.0
+    assert result.time_s is not None and result.time_s < 2.0 * 397.0 / site.driving_rules.work_speed_mps + 180.0
 
 
 @pytest.mark.slow
