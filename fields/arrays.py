@@ -37,9 +37,9 @@ def compute_angles(vectors: Floats) -> Floats:
     return round_to_steps(angles, ANGLE_STEP_RAD)
 
 
-def build_directions(angles: Floats) -> Floats:
-    """Unit vectors (n, 2) along mathematical angles (n,), the same on every processor."""
-    return round_to_steps(np.column_stack([np.cos(angles), np.sin(angles)]), DIRECTION_STEP)
+def build_directions(angles: Floats | float) -> Floats:
+    """Unit vectors (..., 2) along mathematical angles (...), the same on every processor."""
+    return round_to_steps(np.stack([np.cos(angles), np.sin(angles)], axis=-1), DIRECTION_STEP)
 
 
 def round_to_steps(values: Floats, step: float) -> Floats:

@@ -118,7 +118,7 @@ def lay_contour_swaths(
     for contour in () if region.is_empty else _iter_contours(grid, region):
         for one in _iter_guides(contour, region, max(radius_m, 0.5 * width_m)):
             guide = _orient_guide(one, field)
-            swaths = _lay_along_guide(guide, region, rules)
+            swaths = _lay_along_guide(guide, region, rules, field.entrance)
             climb = round(measure_climb(swaths, grid), 6) if swaths else math.inf
             if swaths and (best is None or climb < best[0]):
                 best = climb, guide, swaths
@@ -234,7 +234,9 @@ def _orient_guide(guide: GuideCurve, field: Field) -> GuideCurve:
     return GuideCurve(guide.points[::-1], guide.headings[::-1] + math.pi)
 
 
-def _lay_along_guide(guide: GuideCurve, region: shapely.Geometry, rules: PatternRules) -> tuple[Swath, ...]:
+def _lay_along_guide(
+    guide: GuideCurve, region: shapely.Geometry, rules: PatternRules, entrance: tuple[float, float] | None
+) -> tuple[Swath, ...]:
     """The swaths of a guide over a region; none where they come round to it again, or where none fits."""
     measured = shapely.transform(shapely.segmentize(region, STEP_M), guide.locate)
     pattern = fill_region(shapely.make_valid(measured), 0.0, rules)
@@ -248,7 +250,7 @@ def _lay_along_guide(guide: GuideCurve, region: shapely.Geometry, rules: Pattern
         distances = shapely.distance(line, shapely.points(swath.points_m[::5]))
         if float(np.abs(distances - abs(straight.start_m[1])).max()) > DISTANCE_TOLERANCE_M:
             return ()
-    return number_from_longer_side(swaths)
+    return number_from_longer_side(swaths, entrance)
 
 
 def _bend_swath(swath: Swath, guide: GuideCurve) -> Swath:

@@ -380,9 +380,7 @@ def build_swaths(pattern: SwathPattern, axes: Floats) -> tuple[Swath, ...]:
     return tuple(swaths)
 
 
-def number_from_longer_side(
-    swaths: tuple[Swath, ...], entrance: tuple[float, float] | None = None
-) -> tuple[Swath, ...]:
+def number_from_longer_side(swaths: tuple[Swath, ...], entrance: tuple[float, float] | None) -> tuple[Swath, ...]:
     """Swaths with lines counted from the side where they are longer, whatever the orientation of the field.
 
     Where both sides look the same, from that of the entrance.

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, compute_angles
+from fields.arrays import Floats, build_directions, compute_angles
 from fields.terrain.elevation_grid import ElevationGrid
 
 LIGHT_AZIMUTH_DEG, LIGHT_HEIGHT_DEG = 315.0, 45.0
@@ -72,7 +72,7 @@ def compute_directional_slopes(gradients: Floats, headings_rad: Floats | float) 
 
     Along is positive uphill; across is positive where the ground falls to the right.
     """
-    cosine, sine = np.cos(headings_rad), np.sin(headings_rad)
+    cosine, sine = np.moveaxis(build_directions(headings_rad), -1, 0)
     along = gradients[..., 0] * cosine + gradients[..., 1] * sine
     across = gradients[..., 1] * cosine - gradients[..., 0] * sine
     return np.asarray(along), np.asarray(across)
