@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import shapely
 
@@ -28,6 +28,7 @@ from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
 from reports.common.plan_records import PullFigures
 from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_lane
+from strategies.programmes.site_moves import SiteMoves
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.supply import Supply
 from strategies.rules.turn_costs import TurnCosts
@@ -75,6 +76,16 @@ class DoneWork:
     may_rest: bool = False
 
 
+class MoveStore(Protocol):
+    """A cache of what is known of the moves of sites (planner.pipeline.move_cache)."""
+
+    def load(self, context: PlanningContext, moves: SiteMoves) -> None:
+        """Let moves of a context know what is stored of them."""
+
+    def store(self, context: PlanningContext, moves: SiteMoves) -> None:
+        """Store what is new of the moves of a context."""
+
+
 @dataclass(frozen=True, repr=False)
 class PlanningContext:
     """Field, layout, tractor, implement and driving rules; made once per request.
@@ -86,7 +97,7 @@ class PlanningContext:
     settings, `supply` what every tractor carries, `cost_terms` the prices and `workday` the day of a farm (None without
     one). `physics` are heights and load. `going_on` is what is done already, from all sources together; its ground is
     that of the field (`Field.done`). `time_share` limits the computing where this context was made; it is not sent to
-    another process.
+    another process. `move_cache` has what earlier runs found of moves; None for nothing.
     """
 
     request: PlanRequest
@@ -108,6 +119,7 @@ class PlanningContext:
     physics: FieldPhysics = LEVEL_GROUND
     going_on: DoneWork | None = None
     time_share: TimeShare = NO_LIMIT
+    move_cache: MoveStore | None = None
 
     @cached_property
     def gateway(self) -> EntranceLane | None:

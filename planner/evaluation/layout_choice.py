@@ -25,7 +25,7 @@ from fields.units import KILO
 from planner.errors import FieldError, RequestError, mark_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, build_grid
-from planner.evaluation.site import get_site_moves
+from planner.evaluation.site import get_site_moves, store_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, LEAST_FUEL, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.lines.work_line import WorkLine
@@ -193,6 +193,7 @@ def choose_quickest_index(
             level_s = estimate_finish_s(context)
         except TimeSpentError:
             break
+        store_moves(context)
         costs.append(level_s if weigh is None else weigh(moves.site, level_s))
     if not costs:
         return 0

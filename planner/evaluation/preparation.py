@@ -21,7 +21,7 @@ from fields.layout.options import replace_bearings
 from fields.layout.swaths import Layout, check_width, compute_free_space
 from fields.units import MPS_PER_KMH
 from planner.errors import RequestError, attach_parameter
-from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
+from planner.evaluation.context import CLEARANCE_SHARE, MoveStore, PlanningContext
 from planner.evaluation.field_physics import (
     FieldPhysics,
     adapt_to_ground,
@@ -92,12 +92,14 @@ def prepare_context(
     report_layouts: Report | None = None,
     physics: FieldPhysics | None = None,
     time_share: TimeShare = NO_LIMIT,
+    move_cache: MoveStore | None = None,
 ) -> PlanningContext:
     """Read the field and the tractor of an order, time the turns, size the headland, lay out the swaths.
 
     The request or the field names the service point of the supply. `report_layouts` is called with (layouts compared,
     all of them). `physics` replaces heights and soil of the request. Half of a `time_share` may go into comparing
-    layouts; then those compared so far decide. Raises FieldError, VehicleError, StrategyError or RequestError.
+    layouts; then those compared so far decide. A `move_cache` has moves of earlier runs. Raises FieldError,
+    VehicleError, StrategyError or RequestError.
     """
     request = order.name_choices()
     with attach_parameter("field"):
@@ -134,6 +136,7 @@ def prepare_context(
         workday=workday,
         physics=physics,
         time_share=time_share,
+        move_cache=move_cache,
     )
     context = _lay_out_field(
         create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts, order.layout

@@ -100,7 +100,20 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
     `headland_lines`, by the number of headland passes, are shared by the layouts of a field.
     """
 
-    return recall(context, SiteMoves, lambda: build_site_moves(context, build_site(context), headland_lines))
+    def build() -> SiteMoves:
+        moves = build_site_moves(context, build_site(context), headland_lines)
+        if context.move_cache is not None:
+            context.move_cache.load(context, moves)
+        return moves
+
+    return recall(context, SiteMoves, build)
+
+
+def store_moves(context: PlanningContext) -> None:
+    """Store what is known of the moves of a context in its cache."""
+    moves: SiteMoves | None = context.site_cache.get(SiteMoves)
+    if context.move_cache is not None and moves is not None:
+        context.move_cache.store(context, moves)
 
 
 def build_site_moves(
@@ -135,6 +148,8 @@ def take_moves(context: PlanningContext, state: tuple[Any, ...]) -> None:
     """Let a context have the lines, and the estimates of moves between them, that `tell_moves` gave of it."""
     *laid, known = state
     moves = context.site_cache[SiteMoves] = SiteMoves(build_site(context), *laid)
+    if context.move_cache is not None:
+        context.move_cache.load(context, moves)
     moves.estimates.known.update(known)
 
 

@@ -14,6 +14,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import shapely
 from pydantic import BaseModel
 
@@ -32,7 +33,7 @@ DYNAMIC_IMPORT = "import_module"  # a module that calls it may load any module i
 
 
 def hash_content(*parts: Any, worker: str | None = None) -> str:
-    """SHA-256 of plain values, dataclasses, models and geometries, and of the code that works on them.
+    """SHA-256 of plain values, dataclasses, models, arrays and geometries, and of the code that works on them.
 
     The code is what the module `worker` imports, directly or not; without one, all of Headland.
     """
@@ -120,6 +121,8 @@ def _convert_to_plain(value: Any) -> Any:
     """A value in the types of JSON; equal content gives equal values."""
     if isinstance(value, shapely.Geometry):
         return shapely.to_wkb(value, hex=True)
+    if isinstance(value, np.ndarray):
+        return [str(value.dtype), value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()]
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json")
     if dataclasses.is_dataclass(value) and not isinstance(value, type):

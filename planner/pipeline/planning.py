@@ -17,7 +17,7 @@ from fields.geometry.overlays import clip_area, subtract_area
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.pruning import prunes_candidates
-from planner.evaluation.context import DoneWork, PlanningContext
+from planner.evaluation.context import DoneWork, MoveStore, PlanningContext
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
@@ -229,12 +229,14 @@ def plan_order(
     report_stage: StageReport | None = None,
     with_pictures: bool = False,
     time_share: TimeShare = NO_LIMIT,
+    move_cache: MoveStore | None = None,
 ) -> PlanningResult:
-    """Simulate and rank every candidate of a work order, as `plan` does."""
+    """Simulate and rank every candidate of a work order, as `plan` does; a `move_cache` has moves of earlier runs."""
     with ExitStack() as opened:
         if executor is None:
             executor = opened.enter_context(create_executor(len(group_candidates(list_candidates(order.request)))))
-        context = prepare_context(order, report_layouts=_start_stage(report_stage, LAYING_OUT), time_share=time_share)
+        report_layouts = _start_stage(report_stage, LAYING_OUT)
+        context = prepare_context(order, report_layouts=report_layouts, time_share=time_share, move_cache=move_cache)
         context = go_on(context, order)
         candidates = keep_continuing(context, list_candidates(order.request))
         check_margin(context, feasible=True)  # one that takes most of the field is refused even if plans are feasible
@@ -290,7 +292,7 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
             done = (DoneWork(before.ground, before.error_m),)
         own_order = replace(order, request=alike, done=done, without=(), from_road=True, layout=None)
         try:
-            own_plan, reason = _plan_part(own_order, executor)
+            own_plan, reason = _plan_part(own_order, executor, context.move_cache)
         except AllDoneError:
             continue
         assert part.neck is not None  # only the largest part has none
@@ -306,7 +308,9 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
         )
 
 
-def _plan_part(order: WorkOrder, executor: Executor) -> tuple[PlanResult | None, str | None]:
+def _plan_part(
+    order: WorkOrder, executor: Executor, move_cache: MoveStore | None
+) -> tuple[PlanResult | None, str | None]:
     """The best plan of an order for a part, by one tractor where there is none else; and why there is none.
 
     Raises AllDoneError.
@@ -315,7 +319,7 @@ def _plan_part(order: WorkOrder, executor: Executor) -> tuple[PlanResult | None,
     own_plan, reason = None, None
     for part_order in (order, single):
         try:
-            ranking = plan_order(part_order, executor=executor).ranking
+            ranking = plan_order(part_order, executor=executor, move_cache=move_cache).ranking
             own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
         except AllDoneError:
             raise

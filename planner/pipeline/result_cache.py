@@ -50,6 +50,11 @@ class ResultCache:
             return None
         return content if isinstance(content, dict) else None
 
+    def read_all(self, begin: str) -> list[dict[str, Any]]:
+        """The cached objects whose names begin so, in the order of their names; damaged ones are left out."""
+        names = [] if self.folder is None else sorted(path.stem for path in self.folder.glob(f"{begin}*.json"))
+        return [content for name in names if (content := self.read(name)) is not None]
+
     def write(self, name: str, content: Mapping[str, Any]) -> bool:
         """Store an object atomically; returns whether this succeeded."""
         if self.folder is None:

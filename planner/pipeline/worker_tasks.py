@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidates
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.site import take_moves, tell_moves
+from planner.evaluation.site import store_moves, take_moves, tell_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
@@ -60,6 +60,7 @@ def evaluate_task(
     except TimeSpentError:
         if not outcomes:
             raise
+    store_moves(context)
     return outcomes
 
 

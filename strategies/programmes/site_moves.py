@@ -7,6 +7,7 @@ all programmes of a site may share it.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -51,6 +52,9 @@ class SiteMoves:
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
         clashes: by who says so, the nodes (2, n, n) of which no two tractors may begin or end with both.
         legs: by nodes, moves and what is cut off, the legs of a tour.
+        options, cut_moves, folded_moves, searched_moves: the moves found between nodes; the lists below say how.
+        driven: by the moves found, what a drive made of them; None where it refused them.
+        stored_counts: how many entries of each table a cache has (cached_moves).
     """
 
     site: Site
@@ -66,11 +70,12 @@ class SiteMoves:
     lost_in_runs: dict[tuple[Hashable, ...], tuple[tuple[int, int], ...]] = field(default_factory=dict)
     clashes: dict[Hashable, Flags] = field(default_factory=dict)
     legs: dict[Hashable, tuple[Leg, ...]] = field(default_factory=dict)
-    _options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
-    _cut_moves: dict[tuple[int, int, float], tuple[Move, ...]] = field(default_factory=dict)
-    _folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
-    _found: dict[tuple[int, int], Move | None] = field(default_factory=dict)
-    _driven: dict[Move, Move | None] = field(default_factory=dict)
+    options: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
+    cut_moves: dict[tuple[int, int, float], tuple[Move, ...]] = field(default_factory=dict)
+    folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
+    searched_moves: dict[tuple[int, int], Move | None] = field(default_factory=dict)
+    driven: dict[Move, Move | None] = field(default_factory=dict)
+    stored_counts: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         settling = measure_settling(self.site)
@@ -122,33 +127,34 @@ class SiteMoves:
 
     def list_options(self, u: int, v: int) -> tuple[Move, ...]:
         """The moves in closed form between two nodes, the cheapest first."""
-        if (u, v) not in self._options:
-            self._options[u, v] = tuple(self._list_options(u, v))
-        return self._options[u, v]
+        if (u, v) not in self.options:
+            self.options[u, v] = tuple(self._list_options(u, v))
+        return self.options[u, v]
 
     def list_cut_moves(self, u: int, v: int, beyond_m: float = 0.0) -> tuple[Move, ...]:
         """Moves with the ends of lines cut back for them, the cheapest first; what is left unworked is charged.
 
         All by as much together, more than `beyond_m` and no more than some move needs.
         """
+        if self.gate in (u, v) or u in self.folded or math.isinf(beyond_m):
+            return ()
         key = u, v, beyond_m
-        if key not in self._cut_moves:
-            is_whole = self.gate in (u, v) or u in self.folded
-            self._cut_moves[key] = () if is_whole else tuple(self._list_cut_moves(*key))
-        return self._cut_moves[key]
+        if key not in self.cut_moves:
+            self.cut_moves[key] = tuple(self._list_cut_moves(*key))
+        return self.cut_moves[key]
 
     def list_folded_moves(self, u: int, v: int) -> tuple[Move, ...]:
         """Moves with the implement folded, the cheapest first: it is folded already where a tractor comes in or stands
         so, and stays so where it leaves."""
-        if (u, v) not in self._folded_moves:
+        if (u, v) not in self.folded_moves:
             finder, begins = self._get_finder(u, v), u == self.gate or u in self.folded
             spared_s = (begins + (v == self.gate)) * self.site.get_fold_s(True)
             found = (
                 replace(one, drive_s=one.drive_s - spared_s, begins_folded=begins)
                 for one in finder.list_folded_moves(self.ends[u], self.begins[v], self.estimates.count_passes(u, v))
             )
-            self._folded_moves[u, v] = tuple(sorted(found, key=attrgetter("cost_s")))
-        return self._folded_moves[u, v]
+            self.folded_moves[u, v] = tuple(sorted(found, key=attrgetter("cost_s")))
+        return self.folded_moves[u, v]
 
     def _get_finder(self, u: int, v: int) -> MoveFinder:
         return self.gate_finder if self.gate in (u, v) else self.finder
@@ -159,20 +165,20 @@ class SiteMoves:
 
     def search(self, u: int, v: int) -> Move | None:
         """A move by search, if need be between lines cut back by the turning radius."""
-        if (u, v) not in self._found:
-            self._found[u, v] = self._search(u, v)
-        return self._found[u, v]
+        if (u, v) not in self.searched_moves:
+            self.searched_moves[u, v] = self._search(u, v)
+        return self.searched_moves[u, v]
 
     def drive(self, wanted: Sequence[tuple[int, int, Move]]) -> None:
         """Drive moves between two nodes each, all at once."""
-        todo = [(self._build_passage(*one), one[2]) for one in wanted if one[2] not in self._driven]
+        todo = [(self._build_passage(*one), one[2]) for one in wanted if one[2] not in self.driven]
         proven = self.drives.prove([passage for passage, _ in todo])
-        self._driven.update((move, one) for (_, move), one in zip(todo, proven, strict=True))
+        self.driven.update((move, one) for (_, move), one in zip(todo, proven, strict=True))
 
     def get_driven(self, u: int, v: int, move: Move) -> Move | None:
         """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
         self.drive([(u, v, move)])
-        return self._driven[move]
+        return self.driven[move]
 
     def has_way(self, u: int, v: int) -> bool:
         """Whether more than a pocket of ground is reached from where u ends, and leads to where v begins."""

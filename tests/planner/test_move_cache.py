@@ -1,0 +1,124 @@
+"""What is known of moves is cached from run to run: the next plan is the same, and drives none of its moves again."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
+
+from fields.geometry.field import Field
+from planner.evaluation.preparation import prepare_context
+from planner.evaluation.site import get_site_moves
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.move_cache import MoveCache
+from planner.pipeline.planning import PlanningResult, plan_order
+from planner.pipeline.result_cache import ResultCache
+from planner.request.plan_request import PlanRequest
+from reports.plan.figures import format_ranking_json
+from strategies.moves.drives import MoveDrives
+from strategies.programmes.cached_moves import count_entries, describe_entries, load_entries
+from strategies.programmes.site_moves import SiteMoves
+from vehicle.model.tractor import Implement
+
+pytestmark = pytest.mark.usefixtures("first_layout")
+
+FIELD = Field("bay", shapely.Polygon([(0, 0), (120, 0), (120, 70), (70, 70), (60, 40), (50, 70), (0, 70)]))
+REQUEST = PlanRequest(field="bay", width_m=6.0, tractors=(1, 2), strategies=("split-field",))
+
+
+def plan(cache: MoveCache | None, request: PlanRequest = REQUEST) -> PlanningResult:
+    return plan_order(WorkOrder(request, FIELD), executor=SerialExecutor(), move_cache=cache)
+
+
+@pytest.fixture
+def drives(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many moves were given to every drive."""
+    counts, drive = list[int](), MoveDrives.prove
+
+    def count(self: MoveDrives, passages: Any) -> Any:
+        counts.append(len(passages))
+        return drive(self, passages)
+
+    monkeypatch.setattr(MoveDrives, "prove", count)
+    return counts
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> MoveCache:
+    return MoveCache(ResultCache(tmp_path / "moves"))
+
+
+def test_the_next_plan_is_the_same_and_drives_no_move(cache: MoveCache, drives: list[int]) -> None:
+    plain = format_ranking_json(plan(None).ranking)
+    assert sum(drives) > 20
+    first, files = format_ranking_json(plan(cache).ranking), sorted(cache.results.folder.iterdir())  # type: ignore[union-attr]
+    drives.clear()
+    second = format_ranking_json(plan(cache).ranking)
+    assert first == second == plain
+    assert sum(drives) == 0
+    assert sorted(cache.results.folder.iterdir()) == files  # type: ignore[union-attr]
+
+
+def test_more_tractors_find_what_one_has_found(cache: MoveCache, drives: list[int]) -> None:
+    more = replace(REQUEST, tractors=(3,), price_per_hour=50.0)
+    plain = format_ranking_json(plan(None, more).ranking)
+    alone, _ = sum(drives), drives.clear()
+    plan(cache)
+    drives.clear()
+    assert format_ranking_json(plan(cache, more).ranking) == plain
+    assert sum(drives) < 0.7 * alone
+
+
+@pytest.mark.parametrize(
+    "damage", ["", "{", '{"options": 3}', '{"driven": [[{"place": ["options", [0, 9], 7]}, null]]}']
+)
+def test_damaged_files_are_as_good_as_none(cache: MoveCache, damage: str) -> None:
+    first = format_ranking_json(plan(cache).ranking)
+    for path in cache.results.folder.iterdir():  # type: ignore[union-attr]
+        path.write_text(damage)
+    assert format_ranking_json(plan(cache).ranking) == first
+
+
+def test_what_is_known_is_told_whole_or_by_what_is_new(cache: MoveCache) -> None:
+    context = plan(None).context
+    known = get_site_moves(context)
+    first = describe_entries(known, {})
+    assert set(first) >= {"estimates", "options", "driven"}
+    assert describe_entries(known, count_entries(known)) == {}
+    again = SiteMoves(known.site, known.lines)
+    load_entries(again, [first, first])
+    assert describe_entries(again, {}) == first
+    for pair, options in known.options.items():
+        for move, other in zip(options, again.options[pair], strict=True):
+            assert (known.driven.get(move) is None) is (again.driven.get(other) is None)
+
+
+CHANGES: list[Callable[[PlanRequest], PlanRequest]] = [
+    lambda request: replace(request, width_m=5.5),
+    lambda request: replace(request, speed_mps=1.5),
+    lambda request: replace(request, radius_m=6.0),
+    lambda request: replace(request, overhang_m=0.2),
+    lambda request: replace(request, open_edges=True),
+    lambda request: replace(request, operation="sow"),
+    lambda request: replace(request, corners="round"),
+]
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_what_depends_on_another_machine_or_rule_is_not_loaded(cache: MoveCache, change: Any) -> None:
+    plan(cache)
+    other = prepare_context(WorkOrder(change(REQUEST), FIELD), move_cache=cache)
+    assert not get_site_moves(other).driven
+
+
+def test_another_implement_or_tractor_is_not_taken_for_the_one_before(cache: MoveCache) -> None:
+    plan(cache)
+    same = get_site_moves(prepare_context(WorkOrder(REQUEST, FIELD), move_cache=cache))
+    longer = WorkOrder(REQUEST, FIELD, implement=Implement(hitch_m=3.0, length_m=2.5))
+    heavier = WorkOrder(REQUEST, FIELD).resolve_tractor().model_copy(update={"mass_kg": 4500.0})
+    assert same.driven
+    for order in (longer, WorkOrder(REQUEST, FIELD, tractor=heavier)):
+        assert not get_site_moves(prepare_context(order, move_cache=cache)).driven
