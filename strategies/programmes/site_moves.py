@@ -54,7 +54,7 @@ class SiteMoves:
         legs: by nodes, moves and what is cut off, the legs of a tour.
         options, cut_moves, folded_moves, searched_moves: the moves found between nodes; the lists below say how.
         driven: by the moves found, what a drive made of them; None where it refused them.
-        stored_counts: how many entries of each table a cache has (cached_moves).
+        stored_counts: how many entries of each table a cache has.
     """
 
     site: Site

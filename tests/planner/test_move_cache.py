@@ -13,13 +13,12 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
-from planner.pipeline.move_cache import MoveCache
+from planner.pipeline.move_cache import MoveCache, count_entries, describe_entries, load_entries
 from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.result_cache import ResultCache
 from planner.request.plan_request import PlanRequest
 from reports.plan.figures import format_ranking_json
 from strategies.moves.drives import MoveDrives
-from strategies.programmes.cached_moves import count_entries, describe_entries, load_entries
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.model.tractor import Implement
 
@@ -80,6 +79,16 @@ def test_damaged_files_are_as_good_as_none(cache: MoveCache, damage: str) -> Non
     for path in cache.results.folder.iterdir():  # type: ignore[union-attr]
         path.write_text(damage)
     assert format_ranking_json(plan(cache).ranking) == first
+
+
+def test_a_file_that_others_refer_to_may_be_missing(cache: MoveCache) -> None:
+    first = format_ranking_json(plan(cache).ranking)
+    more = format_ranking_json(plan(cache, replace(REQUEST, tractors=(3,))).ranking)
+    assert cache.results.folder is not None
+    oldest = min(cache.results.folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
+    oldest.unlink()
+    assert format_ranking_json(plan(cache).ranking) == first
+    assert format_ranking_json(plan(cache, replace(REQUEST, tractors=(3,))).ranking) == more
 
 
 def test_what_is_known_is_told_whole_or_by_what_is_new(cache: MoveCache) -> None:
