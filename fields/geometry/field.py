@@ -340,4 +340,4 @@ def _list_cut_off_remarks(cut_off_m2: float) -> tuple[str, ...]:
     """The sentence on ground that obstacles cut off; none on too little to tell."""
     if cut_off_m2 < MIN_REPORTED_M2:
         return ()
-    return (f"Obstacles cut off {cut_off_m2:.0f} m2 of the field; this part is not worked.",)
+    return (f"Obstacles cut off {cut_off_m2:.0f} m2 of the field: no machine gets there from the rest.",)

@@ -124,8 +124,8 @@ def lay_contour_swaths(
                 best = climb, guide, swaths
     if best is None:
         raise FieldError(
-            f"No contour leads through field '{field.name}' inside a headland of {depth_m:g} m: the ground is "
-            f"level, or its contours close inside the field; leave {mark_parameter('swaths')} straight.",
+            f"No contour leads through field '{field.name}' inside a headland of {depth_m:g} m: there is too little "
+            f"ground or it is level, or contours close inside the field; leave {mark_parameter('swaths')} straight.",
             parameter="swaths",
         )
     _, guide, swaths = best

@@ -150,14 +150,18 @@ def _draw_passes(
             if ring.length >= MIN_RING_LENGTH * width_m:
                 sides = _split_into_sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], corner_length_m)
                 yield HeadlandPass(number, sides, is_round_hole=place > 0)
-    if number == 1:
-        return  # no pass where the field is narrower than the implement
     worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
-    unworked = subtract(_inset_polygon(boundary, (number - 1) * width_m), worked)
-    for part in _sort_polygons(unworked):
+    # The outermost pass is not laid where the field is narrower than the implement.
+    ground = _inset_polygon(boundary, (number - 1) * width_m) if number > 1 else _widen(middle, width_m, boundary)
+    for part in _sort_polygons(subtract(ground, worked)):
         line = find_centre_line(part, width_m) if part.area >= MIN_OPEN_AREA * width_m**2 else None
         if line is not None:
             yield HeadlandPass(number, (HeadlandPassSide(line),), is_closed=False)
+
+
+def _widen(middle: shapely.Geometry, width_m: float, boundary: shapely.Polygon) -> shapely.Geometry:
+    """The ground that passes along a region of their middle lines cover."""
+    return intersect(middle.buffer(0.5 * width_m, join_style="mitre", mitre_limit=MITRE_LIMIT), boundary)
 
 
 def _inset_polygon(boundary: shapely.Polygon, depth_m: float) -> shapely.Geometry:

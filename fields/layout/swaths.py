@@ -227,11 +227,11 @@ def _advise_on_passes(field: Field, width_m: float, headland_passes: int) -> str
 
 
 def _advise_on_width(field: Field) -> str:
-    """How narrow an implement leaves ground for a track inside one headland pass, tried from the widest on."""
-    for steps in range(math.floor(_measure_inner_radius_m(field) / WIDTH_STEP_M), 0, -1):
-        if _fill_inside_headland(field, steps * WIDTH_STEP_M, 1) is not None:
-            return f"use an implement ({mark_parameter('width_m')}) of {steps * WIDTH_STEP_M:g} m or less"
-    return "check the outline, as no implement is narrow enough"
+    """How narrow an implement gets into the widest place of the field."""
+    steps = math.ceil(2.0 * _measure_inner_radius_m(field) / WIDTH_STEP_M) - 1
+    if steps < 1:
+        return "check the outline, as no implement is narrow enough"
+    return f"use an implement ({mark_parameter('width_m')}) of {steps * WIDTH_STEP_M:g} m or less"
 
 
 def _measure_inner_radius_m(field: Field) -> float:

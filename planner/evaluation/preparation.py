@@ -356,7 +356,7 @@ def build_battery_supply(
         return None
     drive, ground = meter.drive, layout.field.default_ground
     lengths_m = [swath.length_m for swath in layout.swaths]
-    mean_m = float(np.mean(lengths_m))
+    mean_m = float(np.mean(lengths_m or [headland_m]))
     swath_kwh = meter.compute_straight_kwh(mean_m, rules.work_speed_mps, True, ground)
     turn_m = rules.turn_s[1] * rules.turn_speed_mps
     supply = BatterySupply(

@@ -133,14 +133,17 @@ class GroundEstimates:
 
         Work and moves go by the number of lines, so with one over the width. They are dealt out as the tours of the
         nearest number of tractors are, whose last one ends by as much later than all on average. Lines that are now
-        left out are taken from these tours; which come first and who works them is left aside.
+        left out are taken from these tours, which leave out no others; which come first and who works them is left
+        aside.
         """
         context, request = change_terms(self._context, order), order.request
         count, orders = request.tractors[0], request.headland_orders or ("",)
+        lines = get_site_moves(self._context).lines
+        left = set(request.line_wishes.find_left_out(lines))
         found = [
             ((wishes != request.line_wishes, abs(known - count)), sketch)
             for (known, headland, wishes), sketch in self._sketches.items()
-            if headland in orders and not isinstance(sketch, StrategyError)
+            if headland in orders and not isinstance(sketch, StrategyError) and left >= set(wishes.find_left_out(lines))
         ]
         if not found:
             return self.estimate(order)

@@ -220,7 +220,7 @@ class TestGroundLeft:
         ditch = Obstacle("ditch", shapely.LineString([(50, -5), (50, 105)]), 1.0)
         left = Field("f", BOX, obstacles=(ditch,)).compute_ground_with_margin(0.0)
         assert left.workable_region.area == pytest.approx(149 * 100)
-        assert left.remarks == ("Obstacles cut off 4900 m2 of the field; this part is not worked.",)
+        assert left.remarks == ("Obstacles cut off 4900 m2 of the field: no machine gets there from the rest.",)
 
     @given(
         st.tuples(st.floats(0, 200), st.floats(0, 100)), st.floats(0.1, 10.0), st.floats(0.0, 3.0),

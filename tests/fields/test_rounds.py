@@ -102,6 +102,14 @@ class TestShapes:
         assert middle.number == 2 and np.abs(middle.sides[0].points[:, 1] - 30.0).max() < 0.05
         assert 38 < middle.length_m < 52
 
+    @pytest.mark.parametrize(("height", "closed"), [(9.45, False), (10.0, False), (13.5, True)])
+    def test_a_strip_hardly_wider_than_the_implement_is_worked_down_its_middle(
+        self, height: float, closed: bool
+    ) -> None:
+        (lap,) = lay_headland_passes(rectangle(200, height), 9.0, 1)
+        assert lap.is_closed is closed and lap.length_m > 190.0
+        assert closed or np.ptp(lap.sides[0].points[:, 1]) < 0.01
+
     def test_a_strip_bent_like_a_bow_is_followed(self) -> None:
         arc = shapely.LineString([(100 * math.sin(t), 100 * math.cos(t)) for t in np.linspace(-0.6, 0.6, 40)])
         line = find_centre_line(arc.buffer(1.0, cap_style="flat"), 3.0)

@@ -14,11 +14,14 @@ from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_farm
+from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import complete_request_by_farm
+from planner.pipeline.planning import plan_order
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
 from tests.examples import seldom
 from tests.planner.shapes import SHAPES
+from vehicle.model.tractor import BatteryParameters, load_tractor
 
 
 @cache
@@ -47,6 +50,24 @@ def test_a_strip_no_wider_than_two_passes_is_worked_along_its_sides() -> None:
     assert result.feasible, result.reason
     assert result.worked_pct > 99.0
     assert result.time_s is not None and result.time_s < 2.0 * 397.0 / site.driving_rules.work_speed_mps + 180.0
+
+
+def test_where_no_track_is_the_headland_passes_tell_slopes_and_what_a_battery_is_worth(tmp_path: Path) -> None:
+    """A fall of 6 % along a strip: one side is driven up, one down, and 5 m at each end across."""
+    heights = tmp_path / "heights.csv"
+    places = [(x, y) for x in range(-20, 421, 10) for y in range(-20, 41, 10)]
+    heights.write_text("x,y,z\n" + "".join(f"{x},{y},{0.06 * x:.2f}\n" for x, y in places))
+    strip = Field("strip", box(0, 0, 397, 14))
+    electric = load_tractor("eg105").model_copy(
+        update={"drive": "electric", "battery": BatteryParameters(capacity_kwh=200.0)}
+    )
+    request = PlanRequest(field="strip", width_m=9.0, tractors=(1,), operation="spray", elevation=str(heights))
+    planned = plan_order(WorkOrder(request, strip, electric), executor=SerialExecutor())
+    ranking = planned.ranking
+    assert not planned.context.layout.swaths and planned.context.supply is None
+    assert ranking.best is not None and ranking.best.headland_order is None
+    assert ranking.cross_slope_pct == pytest.approx(6.0, abs=0.3)
+    assert ranking.erosion_share == pytest.approx(0.98, abs=0.02)
 
 
 @pytest.mark.slow

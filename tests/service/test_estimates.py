@@ -187,6 +187,16 @@ def test_an_answer_at_once_leaves_out_what_is_left_out(grounds: KeptGrounds) -> 
     assert not estimate(own, at_once=True, leave_out=everything).best
 
 
+@pytest.mark.slow
+def test_an_answer_at_once_works_what_the_one_before_left_out(grounds: KeptGrounds) -> None:
+    own = KeptGrounds()
+    estimate(own, at_once=True, leave_out="4,5")
+    whole = estimate(own, at_once=True)
+    for plan, exact in zip(whole.plans, estimate(grounds).plans, strict=True):
+        assert plan.worked_pct == pytest.approx(exact.worked_pct, abs=0.1)
+        assert plan.time_s == pytest.approx(exact.time_s, rel=0.1)
+
+
 def test_an_answer_at_once_for_another_number_deals_out_the_same_work(grounds: KeptGrounds) -> None:
     two = estimate(grounds).plans[1]
     own = KeptGrounds()

@@ -101,7 +101,7 @@ def measure_candidate(
         remarks=tuple(remark.text for remark in sorted(remarks, key=lambda remark: remark.stake)),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
-        headland_order=run.plan.notes.get("headland"),
+        headland_order=run.plan.notes.get("headland") if context.layout.swaths else None,
         **_list_ground_figures(coverage, traffic),
         **list_energy_figures(context, times, energy),
         **list_slope_figures(context, run),

@@ -231,7 +231,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "shortest_swath_m": round(min(lengths, default=0.0), 1),
         "swath_length_m": round(sum(lengths), 1),
         "turning_radius_m": round(driving_rules.radius_m, 2),
-        "max_tractors": min(MAX_TRACTORS, max(1, layout.track_count)),
+        "max_tractors": min(MAX_TRACTORS, layout.track_count or len(get_site_moves(context).lines)),
         "covered_pct": round(100.0 * float(covered.area / ground.area), 2),
         "unworked": [_describe_unworked(context, one) for one in find_unworked_areas(context)],
         **describe_slopes(context.physics.elevation, field),
