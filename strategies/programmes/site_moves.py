@@ -52,7 +52,7 @@ class SiteMoves:
         lost_in_runs: by nodes and the moves between them, the pairs at which a drive of them all left the ground.
         clashes: by who says so, the nodes (2, n, n) of which no two tractors may begin or end with both.
         legs: by nodes, moves and what is cut off, the legs of a tour.
-        options, cut_moves, folded_moves, searched_moves: the moves found between nodes; the lists below say how.
+        options, cut_moves, folded_moves, searched_moves: the moves found between nodes.
         driven: by the moves found, what a drive made of them; None where it refused them.
         stored_counts: how many entries of each table a cache has.
     """

@@ -46,9 +46,10 @@ def measure_finished_ground_traffic(
     driven = _remove_worked_again(swept, *_find_marks(run, context, swept, strips, wide=False))
     tyres, strip = _find_marks(run, context, swept, strips, wide=True)
     ground = _unite_in_field(_remove_worked_again(swept, tyres, strip), context)
+    pressed = _unite_in_field(tyres[~swept.on_headland_pass[strip]], context)
     headland_strips = swept.ground[swept.on_headland_pass]
-    nearby = np.sort(shapely.STRtree(headland_strips).query(ground, predicate="intersects"))
-    off_headland = subtract_area(ground, unite_areas(headland_strips[nearby]))
+    nearby = np.sort(shapely.STRtree(headland_strips).query(pressed, predicate="intersects"))
+    off_headland = subtract_area(pressed, unite_areas(headland_strips[nearby]))
     return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground.area), float(off_headland.area))
 
 
