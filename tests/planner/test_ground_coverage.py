@@ -275,6 +275,15 @@ class TestTrampled:
     def test_with_the_implement_down_it_is_worked_again(self, small_site: Any) -> None:
         assert self.trampled(small_site, self.run(small_site, self.crossing(30.0, down=True))) == 0.0
 
+    def test_what_is_pressed_counts_even_if_it_is_worked_again(self, small_site: Any) -> None:
+        across = self.crossing(30.0)
+        again = [*self.SWATH, *self.waiting(self.SWATH[-1]), *self.SWATH]
+        crosses = [*[across[0]] * len(self.SWATH), *across, *[across[-1]] * len(self.SWATH)]
+        run = run_of(small_site, again, crosses)
+        traffic = measure_finished_ground_traffic(run, small_site, compute_swept_area(run, small_site))
+        assert traffic.off_headland_m2 == pytest.approx(self.ONCE, rel=1e-6)
+        assert traffic.area_m2 == pytest.approx(0.0, abs=1e-6)
+
     def test_the_headland_is_there_to_turn_on(self, small_site: Any) -> None:
         assert self.trampled(small_site, self.run(small_site, self.crossing(30.0), kind=HEADLAND_PASS)) == 0.0
 
