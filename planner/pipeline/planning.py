@@ -190,8 +190,8 @@ def plan(
     `executor` simulates the candidates, by default in fresh processes on all cores; the result does not depend on it.
     `progress` is called with (done, total), `report_stage` with the stage in words (LAYING_OUT, SIMULATING), done and
     total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be planned. A candidate that
-    cannot be driven is ranked last with its reason; one that is estimated to be slower is pruned, except on small
-    fields and with `simulate_all`. A `time_share`, for executors in this thread, ends planning with what is found by
+    cannot be driven is ranked last with its reason; one that is estimated to be slower is pruned, except with
+    `simulate_all`. A `time_share`, for executors in this thread, ends planning with what is found by
     then, without parts; TimeSpentError where no layout is.
     """
     if not isinstance(request, PlanRequest):

@@ -13,7 +13,6 @@ FILES: dict[str, Any] = {
     "bow": ring((0, 0), (100, 100), (100, 0), (0, 100)),
     "flat": ring((0, 0), (50, 0), (100, 0)),
     "degrees": ring((10, 50), (10.002, 50), (10.002, 50.001), (10, 50.001)),
-    "tiny": rectangle(0, 0, 19, 5.5),
     "narrow": rectangle(0, 0, 200, 2),
     "several": {"type": "FeatureCollection", "features": [feature(SQUARE), feature(SQUARE)]},
     "ground": feature(SQUARE, default_ground="lava"),

@@ -42,7 +42,9 @@ main()
 
 @pytest.fixture
 def answer(once: Run, small: Path) -> dict[str, Any]:
-    outcome = once("plan", small, "--local", *TWO, "--json", "--start", "8:00", "--deadline", "8:25", "--seed", "5")
+    outcome = once(
+        "plan", small, "--local", *TWO, "--json", "--start", "8:00", "--deadline", "8:25", "--seed", "5", "--all"
+    )
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
     return found

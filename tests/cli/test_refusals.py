@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 0", ("--width", "0 m", "0.5 to 100 m")),
-    ("--width 90", ("90 m", "26.5 m or less")),
+    ("--width 90", ("90 m", "59.5 m or less")),
     ("--width 0.2", ("0.2 m", "0.5 to 100 m")),
     ("--width 1e-9", ("1e-09 m", "0.5 to 100 m")),
     ("--headland 0", ("--headland",)),

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 FIELD_FILES = [
     ("text", "is not JSON"), ("bow", "crosses itself"), ("flat", "'flat'"),
-    ("degrees", "look like degrees; leave out --local"), ("tiny", "headland"), ("narrow", "working width of 3 m"),
+    ("degrees", "look like degrees; leave out --local"), ("narrow", "working width of 3 m"),
     ("several", "holds 2 fields; choose one"), ("ground", "'lava'"), ("missing", "no field file"),
 ]  # fmt: skip
 OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [

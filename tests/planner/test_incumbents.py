@@ -12,10 +12,8 @@ from planner import SerialExecutor, plan
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate, simulate_candidates
 from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.candidates.pruning import (
-    MIN_SWATH_WORK_S,
     estimate_loss_s,
     find_incumbent,
-    is_worth_pruning,
     prunes_candidates,
 )
 from planner.evaluation.context import PlanningContext
@@ -41,20 +39,11 @@ def driven_once(round_site: PlanningContext) -> Callable[[str], Outcome]:
     return cache(lambda strategy: simulate_candidate(round_site, Candidate(strategy, 2)))
 
 
-def test_only_plans_of_large_fields_are_pruned(small_site: PlanningContext) -> None:
-    assert not prunes_candidates(small_site)
-    big = prepare_context(WorkOrder(PlanRequest(no_headland=True), Field("big", shapely.box(0, 0, 500, 400))))
-    assert prunes_candidates(big)
+def test_nothing_is_pruned_where_a_slower_plan_may_be_the_best(round_site: PlanningContext) -> None:
+    assert prunes_candidates(round_site)
     for objective, prunes in (("surest", False), ("fuel", False), ("cheapest", True)):
-        request = replace(big.request, objective=objective)
-        assert prunes_candidates(replace(big, criteria=build_decision_criteria(request))) is prunes
-
-
-def test_rounds_are_work_like_tracks() -> None:
-    for length_m, many in ((165, False), (330, True)):
-        site = prepare_context(WorkOrder(PlanRequest(), Field("strip", shapely.box(0, 0, 24, length_m))))
-        assert site.layout.total_length_m / site.driving_rules.work_speed_mps < MIN_SWATH_WORK_S
-        assert is_worth_pruning(site) is prunes_candidates(site) is many
+        request = replace(round_site.request, objective=objective)
+        assert prunes_candidates(replace(round_site, criteria=build_decision_criteria(request))) is prunes
 
 
 def make_incumbent(finish_s: float, tractor_s: float = 0.0) -> PlanResult:
@@ -130,14 +119,13 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
 
 
 @pytest.mark.slow
-def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_best_plan_of_every_count_is_never_lost() -> None:
     shape = shapely.Polygon([(0, 0), (70, 0), (55, 45), (0, 35)])
     scenario = PlanRequest(tractors=(1, 2, 3), strategies=("row-by-row", "split-field"))
-    found = []
-    for worth_s in (0.0, 1e9):
-        for name in ("MIN_SWATH_WORK_S", "MIN_TOTAL_WORK_S"):
-            monkeypatch.setattr(f"planner.evaluation.candidates.pruning.{name}", worth_s)
-        found.append(plan(scenario, field=Field("drawn", shape), executor=SerialExecutor()).ranking)
+    found = [
+        plan(scenario, field=Field("drawn", shape), executor=SerialExecutor(), simulate_all=simulate_all).ranking
+        for simulate_all in (False, True)
+    ]
     some, whole = ({(one.strategy, one.tractors): one for one in each.plans} for each in found)
     best, best_of_all = (ranking.best for ranking in found)
     assert best is not None and best_of_all is not None

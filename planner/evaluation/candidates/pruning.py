@@ -12,25 +12,13 @@ from planner.evaluation.context import PlanningContext
 from planner.request.plan_request import LEAST_FUEL, SUREST
 from reports.common.plan_results import PlanResult
 
-MIN_SWATH_WORK_S = 900.0  # of work on swaths: on smaller fields every plan is simulated, as that is quick
-MIN_TOTAL_WORK_S = 1800.0  # or of work on swaths and headland passes
-
 
 def prunes_candidates(context: PlanningContext) -> bool:
     """Whether only what may be the quickest plan of its number of tractors is driven.
 
-    Not on small fields, nor where the surest plan or that of least fuel is requested: a slower plan may be that.
+    Not where the surest plan or that of least fuel is requested: a slower plan may be that.
     """
-    simulates_all = context.criteria is not None and context.criteria.objective in (SUREST, LEAST_FUEL)
-    return not simulates_all and is_worth_pruning(context)
-
-
-def is_worth_pruning(context: PlanningContext) -> bool:
-    """Whether the work is long enough that driving less saves much."""
-    speed = context.driving_rules.work_speed_mps
-    swaths_s = context.layout.total_length_m / speed
-    headland_s = math.fsum(headland_pass.length_m for headland_pass in context.headland_passes) / speed
-    return swaths_s >= MIN_SWATH_WORK_S or swaths_s + headland_s >= MIN_TOTAL_WORK_S
+    return context.criteria is None or context.criteria.objective not in (SUREST, LEAST_FUEL)
 
 
 def find_incumbent(results: Iterable[PlanResult]) -> PlanResult | None:
