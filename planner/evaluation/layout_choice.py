@@ -150,7 +150,9 @@ def _lay_plain(
     lay = partial(lay_swaths, field, width, depth_m, headland_passes=passes, min_spacing_m=spacing_m)
     if bearing is None and not region.is_empty:
         with suppress(FieldError):  # a little ground may take a swath in some bearings only
-            return lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
+            cheapest = lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
+            if cheapest.swaths:
+                return cheapest
     return lay(bearing_deg=bearing)
 
 

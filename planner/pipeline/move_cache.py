@@ -7,6 +7,8 @@ key.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -39,13 +41,16 @@ class MoveCache:
 
     def load(self, context: PlanningContext, moves: SiteMoves) -> None:
         """Let moves of a context know what is stored of them."""
-        load_entries(moves, self.results.read_all(_hash_site(context, moves)))
+        stored = self.results.read_all(_hash_site(context, moves))
+        load_entries(moves, [json.loads(one["known"]) for one in stored if one.get("sha256") == _hash_text(one)])
         moves.stored_counts.update(count_entries(moves))
 
     def store(self, context: PlanningContext, moves: SiteMoves) -> None:
         """Store what is new of the moves of a context."""
         if new := describe_entries(moves, moves.stored_counts):
-            self.results.write(f"{_hash_site(context, moves)}-{secrets.token_hex(4)}", new)
+            content = {"known": json.dumps(new)}
+            name = f"{_hash_site(context, moves)}-{secrets.token_hex(4)}"
+            self.results.write(name, content | {"sha256": _hash_text(content)})
             self.results.remove_oldest(MOST_BYTES)
         moves.stored_counts.update(count_entries(moves))
 
@@ -57,6 +62,11 @@ def _hash_site(context: PlanningContext, moves: SiteMoves) -> str:
     machine = context.tractor, context.implement, physics.terrain, physics.driven_load
     stands = moves.starts, moves.used, moves.orders, sorted(moves.folded)
     return hash_content(ground, machine, moves.lines, stands)
+
+
+def _hash_text(content: Mapping[str, Any]) -> str:
+    """The hash of what a file knows, which tells whether it is as it was written."""
+    return hashlib.sha256(str(content.get("known")).encode()).hexdigest()
 
 
 def count_entries(moves: SiteMoves) -> dict[str, int]:
@@ -80,7 +90,7 @@ def describe_entries(moves: SiteMoves, counts: Mapping[str, int]) -> Known:
 
 
 def load_entries(moves: SiteMoves, described: Iterable[Known]) -> None:
-    """Let a site know what `describe_entries` gave of it, as far as it makes sense: files may be damaged or missing."""
+    """Let a site know what `describe_entries` gave of it; without what refers to files that are gone."""
     tables, given = _get_tables(moves), list(described)
 
     def read_place(place: Any) -> Move:
@@ -90,7 +100,7 @@ def load_entries(moves: SiteMoves, described: Iterable[Known]) -> None:
 
     for name, table in tables.items():  # moves before what is known of them
         for known in given:
-            with suppress(LookupError, TypeError, ValueError):
+            with suppress(LookupError):
                 for key, value in known.get(name, ()):
                     table.setdefault(_restore(key, read_place), _restore(value, read_place))
 

@@ -351,9 +351,10 @@ def _describe_headland(context: PlanningContext) -> str:
             "is charged like other missed ground."
         )
     plural = "es" if count > 1 else ""
+    order = ", before or after the tracks" if context.layout.swaths else ""
     return (
         f"The headland is worked in {count} pass{plural} with {context.request.corners} corners, shared by all "
-        "tractors, before or after the tracks; time counts from the start to the end of the last track or pass."
+        f"tractors{order}; time counts from the start to the end of the last track or pass."
     )
 
 
@@ -394,13 +395,14 @@ def _describe_payment(context: PlanningContext) -> str:
 def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
     """The assumptions shared by all plans of a ranking, in sentences."""
     driving_rules, layout, tractor = context.driving_rules, context.layout, context.tractor
+    tracks = f"{layout.track_count} tracks {_describe_bearings(layout)}" if layout.swaths else "no track"
     return (
         f"{tractor.name}, implement {layout.width_m:g} m wide, working {driving_rules.tool_m:.1f} m behind the "
         "antenna.",
         f"Work at {KMH_PER_MPS * driving_rules.work_speed_mps:.3g} km/h, "
         f"turns at {KMH_PER_MPS * driving_rules.turn_speed_mps:.3g} km/h.",
         f"Planned turning radius {driving_rules.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
-        f"{layout.track_count} tracks {_describe_bearings(layout)}.",
+        f"{tracks}.",
         "Metres outside the field are those of the antenna; tractor and implement may reach over the boundary in "
         "turns, which is counted as outline outside.",
         "Worked ground is what the lowered implement passes over. Missed ground is charged at the plan's own rate: the "

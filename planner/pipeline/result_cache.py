@@ -52,8 +52,15 @@ class ResultCache:
 
     def read_all(self, begin: str) -> list[dict[str, Any]]:
         """The cached objects whose names begin so, in the order of their names; damaged ones are left out."""
-        names = [] if self.folder is None else sorted(path.stem for path in self.folder.glob(f"{begin}*.json"))
+        names = sorted(path.stem for path in self._list_files() if path.name.startswith(begin))
         return [content for name in names if (content := self.read(name)) is not None]
+
+    def _list_files(self) -> list[Path]:
+        """The files of cached objects; none where the folder cannot be read."""
+        try:
+            return [] if self.folder is None else [*self.folder.glob("*.json")]
+        except OSError:
+            return []
 
     def write(self, name: str, content: Mapping[str, Any]) -> bool:
         """Store an object atomically; returns whether this succeeded."""
@@ -73,7 +80,7 @@ class ResultCache:
     def remove_oldest(self, most_bytes: int) -> None:
         """Remove the files written first until the rest has no more than so many bytes."""
         found = list[tuple[float, int, Path]]()
-        for path in () if self.folder is None else self.folder.glob("*.json"):
+        for path in self._list_files():
             with suppress(OSError):  # another process may have removed it
                 status = path.stat()
                 found.append((status.st_mtime, status.st_size, path))

@@ -49,7 +49,7 @@ class DeadlockAvoidance:
 
     `start` (n,) are the hold points at which all stand. `dropped_gates` are gates that are ignored, as (tractor, leg,
     gate): with them nobody would get home. `net` is the input of traffic.deadlock_search. `way` is a way home from the
-    start, by the tractor of each segment, as soon as one was asked for.
+    start, by the tractor of each segment, once drop_deadlocked_gates has found one.
     """
 
     def __init__(self, plan: Plan, zones: ConflictZones, at_once: Collection[int] = ()) -> None:

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
-MOST_LOOKS = 300_000  # at one tractor for another, beside those that a straight way home of all takes
+MOST_LOOKS = 300_000  # at one tractor for another, beside a few for each move there is
 Array = npt.NDArray[Any]
 
 
@@ -210,18 +210,18 @@ def _add_state(keys, seen, state):  # type: ignore[no-untyped-def]
 
 @compile_function
 def _find_clear_hold_point(net, state, tractor):  # type: ignore[no-untyped-def]
-    """The next hold point of a tractor that nobody else passes any more, where it can go on to one while all others
-    stand, else -1; and how many looks at another tractor that took."""
-    looks = np.int64(0)
+    """The last hold point of a tractor that nobody else passes any more and to which it can go on while all others
+    stand, -1 without any; and how many looks at another tractor that took."""
+    looks, hold = np.int64(0), np.int64(-1)
     for number in range(state[tractor], net.base[tractor + 1] - net.base[tractor] - 1):
         for other_tractor in range(len(state)):
             if net.safe_start[min(tractor, other_tractor), max(tractor, other_tractor)] >= 0:
                 looks += 1
                 if not _may_go_on(net, tractor, number, other_tractor, state[other_tractor]):
-                    return -1, looks
+                    return hold, looks
         if is_off_remaining_paths(net, state, tractor, number + 1):
-            return number + 1, looks
-    return -1, looks
+            hold = np.int64(number + 1)
+    return hold, looks
 
 
 @compile_function
@@ -229,7 +229,8 @@ def _find_next_move(net, state, tried):  # type: ignore[no-untyped-def]
     """The next tractor to go on, of those below `tried`, to which hold point, which tractors are left to try, and how
     many looks at another that took.
 
-    One that can go on to where nobody passes any more is the only one to try, because it blocks nobody.
+    One that can go on to where nobody passes any more is the only one to try, because it blocks nobody. That is never
+    undone, so that it counts no looks.
     """
     looks = np.int64(0)
     if tried == len(state):
@@ -237,7 +238,7 @@ def _find_next_move(net, state, tried):  # type: ignore[no-untyped-def]
             hold, looked = _find_clear_hold_point(net, state, tractor)
             looks += looked
             if hold >= 0:
-                return tractor, hold, 0, looks
+                return tractor, hold, 0, np.int64(0)
     for tractor in range(tried - 1, -1, -1):
         looks += len(state)
         if _is_next_move(net, state, tractor):

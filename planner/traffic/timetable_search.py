@@ -176,22 +176,21 @@ def _pick_next_tractor(net, state, free_s, eager, leads_s, entries, tried):  # t
 def _stays_deadlock_free(net, state, tractor, length, way, states, unsafe):  # type: ignore[no-untyped-def]
     """Whether all can still get home after a tractor has gone on by `length` segments; `way` then tells how.
 
-    `way` are the moves that were left before, and becomes what is left after, at its end. What is found to have no way
-    is marked `unsafe` and not searched again until that may have changed. `states` (2, n) is overwritten.
+    `way` are the moves that were left before, and becomes what is left after, at its end. Where none is found `unsafe`
+    is marked, and none searched again until that may have changed. `states` (2, n) is overwritten.
     """
-    if unsafe[tractor, length]:
-        return False
     state_after = states[0]
     copy_row(state, state_after)
     state_after[tractor] += length
-    if is_off_remaining_paths(net, state, tractor, state[tractor] + length) or (
-        are_pairs_safe(net, state_after, tractor) and is_on_way_home(net, state_after, tractor, length, way, states[1])
+    if is_off_remaining_paths(net, state, tractor, state[tractor] + length) or is_on_way_home(
+        net, state_after, tractor, length, way, states[1]
     ):
         drop_moves(way, tractor, length)
         return True
-    unsafe[tractor, length] = not (
-        are_pairs_safe(net, state_after, tractor) and find_way_home(net, state_after, states[1], way)
-    )
+    if not unsafe[tractor, length]:
+        unsafe[tractor, length] = not (
+            are_pairs_safe(net, state_after, tractor) and find_way_home(net, state_after, states[1], way)
+        )
     return not unsafe[tractor, length]
 
 

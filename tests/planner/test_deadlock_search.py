@@ -125,6 +125,19 @@ def test_a_large_fleet_that_goes_round_in_a_ring_gets_home() -> None:
     assert (np.bincount(way) == ring + 1).all()
 
 
+def test_who_passes_where_all_others_will_stand_goes_first_however_long_that_takes() -> None:
+    """Three go one after another through a cell and on over cells of their own; the fourth crosses all of these."""
+    count, segments = 3, 250
+    own = [[1000 * one + step for step in range(segments)] for one in range(count)]
+    cells = [[-1 - one, -10, *path] for one, path in enumerate(own)]
+    crosses = [-20, *(cell for step in range(segments) for cell in (*(path[step] for path in own), -100 - step))]
+    holds = [[0, *range(2, segments + 2)]] * count + [list(range(0, len(crosses), count + 1))]
+    trajectories = Cells([*cells, crosses], holds).trajectories()
+    home = DeadlockAvoidance(plan_on(trajectories), all_hold_points(trajectories))
+    assert home.drop_deadlocked_gates()
+    assert home.way.tolist().index(0) >= segments
+
+
 def test_of_two_in_two_deadlocks_only_the_gates_in_them_are_dropped() -> None:
     """They drive apart; the first gate of all holds nobody up."""
     trajectories = [straight(0, 40.0 * one, 0.0, 60, range(0, 61, 10)) for one in range(2)]

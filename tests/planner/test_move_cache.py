@@ -72,12 +72,20 @@ def test_more_tractors_find_what_one_has_found(cache: MoveCache, drives: list[in
 
 
 @pytest.mark.parametrize(
-    "damage", ["", "{", '{"options": 3}', '{"driven": [[{"place": ["options", [0, 9], 7]}, null]]}']
+    "damage", ["", "{", "[]", "{}", '{"known": 3, "sha256": ""}', '{"known": "{\\"options\\": 3}", "sha256": "0"}']
 )
 def test_damaged_files_are_as_good_as_none(cache: MoveCache, damage: str) -> None:
     first = format_ranking_json(plan(cache).ranking)
     for path in cache.results.folder.iterdir():  # type: ignore[union-attr]
         path.write_text(damage)
+    assert format_ranking_json(plan(cache).ranking) == first
+
+
+def test_a_number_that_somebody_changed_is_not_believed(cache: MoveCache) -> None:
+    first = format_ranking_json(plan(cache).ranking)
+    assert cache.results.folder is not None
+    for path in cache.results.folder.iterdir():
+        path.write_text(path.read_text().replace("1", "2", 40))
     assert format_ranking_json(plan(cache).ranking) == first
 
 
