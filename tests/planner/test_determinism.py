@@ -147,13 +147,13 @@ def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
 
 
 @pytest.mark.slow
-def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: PlanRequest, answer: PlanningResult) -> None:
+def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: PlanRequest) -> None:
     def alone(count: int, name: str) -> Any:
         only = replace(scenario, tractors=(count,), strategies=(name,))
         (result,) = serial(only).plans
         return replace(result, rank=None, on_pareto_front=False)
 
-    every = answer.ranking.plans
+    every = plan(scenario, executor=SerialExecutor(), simulate_all=True).ranking.plans
     for count, name in ((1, "row-by-row-optimised"), (2, "row-by-row-optimised"), (2, "interleaved")):
         (among,) = [p for p in every if (p.tractors, p.strategy) == (count, name)]
         assert replace(among, rank=None, on_pareto_front=False) == alone(count, name)
