@@ -107,7 +107,7 @@ class _CheckedCache(FunctionCache):
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         own = self._impl.locator.get_source_stamp()
-        home = Path(function.__code__.co_filename).parent
+        home = _find_package(function)
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _hash_sources(home)))
         self._shipped_file = IndexDataCacheFile(
             str(SHIPPED / function.__module__), self._impl.filename_base, (llvmlite.__version__, _hash_sources(home))
@@ -229,11 +229,18 @@ def _generalise(key: Any) -> Any:
     return signature, (triple, "generic", ""), hashes
 
 
+def _find_package(function: Callable[..., Any]) -> Path:
+    """The folder of the package of a function, the outermost."""
+    depth = function.__module__.count(".")
+    return Path(function.__code__.co_filename).parents[max(depth - 1, 0)]
+
+
 @cache
 def _hash_sources(home: Path) -> str:
-    """Digest of the modules whose functions or constants may be compiled in: those of the loop, and their callers."""
+    """Digest of the modules whose functions or constants may be compiled in: those of the loop, and of the caller's
+    package those with compiled functions."""
     package = Path(__file__).parent
-    texts = {path: path.read_bytes() for path in sorted({*package.rglob("*.py"), *home.glob("*.py")})}
+    texts = {path: path.read_bytes() for path in sorted({*package.rglob("*.py"), *home.rglob("*.py")})}
     digest = hashlib.sha256()
     for path, text in texts.items():
         if path.parent == package or path.parent.name in LOOP_PACKAGES or b"vehicle.jit" in text:

@@ -25,9 +25,9 @@ from strategies.path_planning.primitives import (
     compute_drive_time_s,
     wrap_angle,
 )
-from strategies.site.ground import FAR_POINTS, has_room_on_path, measure_length_inside
+from strategies.site.ground import FAR_POINTS, measure_length_inside, measure_path_room
 from vehicle.copying import copy_table
-from vehicle.jit import compile_function
+from vehicle.jit import compile_for_views, compile_function
 
 ROWS = MAX_PIECES + 2
 LEADS_OUT_M = np.array([0.0, 2.0, 5.0, 10.0, -3.0, -7.0])  # straight on before the first arc, or back
@@ -39,18 +39,18 @@ LEAST_TURN = 0.1  # sine of the angle between two lines that one arc joins
 FEW_FORMS = 12  # tried where many pairs of poses are asked for
 
 
-@compile_function
+@compile_for_views
 def _write_row(rows, number, length, curvature, gear) -> None:  # type: ignore[no-untyped-def]
     rows[number, 0], rows[number, 1], rows[number, 2] = length, curvature, gear
 
 
-@compile_function
+@compile_for_views
 def _clear_rows(rows) -> None:  # type: ignore[no-untyped-def]
     for number in range(len(rows)):
         _write_row(rows, number, 0.0, 0.0, 1.0)
 
 
-@compile_function
+@compile_for_views
 def _add_plain_corners(b, radius, forms, kinds, count) -> int:  # type: ignore[no-untyped-def]
     """Add straight, arc, straight from the origin to pose b, forwards and with the arc in reverse; the new count."""
     turn, sine = wrap_angle(b[2]), math.sin(b[2])
@@ -100,7 +100,7 @@ def _add_primitives(b, lead_out, lead_in, radius, forms, kinds, count) -> int:  
     return count  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def compute_awkward_s(rows) -> float:  # type: ignore[no-untyped-def]
     """Charge (s) of rows (n, 3) for reversing on an arc."""
     for k in range(len(rows)):
@@ -109,13 +109,13 @@ def compute_awkward_s(rows) -> float:  # type: ignore[no-untyped-def]
     return 0.0
 
 
-@compile_function
+@compile_for_views
 def back_up(backed, length, gear) -> float:  # type: ignore[no-untyped-def]
     """How far (m) a machine has backed up after a segment: driving forwards makes up for it metre by metre."""
     return backed + length if gear < 0.0 else max(0.0, backed - length)  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def measure_backing_up(rows, backed) -> float:  # type: ignore[no-untyped-def]
     """The farthest (m) that rows (n, 3) back up, at the begin of which a machine has backed up `backed` metres."""
     farthest = backed
@@ -125,7 +125,18 @@ def measure_backing_up(rows, backed) -> float:  # type: ignore[no-untyped-def]
     return farthest  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
+def _interpolate(place, curve) -> float:  # type: ignore[no-untyped-def]
+    """The value of a curve (2, k: places, values) at a place: np.interp takes ten times as long for one."""
+    places, values = curve
+    for k in range(1, len(places)):
+        if place < places[k]:
+            slope = (values[k] - values[k - 1]) / (places[k] - places[k - 1])
+            return slope * (max(place, places[k - 1]) - places[k - 1]) + values[k - 1]  # type: ignore[no-any-return]
+    return values[-1]  # type: ignore[no-any-return]
+
+
+@compile_for_views
 def estimate_settling_s(rows, settling) -> float:  # type: ignore[no-untyped-def]
     """Charge (s) for beginning a line after rows (n, 3), by the metres driven straight since their last arc.
 
@@ -137,7 +148,7 @@ def estimate_settling_s(rows, settling) -> float:  # type: ignore[no-untyped-def
             straight, bends = 0.0, True
         else:
             straight += rows[k, 0]
-    return np.interp(straight, settling[0], settling[1]) if bends else 0.0
+    return _interpolate(straight, settling) if bends else 0.0
 
 
 @compile_function
@@ -176,18 +187,47 @@ def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_ki
     return kept[:found].copy(), kept_s[:found].copy(), kept_kinds[:found].copy()
 
 
+@compile_for_views
+def _find_first_row(rows) -> int:  # type: ignore[no-untyped-def]
+    """The number of the first of rows (n, 3) that is driven."""
+    for k in range(len(rows)):
+        if rows[k, 0] > 0.0:
+            return k
+    return 0
+
+
+@compile_for_views
+def _is_blocked(row, blocked) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a row (3,) leads as far as one of the blocked ones (n, 3) with its curvature and gear."""
+    for k in range(len(blocked)):
+        if row[1] == blocked[k, 1] and row[2] == blocked[k, 2] and row[0] >= blocked[k, 0]:
+            return True
+    return False
+
+
 @compile_function
 def pick_with_room(a, forms, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
-    """Numbers of the first `most` of the forms (k, ROWS, 3) from pose a (3,) on which the body keeps `margin`."""
+    """Numbers of the first `most` of the forms (k, ROWS, 3) from pose a (3,) on which the body keeps `margin`.
+
+    Many begin alike: where one has no room on its first row, none has that leads as far on such a row.
+    """
     numbers, found, few = np.empty(most, np.int64), 0, min(FAR_POINTS, len(points))
+    blocked, known = np.empty((len(forms), 3)), 0
     for k in range(len(forms)):
-        if not has_room_on_path(a, forms[k], guide, points, few, reach, grid, frame, margin):
+        first = forms[k, _find_first_row(forms[k])]
+        if _is_blocked(first, blocked[:known]):
             continue
-        if has_room_on_path(a, forms[k], guide, points, len(points), reach, grid, frame, margin):
+        room, driven = measure_path_room(a, forms[k], guide, points, few, reach, grid, frame, margin)
+        if room >= margin:
+            room, driven = measure_path_room(a, forms[k], guide, points, len(points), reach, grid, frame, margin)
+        if room >= margin:
             numbers[found] = k
             found += 1
             if found == most:
                 break
+        elif driven <= first[0]:
+            blocked[known, 0], blocked[known, 1], blocked[known, 2] = driven, first[1], first[2]
+            known += 1
     return numbers[:found]
 
 

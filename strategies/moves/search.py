@@ -150,7 +150,7 @@ def search_move(  # type: ignore[no-untyped-def]
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = step_m, bend, gear
-                room = measure_path_room(poses[node], step, guide, points, len(points), reach, grid, frame, margin)
+                room, _ = measure_path_room(poses[node], step, guide, points, len(points), reach, grid, frame, margin)
                 if room < margin:
                     continue
                 u, v, after = advance_pose(x, y, heading, step_m, bend, gear)

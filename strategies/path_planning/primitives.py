@@ -1,8 +1,8 @@
 """Primitives, the closed-form paths between two poses, compiled: which there are, and their cost.
 
 A primitive is a row of MAX_PIECES segments (length m, curvature 1/m, gear), with zero lengths where it has fewer.
-Primitives come in families, the shortest first in each: Dubins' six (with both places of the middle circle of the
-three-arc ones), Reeds and Shepp's C|C|C, and arc, straight in reverse, arc. Their kinds: three forward arcs are OMEGA;
+Primitives come in families: Dubins' six (with both places of the middle circle of the three-arc ones), Reeds and
+Shepp's C|C|C, and arc, straight in reverse, arc. Their kinds: three forward arcs are OMEGA;
 arc, straight, arc is OMEGA if more than a quarter turn is turned in vain, U if the heading changes by a quarter turn or
 more, otherwise ROUTE.
 
@@ -19,15 +19,13 @@ import math
 import numpy as np
 
 from vehicle.control.speed_profile import STEERING_DISTANCE_FACTOR, compute_straight_time_s
-from vehicle.copying import copy_table
-from vehicle.jit import compile_function
+from vehicle.jit import compile_for_views
 
 ROUTE, U, OMEGA, SWITCH_BACK = range(4)
 MAX_PRIMITIVES, MAX_PIECES = 16, 5
 TAU = 2.0 * math.pi
 SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
 FULL_TURN_RAD = TAU + 1e-9
-SAME_LENGTH_M = 1e-9
 # Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change, seconds per 1/m of
 # curvature by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
 (
@@ -37,20 +35,20 @@ SAME_LENGTH_M = 1e-9
 SLOW_WINDOWS = 3.0  # steering distances driven slowly where two curvatures meet
 
 
-@compile_function
+@compile_for_views
 def wrap_angle(angle: float) -> float:
     """The angle in [-pi, pi]; halves go to the even multiple, as in math.remainder."""
     return angle - TAU * np.round(angle / TAU)  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def compute_turned_angle(hand: float, start: float, end: float) -> float:
     """Angle in [0, 2 pi) turned to the given hand (1 left, -1 right) from one heading to another."""
     angle = (hand * (end - start)) % TAU
     return 0.0 if angle > TAU - SNAP else angle
 
 
-@compile_function
+@compile_for_views
 def advance_pose(x, y, heading, length, curvature, gear):  # type: ignore[no-untyped-def]
     """Pose after a segment."""
     run = gear * length
@@ -60,7 +58,7 @@ def advance_pose(x, y, heading, length, curvature, gear):  # type: ignore[no-unt
     return x + chord * math.cos(angle), y + chord * math.sin(angle), wrap_angle(heading + 2.0 * half)
 
 
-@compile_function
+@compile_for_views
 def _write_primitive(out, count, p0, k0, g0, p1, k1, g1, p2, k2, g2) -> None:  # type: ignore[no-untyped-def]
     out[count] = 0.0
     out[count, 0, 0], out[count, 0, 1], out[count, 0, 2] = p0, k0, g0
@@ -69,7 +67,7 @@ def _write_primitive(out, count, p0, k0, g0, p1, k1, g1, p2, k2, g2) -> None:  #
     out[count, 3, 2] = out[count, 4, 2] = 1.0
 
 
-@compile_function
+@compile_for_views
 def _add_arc_straight_arc(ax, ay, ah, bx, by, bh, radius, first_hand, second_hand, gear, out, count, kinds):  # type: ignore[no-untyped-def]
     """Add the primitive with these hands and the straight in the given gear; returns the number of primitives then."""
     cx, cy = ax - first_hand * radius * math.sin(ah), ay + first_hand * radius * math.cos(ah)
@@ -99,7 +97,7 @@ def _add_arc_straight_arc(ax, ay, ah, bx, by, bh, radius, first_hand, second_han
     return count + 1
 
 
-@compile_function
+@compile_for_views
 def _add_three_arcs(ax, ay, ah, bx, by, bh, radius, hand, gear, out, count, kinds):  # type: ignore[no-untyped-def]
     """Add both primitives arc, opposite arc in the given gear, arc; returns the number of primitives then."""
     cx, cy = ax - hand * radius * math.sin(ah), ay + hand * radius * math.cos(ah)
@@ -140,86 +138,56 @@ def _add_three_arcs(ax, ay, ah, bx, by, bh, radius, hand, gear, out, count, kind
     return count
 
 
-@compile_function
-def _measure_length(primitive) -> float:  # type: ignore[no-untyped-def]
-    total = 0.0
-    for piece in range(len(primitive)):
-        total += primitive[piece, 0]
-    return total
-
-
-@compile_function
-def _sort_primitives(out, kinds, begin, end) -> None:  # type: ignore[no-untyped-def]
-    """Sort primitives begin..end - 1 by length, keeping equal ones in order (insertion sort of a few)."""
-    for i in range(begin + 1, end):
-        primitive, kind, length = out[i].copy(), kinds[i], _measure_length(out[i])
-        j = i
-        while j > begin and _measure_length(out[j - 1]) > length + SAME_LENGTH_M:
-            copy_table(out[j - 1], out[j])
-            kinds[j] = kinds[j - 1]
-            j -= 1
-        copy_table(primitive, out[j])
-        kinds[j] = kind
-
-
-@compile_function
+@compile_for_views
 def add_forward_primitives(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
-    """Add Dubins' primitives from pose a to pose b behind the first `count`, shortest first; returns the new count."""
-    begin = count
+    """Add Dubins' primitives from pose a to pose b behind the first `count`; returns the new count."""
     for first_hand, second_hand in ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
         count = _add_arc_straight_arc(
             a[0], a[1], a[2], b[0], b[1], b[2], radius, first_hand, second_hand, 1.0, out, count, kinds
         )
     for hand in (1.0, -1.0):
         count = _add_three_arcs(a[0], a[1], a[2], b[0], b[1], b[2], radius, hand, 1.0, out, count, kinds)
-    _sort_primitives(out, kinds, begin, count)
     return count  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def add_reverse_arc_primitives(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
     """As `add_forward_primitives`: three arcs, the middle one in reverse."""
-    begin = count
     for hand in (1.0, -1.0):
         count = _add_three_arcs(a[0], a[1], a[2], b[0], b[1], b[2], radius, hand, -1.0, out, count, kinds)
-    _sort_primitives(out, kinds, begin, count)
     return count  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
     """As `add_forward_primitives`: two arcs and between them a straight in reverse."""
-    begin = count
     for first_hand, second_hand in ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
         count = _add_arc_straight_arc(
             a[0], a[1], a[2], b[0], b[1], b[2], radius, first_hand, second_hand, -1.0, out, count, kinds
         )
-    _sort_primitives(out, kinds, begin, count)
     return count  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def _compute_reached_curvature(primitive, piece, costs) -> float:  # type: ignore[no-untyped-def]
     """The curvature a tractor reaches on a segment: less than planned on one shorter than the steering distance."""
     length, window = primitive[piece, 0], costs[COST_WINDOW]
     return primitive[piece, 1] if length >= window else primitive[piece, 1] * length / window  # type: ignore[no-any-return]
 
 
-@compile_function
-def _compute_piece_speed(bend, gear, costs) -> float:  # type: ignore[no-untyped-def]
-    """Largest speed at a curvature in a gear."""
+@compile_for_views
+def _compute_piece_speed(bend, wheel, gear, costs) -> float:  # type: ignore[no-untyped-def]
+    """Largest speed at a curvature, with the wheels at an angle, in a gear."""
     speed = costs[COST_REVERSE] if gear < 0.0 else costs[COST_FORWARD]
     if bend == 0.0:
         return speed  # type: ignore[no-any-return]
-    wheel = math.atan(costs[COST_LENGTH] * abs(bend))
-    returning = costs[COST_STEERING] / (STEERING_DISTANCE_FACTOR * wheel)
+    returning = costs[COST_STEERING] / (STEERING_DISTANCE_FACTOR * abs(wheel))
     return min(speed, math.sqrt(costs[COST_LATERAL] / abs(bend)), returning)  # type: ignore[no-any-return]
 
 
-@compile_function
-def _compute_steering_loss_s(before, after, base, costs) -> float:  # type: ignore[no-untyped-def]
-    """Seconds lost where one curvature meets another, with `base` the lower of the speeds beside it."""
-    change = abs(math.atan(costs[COST_LENGTH] * after) - math.atan(costs[COST_LENGTH] * before))
+@compile_for_views
+def _compute_steering_loss_s(change, base, costs) -> float:  # type: ignore[no-untyped-def]
+    """Seconds lost where the wheels turn by `change` (rad), with `base` the lower of the speeds beside it."""
     if change * base <= costs[COST_STEERING]:
         return 0.0
     slow = costs[COST_STEERING] / change
@@ -227,7 +195,7 @@ def _compute_steering_loss_s(before, after, base, costs) -> float:  # type: igno
     return SLOW_WINDOWS * costs[COST_WINDOW] * (1.0 / slow - 1.0 / base) + braking_s  # type: ignore[no-any-return]
 
 
-@compile_function
+@compile_for_views
 def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-def]
     """Seconds to drive a primitive (n, 3) or a path of any number of segments between two straight swaths.
 
@@ -235,17 +203,18 @@ def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-
     first bend and speeding up after the last.
     """
     forward, acceleration = costs[COST_FORWARD], costs[COST_ACCELERATION]
-    seconds, gear, curvature, speed = 0.0, 1.0, 0.0, forward
+    seconds, gear, curvature, wheel, speed = 0.0, 1.0, 0.0, 0.0, forward
     straight_m, straight_start = 0.0, forward  # of the straight that is being driven
     for piece in range(len(primitive)):
         if primitive[piece, 0] <= SNAP:
             continue
         bend, direction = _compute_reached_curvature(primitive, piece, costs), primitive[piece, 2]
-        own = _compute_piece_speed(bend, direction, costs)
+        turned = math.atan(costs[COST_LENGTH] * bend) if bend != 0.0 else 0.0
+        own = _compute_piece_speed(bend, turned, direction, costs)
         if direction != gear:
             seconds += costs[COST_CUSP] + costs[COST_SWING] * abs(bend - curvature)
         else:
-            seconds += _compute_steering_loss_s(curvature, bend, min(speed, own), costs)
+            seconds += _compute_steering_loss_s(abs(turned - wheel), min(speed, own), costs)
         if curvature == 0.0:
             end = speed if direction != gear else min(own, speed)
             seconds += compute_straight_time_s(straight_m, speed, straight_start, end, acceleration)
@@ -253,12 +222,12 @@ def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-
             straight_m, straight_start = primitive[piece, 0], own if direction != gear else min(speed, own)
         else:
             seconds += primitive[piece, 0] / own
-        gear, curvature, speed = direction, bend, own
+        gear, curvature, wheel, speed = direction, bend, turned, own
     if gear < 0.0:
         seconds += costs[COST_CUSP] + costs[COST_SWING] * abs(curvature)
     if curvature == 0.0:
         seconds += compute_straight_time_s(straight_m, speed, straight_start, speed, acceleration)
     else:
-        seconds += _compute_steering_loss_s(curvature, 0.0, speed, costs)
+        seconds += _compute_steering_loss_s(abs(wheel), speed, costs)
         seconds += compute_straight_time_s(0.0, forward, min(speed, forward), forward, acceleration)
     return seconds

@@ -15,7 +15,7 @@ import shapely
 
 from fields.arrays import Floats, Integers
 from strategies.path_planning.machine_body import POINT_STEP_M
-from vehicle.jit import compile_function
+from vehicle.jit import compile_for_views, compile_function
 
 CELL_M = (
     POINT_STEP_M  # of the grid, and between places that are looked up in it: distances err by centimetres at corners
@@ -71,7 +71,7 @@ def negate_outside(edges, west, south, cell, grid) -> None:  # type: ignore[no-u
                 grid[j, i] = -grid[j, i]
 
 
-@compile_function
+@compile_for_views
 def get_distance(x, y, grid, frame) -> float:  # type: ignore[no-untyped-def]
     """Signed distance (m, inside positive) at a place; beyond the grid minus its cap.
 
@@ -88,13 +88,13 @@ def get_distance(x, y, grid, frame) -> float:  # type: ignore[no-untyped-def]
     return (1.0 - v) * low + v * high  # type: ignore[no-any-return]
 
 
-@compile_function
-def measure_body_room(x, y, heading, points, count, grid, frame, enough) -> float:  # type: ignore[no-untyped-def]
+@compile_for_views
+def measure_body_room(x, y, cosine, sine, points, count, grid, frame, enough) -> float:  # type: ignore[no-untyped-def]
     """Least signed distance (m) of the first `count` points (n, 2) of a body with its rear axle at a pose.
 
-    Below `enough` it stops at the first point that shows it.
+    The heading is given by its cosine and sine. Below `enough` it stops at the first point that shows it.
     """
-    least, cosine, sine = np.inf, math.cos(heading), math.sin(heading)
+    least = np.inf
     for k in range(count):
         px, py = points[k, 0], points[k, 1]
         distance = get_distance(x + px * cosine - py * sine, y + px * sine + py * cosine, grid, frame)
@@ -105,15 +105,16 @@ def measure_body_room(x, y, heading, points, count, grid, frame, enough) -> floa
     return least
 
 
-@compile_function
-def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough) -> float:  # type: ignore[no-untyped-def]
-    """Least room (m) of the first `count` points of a body on a path of rows (n, 3: length, curvature, gear).
+@compile_for_views
+def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough):  # type: ignore[no-untyped-def]
+    """Least room (m) of the first `count` points of a body on a path of rows (n, 3: length, curvature, gear), and the
+    metres driven up to there if it is below `enough`.
 
     The guided point, `guide` ahead of the rear axle, begins at the pose a (3,). Forwards the axle trails it, in reverse
     the body lies along the path. Below `enough` it stops at the first place that shows it; a place with more room than
     ample, `AMPLE_M` beyond that, counts as that.
     """
-    px, py, heading = a[0], a[1], a[2]
+    px, py, heading, driven = a[0], a[1], a[2], 0.0
     x, y = px - guide * math.cos(heading), py - guide * math.sin(heading)
     least = enough + AMPLE_M
     for k in range(len(rows)):
@@ -121,27 +122,31 @@ def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough)
         if length <= 1e-9:
             continue
         steps = max(1, math.ceil(length / PATH_STEP_M))
-        fx, fy = px, py
+        half = 0.5 * bend * gear * length / steps
+        chord = gear * length / steps * (math.sin(half) / half if half != 0.0 else 1.0)
+        dx, dy = chord * math.cos(heading + half), chord * math.sin(heading + half)
+        turn_x, turn_y = math.cos(2.0 * half), math.sin(2.0 * half)
         for number in range(1, steps + 1):
-            run = gear * length * number / steps
-            half = 0.5 * bend * run
-            chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
-            nx, ny = fx + chord * math.cos(heading + half), fy + chord * math.sin(heading + half)
-            angle = math.atan2(py - ny, px - nx) if gear < 0.0 else math.atan2(ny - y, nx - x)
-            x, y = nx - guide * math.cos(angle), ny - guide * math.sin(angle)
+            ahead_x, ahead_y = (-dx, -dy) if gear < 0.0 else (px + dx - x, py + dy - y)
+            px, py = px + dx, py + dy
+            long = math.sqrt(ahead_x * ahead_x + ahead_y * ahead_y)
+            cosine, sine = ahead_x / long, ahead_y / long
+            x, y = px - guide * cosine, py - guide * sine
             if get_distance(x, y, grid, frame) < reach + least:
-                least = min(least, measure_body_room(x, y, angle, points, count, grid, frame, enough))
+                least = min(least, measure_body_room(x, y, cosine, sine, points, count, grid, frame, enough))
                 if least < enough:
-                    return least  # type: ignore[no-any-return]
-            px, py = nx, ny
+                    return least, driven + length * number / steps
+            dx, dy = dx * turn_x - dy * turn_y, dx * turn_y + dy * turn_x
         heading += bend * gear * length
-    return least  # type: ignore[no-any-return]
+        driven += length
+    return least, driven
 
 
-@compile_function
+@compile_for_views
 def has_room_on_path(a, rows, guide, points, count, reach, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
     """Whether a body keeps `margin` (m) on a path, as measure_path_room has it."""
-    return measure_path_room(a, rows, guide, points, count, reach, grid, frame, margin) >= margin  # type: ignore[no-any-return]
+    room, _ = measure_path_room(a, rows, guide, points, count, reach, grid, frame, margin)
+    return room >= margin  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -149,15 +154,15 @@ def measure_rooms(poses, axle, points, reach, grid, frame, cap):  # type: ignore
     """Room (t,) of a body at poses (t, 3) of a point `axle` ahead of its rear axle, exact below `cap` (m)."""
     rooms = np.empty(len(poses))
     for k in range(len(poses)):
-        heading = poses[k, 2]
-        x, y = poses[k, 0] - axle * math.cos(heading), poses[k, 1] - axle * math.sin(heading)
+        cosine, sine = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        x, y = poses[k, 0] - axle * cosine, poses[k, 1] - axle * sine
         rooms[k] = get_distance(x, y, grid, frame) - reach
         if rooms[k] < cap:
-            rooms[k] = measure_body_room(x, y, heading, points, len(points), grid, frame, -np.inf)
+            rooms[k] = measure_body_room(x, y, cosine, sine, points, len(points), grid, frame, -np.inf)
     return rooms
 
 
-@compile_function
+@compile_for_views
 def measure_length_inside(a, rows, grid, frame, depth) -> float:  # type: ignore[no-untyped-def]
     """Metres of a path of rows (n, 3) from a pose (3,) that lie deeper than `depth` (m) in the region of a grid."""
     x, y, heading, inside = a[0], a[1], a[2], 0.0

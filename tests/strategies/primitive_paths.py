@@ -32,4 +32,5 @@ def find_backing_paths(a: Pose, b: Pose, radius_m: float) -> list[DrivePath]:
 def _build_family_paths(add_primitives: Callable[..., int], a: Pose, b: Pose, radius_m: float) -> list[DrivePath]:
     rows, kinds = np.empty((MAX_PRIMITIVES, MAX_PIECES, 3)), np.empty(MAX_PRIMITIVES, np.int64)
     count = add_primitives(np.array(a, float), np.array(b, float), float(radius_m), rows, kinds, 0)
-    return [build_path_from_rows(a, rows[index], int(kinds[index])) for index in range(count)]
+    paths = [build_path_from_rows(a, rows[index], int(kinds[index])) for index in range(count)]
+    return sorted(paths, key=lambda path: round(path.length_m, 9))
