@@ -142,9 +142,7 @@ def compute_field_times(
         for key, order in zip(names, row, strict=True)
         if key is not None and order is not None
     }
-    known_times = {
-        key: field_time for key in order_by_key if (field_time := _unpack_field_time(cache.read(key))) is not None
-    }
+    known_times = {key: _unpack_field_time(content) for key in order_by_key if (content := cache.read(key)) is not None}
     missing_keys = [key for key in order_by_key if key not in known_times]
     is_cached = True
     missing_calls = [(order_by_key[key], field_minutes) for key in missing_keys]
@@ -166,7 +164,7 @@ def compute_field_times(
 def count_uncached_field_times(rows: Sequence[Sequence[WorkOrder | None]], cache: ResultCache) -> int:
     """Number of field times that have to be simulated."""
     keys = {hash_field_time_order(order) for row in rows for order in row if order is not None}
-    return sum(_unpack_field_time(cache.read(key)) is None for key in keys)
+    return sum(cache.read(key) is None for key in keys)
 
 
 def compute_field_time(order: WorkOrder, field_minutes: float = DEFAULT_FIELD_MINUTES) -> FieldTime:
@@ -235,27 +233,19 @@ def pack_field_time(field_time: FieldTime) -> dict[str, Any]:
     return {**{name: getattr(field_time, name) for name in PLAN_VALUES}, "graph": packed_graph}
 
 
-def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
-    """The field time of a JSON object; None if it is not one."""
-    if content is None:
-        return None
-    try:
-        if "graph" not in content:
-            return FieldTime(reason=str(content["reason"]), left_ha=content["left_ha"])
-        graph_values = dict(content["graph"])
-        fuel = graph_values["fuel"]
-        arrays: dict[str, Any] = {name: np.array(graph_values[name], dtype=kind) for name, kind in GRAPH_ARRAYS.items()}
-        graph = LegGraph(
-            tractors=int(graph_values["tractors"]),
-            first_nodes=tuple(graph_values["first"]),
-            order=tuple(graph_values["order"]),
-            links=tuple(WaitLink(**link) for link in graph_values["links"]),
-            **arrays,
-            leaving=None if graph_values["leaving"] is None else np.array(graph_values["leaving"], dtype=np.bool_),
-            fuel=None
-            if fuel is None
-            else LegConsumption(np.array(fuel["driving"], dtype=np.float64), float(fuel["idle_per_s"])),
-        )
-        return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
-    except (KeyError, TypeError, ValueError):
-        return None
+def _unpack_field_time(content: dict[str, Any]) -> FieldTime:
+    """The field time that `pack_field_time` made a JSON object of."""
+    if "graph" not in content:
+        return FieldTime(**content)
+    graph_values, fuel = content["graph"], content["graph"]["fuel"]
+    arrays: dict[str, Any] = {name: np.array(graph_values[name], dtype=kind) for name, kind in GRAPH_ARRAYS.items()}
+    graph = LegGraph(
+        tractors=graph_values["tractors"],
+        first_nodes=tuple(graph_values["first"]),
+        order=tuple(graph_values["order"]),
+        links=tuple(WaitLink(**link) for link in graph_values["links"]),
+        **arrays,
+        leaving=None if graph_values["leaving"] is None else np.array(graph_values["leaving"], dtype=np.bool_),
+        fuel=None if fuel is None else LegConsumption(np.array(fuel["driving"], dtype=np.float64), fuel["idle_per_s"]),
+    )
+    return FieldTime(**(content | {"graph": graph}))

@@ -7,8 +7,6 @@ key.
 
 from __future__ import annotations
 
-import hashlib
-import json
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -41,16 +39,13 @@ class MoveCache:
 
     def load(self, context: PlanningContext, moves: SiteMoves) -> None:
         """Let moves of a context know what is stored of them."""
-        stored = self.results.read_all(_hash_site(context, moves))
-        load_entries(moves, [json.loads(one["known"]) for one in stored if one.get("sha256") == _hash_text(one)])
+        load_entries(moves, self.results.read_all(_hash_site(context, moves)))
         moves.stored_counts.update(count_entries(moves))
 
     def store(self, context: PlanningContext, moves: SiteMoves) -> None:
         """Store what is new of the moves of a context."""
         if new := describe_entries(moves, moves.stored_counts):
-            content = {"known": json.dumps(new)}
-            name = f"{_hash_site(context, moves)}-{secrets.token_hex(4)}"
-            self.results.write(name, content | {"sha256": _hash_text(content)})
+            self.results.write(f"{_hash_site(context, moves)}-{secrets.token_hex(4)}", new)
             self.results.remove_oldest(MOST_BYTES)
         moves.stored_counts.update(count_entries(moves))
 
@@ -62,11 +57,6 @@ def _hash_site(context: PlanningContext, moves: SiteMoves) -> str:
     machine = context.tractor, context.implement, physics.terrain, physics.driven_load
     stands = moves.starts, moves.used, moves.orders, sorted(moves.folded)
     return hash_content(ground, machine, moves.lines, stands)
-
-
-def _hash_text(content: Mapping[str, Any]) -> str:
-    """The hash of what a file knows, which tells whether it is as it was written."""
-    return hashlib.sha256(str(content.get("known")).encode()).hexdigest()
 
 
 def count_entries(moves: SiteMoves) -> dict[str, int]:

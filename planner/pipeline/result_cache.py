@@ -1,10 +1,11 @@
-"""Results kept on disk between runs: the folder of this system, and JSON files in it by the hash of what they answer.
+"""Results kept on disk between runs: the folder of this system, and files in it by the hash of what they answer.
 
 A cache only saves time, and may be deleted at any moment.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import secrets
@@ -36,7 +37,10 @@ def find_cache_folder() -> Path:
 
 @dataclass(frozen=True)
 class ResultCache:
-    """JSON files by name in a folder; None disables the cache. Unreadable files count as missing."""
+    """Files by name in a folder, each the SHA-256 of an object's JSON and then that; None disables the cache.
+
+    A file that is not as it was written counts as missing.
+    """
 
     folder: Path | None
 
@@ -45,10 +49,11 @@ class ResultCache:
         if self.folder is None:
             return None
         try:
-            content = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError, RecursionError):
+            digest, text = (self.folder / f"{name}.json").read_text(encoding="utf-8").split("\n")
+        except (OSError, ValueError):
             return None
-        return content if isinstance(content, dict) else None
+        content: dict[str, Any] | None = json.loads(text) if digest == _hash_text(text) else None
+        return content
 
     def read_all(self, begin: str) -> list[dict[str, Any]]:
         """The cached objects whose names begin so, in the order of their names; damaged ones are left out."""
@@ -66,10 +71,10 @@ class ResultCache:
         """Store an object atomically; returns whether this succeeded."""
         if self.folder is None:
             return True
-        draft = self.folder / f".{name[:16]}-{secrets.token_hex(4)}"
+        draft, text = self.folder / f".{name[:16]}-{secrets.token_hex(4)}", json.dumps(content, allow_nan=False)
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            draft.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
+            draft.write_text(f"{_hash_text(text)}\n{text}", encoding="utf-8")
             os.replace(draft, self.folder / f"{name}.json")
         except OSError:
             with suppress(OSError):
@@ -91,6 +96,10 @@ class ResultCache:
             with suppress(OSError):
                 path.unlink()
             total -= size
+
+
+def _hash_text(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 NO_CACHE = ResultCache(None)

@@ -118,11 +118,12 @@ def iter_plans(
     keys = [task.hash() for task in tasks]
     missing, refusals = list[int](), list[HeadlandError]()
     for place, (task, key) in enumerate(zip(tasks, keys, strict=True)):
-        known = _unpack(cache.read(key), len(task.numbers))
+        known = cache.read(key)
         if known is None:
             missing.append(place)
         else:
-            yield from ((place, number, plan) for number, plan in zip(task.numbers, known, strict=True))
+            plans = _PLANS.validate_python(known["plans"])
+            yield from ((place, number, plan) for number, plan in zip(task.numbers, plans, strict=True))
     grounds = [list(group) for _, group in groupby(missing, key=lambda place: id(tasks[place].reference))]
     for first in range(0, len(grounds), MOST_GROUNDS_AT_ONCE):
         some, laid_out = grounds[first : first + MOST_GROUNDS_AT_ONCE], list[tuple[int, bytes]]()
@@ -152,17 +153,6 @@ def _pack(plan: PlanResult) -> dict[str, Any]:
     values = {name: getattr(plan, name) for name in _DEFAULTS}
     kept = {name: value for name, value in values.items() if name == "measured" or value != _DEFAULTS[name]}
     return kept if plan.pull is None else {**kept, "pull": asdict(plan.pull)}
-
-
-def _unpack(content: Mapping[str, Any] | None, count: int) -> list[PlanResult] | None:
-    """The plans of a file of the cache; None for one that is missing or damaged."""
-    if content is None:
-        return None
-    try:
-        plans = _PLANS.validate_python(content.get("plans"))
-    except ValueError:
-        return None
-    return plans if len(plans) == count else None
 
 
 @dataclass(eq=False)

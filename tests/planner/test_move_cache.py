@@ -71,9 +71,7 @@ def test_more_tractors_find_what_one_has_found(cache: MoveCache, drives: list[in
     assert sum(drives) < 0.7 * alone
 
 
-@pytest.mark.parametrize(
-    "damage", ["", "{", "[]", "{}", '{"known": 3, "sha256": ""}', '{"known": "{\\"options\\": 3}", "sha256": "0"}']
-)
+@pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"options": 3}', '0\n{"options": 3}'])
 def test_damaged_files_are_as_good_as_none(cache: MoveCache, damage: str) -> None:
     first = format_ranking_json(plan(cache).ranking)
     for path in cache.results.folder.iterdir():  # type: ignore[union-attr]
