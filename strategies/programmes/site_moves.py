@@ -126,7 +126,9 @@ class SiteMoves:
         return self.used[self.starts.index(node)] if node in self.starts else 0.0
 
     def list_options(self, u: int, v: int) -> tuple[Move, ...]:
-        """The moves in closed form between two nodes, the cheapest first."""
+        """The moves in closed form between two nodes, the cheapest first; folded where the implement must be."""
+        if self._must_fold(u, v):
+            return self.list_folded_moves(u, v)
         if (u, v) not in self.options:
             self.options[u, v] = tuple(self._list_options(u, v))
         return self.options[u, v]
@@ -188,8 +190,6 @@ class SiteMoves:
     def _list_options(self, u: int, v: int) -> list[Move]:
         """Every kind of move between the ends of two nodes, the cheapest first."""
         a, b = self.ends[u], self.begins[v]
-        if self._must_fold(u, v):
-            return list(self.list_folded_moves(u, v))
         options = self._get_finder(u, v).list_moves(a, b, passes=self.estimates.count_passes(u, v))
         if self.gate not in (u, v):
             p, q = self.lines[u // 2], self.lines[v // 2]

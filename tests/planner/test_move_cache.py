@@ -26,6 +26,9 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 FIELD = Field("bay", shapely.Polygon([(0, 0), (120, 0), (120, 70), (70, 70), (60, 40), (50, 70), (0, 70)]))
 REQUEST = PlanRequest(field="bay", width_m=6.0, tractors=(1, 2), strategies=("split-field",))
+FOLDING = WorkOrder(
+    replace(REQUEST, width_m=9.0), replace(FIELD, entrance=(30.0, 0.0)), implement=Implement(transport_width_m=3.0)
+)
 
 
 def plan(cache: MoveCache | None, request: PlanRequest = REQUEST) -> PlanningResult:
@@ -50,12 +53,16 @@ def cache(tmp_path: Path) -> MoveCache:
     return MoveCache(ResultCache(tmp_path / "moves"))
 
 
-def test_the_next_plan_is_the_same_and_drives_no_move(cache: MoveCache, drives: list[int]) -> None:
-    plain = format_ranking_json(plan(None).ranking)
+@pytest.mark.parametrize("order", [WorkOrder(REQUEST, FIELD), FOLDING], ids=["open", "folding"])
+def test_the_next_plan_is_the_same_and_drives_no_move(cache: MoveCache, drives: list[int], order: WorkOrder) -> None:
+    def answer(known: MoveCache | None) -> str:
+        return format_ranking_json(plan_order(order, executor=SerialExecutor(), move_cache=known).ranking)
+
+    plain = answer(None)
     assert sum(drives) > 20
-    first, files = format_ranking_json(plan(cache).ranking), sorted(cache.results.folder.iterdir())  # type: ignore[union-attr]
+    first, files = answer(cache), sorted(cache.results.folder.iterdir())  # type: ignore[union-attr]
     drives.clear()
-    second = format_ranking_json(plan(cache).ranking)
+    second = answer(cache)
     assert first == second == plain
     assert sum(drives) == 0
     assert sorted(cache.results.folder.iterdir()) == files  # type: ignore[union-attr]
