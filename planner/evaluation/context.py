@@ -76,14 +76,18 @@ class DoneWork:
     may_rest: bool = False
 
 
+class StoredMoves(Protocol):
+    """What a cache has of the moves of a site."""
+
+    def store(self, moves: SiteMoves) -> None:
+        """Store what is new of them."""
+
+
 class MoveStore(Protocol):
     """A cache of what is known of the moves of sites (planner.pipeline.move_cache)."""
 
-    def load(self, context: PlanningContext, moves: SiteMoves) -> None:
+    def load(self, context: PlanningContext, moves: SiteMoves) -> StoredMoves:
         """Let moves of a context know what is stored of them."""
-
-    def store(self, context: PlanningContext, moves: SiteMoves) -> None:
-        """Store what is new of the moves of a context."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,7 +13,7 @@ import shapely
 from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import intersect, subtract, unite
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import PlanningContext, StoredMoves
 from planner.evaluation.machine_outlines import build_body, folds_at_gate, measure_half_m
 from planner.request.implement_choice import keeps_ground
 from planner.request.plan_request import STANDING_CROP_OPERATIONS
@@ -103,7 +103,7 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
     def build() -> SiteMoves:
         moves = build_site_moves(context, build_site(context), headland_lines)
         if context.move_cache is not None:
-            context.move_cache.load(context, moves)
+            context.site_cache[StoredMoves] = context.move_cache.load(context, moves)
         return moves
 
     return recall(context, SiteMoves, build)
@@ -111,9 +111,9 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
 
 def store_moves(context: PlanningContext) -> None:
     """Store what is known of the moves of a context in its cache."""
-    moves: SiteMoves | None = context.site_cache.get(SiteMoves)
-    if context.move_cache is not None and moves is not None:
-        context.move_cache.store(context, moves)
+    stored: StoredMoves | None = context.site_cache.get(StoredMoves)
+    if stored is not None:
+        stored.store(context.site_cache[SiteMoves])
 
 
 def build_site_moves(
@@ -137,20 +137,20 @@ def build_site_moves(
 
 
 def tell_moves(context: PlanningContext) -> tuple[Any, ...] | None:
-    """What another process takes to have the same SiteMoves without laying and estimating again; None before that."""
+    """What another process takes to know the same of moves, without laying, asking or loading; None before that."""
     moves: SiteMoves | None = context.site_cache.get(SiteMoves)
     if moves is None:
         return None
-    return moves.lines, moves.starts, moves.used, moves.orders, moves.folded, moves.estimates.known
+    laid = moves.lines, moves.starts, moves.used, moves.orders, moves.folded
+    return *laid, moves.tables, context.site_cache.get(StoredMoves)
 
 
 def take_moves(context: PlanningContext, state: tuple[Any, ...]) -> None:
-    """Let a context have the lines, and the estimates of moves between them, that `tell_moves` gave of it."""
-    *laid, known = state
+    """Let a context have the lines, and what is known of the moves between them, that `tell_moves` gave of it."""
+    *laid, tables, context.site_cache[StoredMoves] = state
     moves = context.site_cache[SiteMoves] = SiteMoves(build_site(context), *laid)
-    if context.move_cache is not None:
-        context.move_cache.load(context, moves)
-    moves.estimates.known.update(known)
+    for name, table in moves.tables.items():
+        table.update(tables[name])
 
 
 def recall(context: PlanningContext, kind: type, find: Callable[[], T]) -> T:

@@ -8,10 +8,9 @@ key.
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields
-from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -25,8 +24,7 @@ from strategies.programmes.site_moves import SiteMoves
 
 Known = dict[str, list[Any]]
 """Entries (key, value) of tables by their names."""
-MOVE_FIELDS = tuple(each.name for each in fields(Move))
-DRIVEN, LOST = "driven", "lost"
+DRIVEN = "driven"  # a table of moves by others
 DRIVES = "drive", "drive_level"  # of a site: functions of the tractor, its implement, heights and load
 MOST_BYTES = 100_000_000
 
@@ -37,17 +35,27 @@ class MoveCache:
 
     results: ResultCache
 
-    def load(self, context: PlanningContext, moves: SiteMoves) -> None:
+    def load(self, context: PlanningContext, moves: SiteMoves) -> SiteFiles:
         """Let moves of a context know what is stored of them."""
-        load_entries(moves, self.results.read_all(_hash_site(context, moves)))
-        moves.stored_counts.update(count_entries(moves))
+        name = _hash_site(context, moves)
+        load_entries(moves, self.results.read_all(name))
+        return SiteFiles(self.results, name, count_entries(moves))
 
-    def store(self, context: PlanningContext, moves: SiteMoves) -> None:
-        """Store what is new of the moves of a context."""
-        if new := describe_entries(moves, moves.stored_counts):
-            self.results.write(f"{_hash_site(context, moves)}-{secrets.token_hex(4)}", new)
+
+@dataclass(eq=False)
+class SiteFiles:
+    """The files of a site, whose names begin alike, and how many entries of each table of its moves they have."""
+
+    results: ResultCache
+    name: str
+    counts: dict[str, int]
+
+    def store(self, moves: SiteMoves) -> None:
+        """Store what is new of the moves of the site."""
+        if new := describe_entries(moves, self.counts):
+            self.results.write(f"{self.name}-{secrets.token_hex(4)}", new)
             self.results.remove_oldest(MOST_BYTES)
-        moves.stored_counts.update(count_entries(moves))
+        self.counts = count_entries(moves)
 
 
 def _hash_site(context: PlanningContext, moves: SiteMoves) -> str:
@@ -61,55 +69,36 @@ def _hash_site(context: PlanningContext, moves: SiteMoves) -> str:
 
 def count_entries(moves: SiteMoves) -> dict[str, int]:
     """How many entries each table of what is known has."""
-    return {name: len(table) for name, table in _get_tables(moves).items()}
+    return {name: len(table) for name, table in moves.tables.items()}
 
 
 def describe_entries(moves: SiteMoves, counts: Mapping[str, int]) -> Known:
     """What is known of a site beyond the first entries of each table, so many by its name; empty for nothing."""
-    tables = _get_tables(moves)
+    tables = moves.tables
     places = dict(_iter_places(tables))
     places |= {one: (DRIVEN, place) for move, one in moves.driven.items() if one and (place := places.get(move))}
-    by_place = partial(_flatten, write_move=lambda move: {"place": _flatten(places[move])})
-    found: Known = {}
+    found: Known = {name: [] for name in tables}
     for name, table in tables.items():
-        write_key = by_place if name in (DRIVEN, LOST) else _flatten
-        new = list(islice(table.items(), counts.get(name, 0), None))
-        if new:
-            found[name] = [[write_key(key), _flatten(value)] for key, value in new if _list_moves(key) <= places.keys()]
-    return found
+        for key, value in islice(table.items(), counts.get(name, 0), None):
+            with suppress(KeyError):  # of a move that no table has
+                found[name].append([_flatten(key, places), _flatten(value)])
+    return {name: entries for name, entries in found.items() if entries}
 
 
-def load_entries(moves: SiteMoves, described: Iterable[Known]) -> None:
+def load_entries(moves: SiteMoves, described: Sequence[Known]) -> None:
     """Let a site know what `describe_entries` gave of it; without what refers to files that are gone."""
-    tables, given = _get_tables(moves), list(described)
+    tables = moves.tables
 
     def read_place(place: Any) -> Move:
         name, key, *number = place
         found = tables[name][read_place(key) if name == DRIVEN else key]
         return found[number[0]] if isinstance(found, tuple) else found  # type: ignore[no-any-return]
 
-    for name, table in tables.items():  # moves before what is known of them
-        for known in given:
+    for name, table in tables.items():
+        for known in described:
             with suppress(LookupError):
                 for key, value in known.get(name, ()):
                     table.setdefault(_restore(key, read_place), _restore(value, read_place))
-
-
-def _get_tables(moves: SiteMoves) -> dict[str, dict[Any, Any]]:
-    return {
-        "estimates": moves.estimates.known,
-        "options": moves.options,
-        "cut": moves.cut_moves,
-        "folded": moves.folded_moves,
-        "searched": moves.searched_moves,
-        DRIVEN: moves.driven,
-        LOST: moves.lost_in_runs,
-    }
-
-
-def _list_moves(key: Any) -> set[Move]:
-    """The moves in the key of a table."""
-    return {one for one in (key if isinstance(key, tuple) else (key,)) if isinstance(one, Move)}
 
 
 def _iter_places(tables: Mapping[str, Mapping[Any, Any]]) -> Iterator[tuple[Move, tuple[Any, ...]]]:
@@ -120,16 +109,14 @@ def _iter_places(tables: Mapping[str, Mapping[Any, Any]]) -> Iterator[tuple[Move
             yield from ((move, (name, key, number)) for number, move in enumerate(found) if move)
 
 
-def _write_move(move: Move) -> dict[str, Any]:
-    return {name: _flatten(getattr(move, name)) for name in MOVE_FIELDS}
-
-
-def _flatten(value: Any, write_move: Callable[[Move], Any] = _write_move) -> Any:
-    """A key or value of a table with lists for tuples and arrays, and with moves as they are written."""
+def _flatten(value: Any, places: Mapping[Move, Any] | None = None) -> Any:
+    """A key or value of a table with lists for tuples and arrays, and with moves by their places if these are given."""
     if isinstance(value, Move):
-        return write_move(value)
+        if places is not None:
+            return {"place": _flatten(places[value])}
+        return {each.name: _flatten(getattr(value, each.name)) for each in fields(value)}
     if isinstance(value, tuple):
-        return [_flatten(one, write_move) for one in value]
+        return [_flatten(one, places) for one in value]
     return value.tolist() if isinstance(value, np.ndarray | np.generic) else value
 
 

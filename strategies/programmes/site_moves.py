@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 import shapely
@@ -54,7 +55,6 @@ class SiteMoves:
         legs: by nodes, moves and what is cut off, the legs of a tour.
         options, cut_moves, folded_moves, searched_moves: the moves found between nodes.
         driven: by the moves found, what a drive made of them; None where it refused them.
-        stored_counts: how many entries of each table a cache has.
     """
 
     site: Site
@@ -75,7 +75,6 @@ class SiteMoves:
     folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     searched_moves: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     driven: dict[Move, Move | None] = field(default_factory=dict)
-    stored_counts: dict[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         settling = measure_settling(self.site)
@@ -115,6 +114,19 @@ class SiteMoves:
     def covered_ground(self) -> shapely.Geometry:
         """The ground that the lines cover, each driven in its first direction."""
         return unite_strips(self.site, self.lines)
+
+    @property
+    def tables(self) -> dict[str, dict[Any, Any]]:
+        """All that is worth telling others of moves, by names; moves come before what is known of them."""
+        return {
+            "estimates": self.estimates.known,
+            "options": self.options,
+            "cut": self.cut_moves,
+            "folded": self.folded_moves,
+            "searched": self.searched_moves,
+            "driven": self.driven,
+            "lost": self.lost_in_runs,
+        }
 
     @property
     def gate(self) -> int:

@@ -1,6 +1,7 @@
 """What is known of moves is cached from run to run: the next plan is the same, and drives none of its moves again."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,9 @@ from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.move_cache import MoveCache, count_entries, describe_entries, load_entries
 from planner.pipeline.planning import PlanningResult, plan_order
+from planner.pipeline.ranking import list_candidates
 from planner.pipeline.result_cache import ResultCache
+from planner.pipeline.worker_tasks import evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
 from reports.plan.figures import format_ranking_json
 from strategies.moves.drives import MoveDrives
@@ -66,6 +69,17 @@ def test_the_next_plan_is_the_same_and_drives_no_move(cache: MoveCache, drives: 
     assert first == second == plain
     assert sum(drives) == 0
     assert sorted(cache.results.folder.iterdir()) == files  # type: ignore[union-attr]
+
+
+def test_another_process_is_told_all_and_reads_and_stores_nothing(cache: MoveCache, drives: list[int]) -> None:
+    packed, pairs = pack_context(plan(cache).context), [one for one in list_candidates(REQUEST) if one.tractors == 2]
+    assert cache.results.folder is not None
+    for path in cache.results.folder.iterdir():
+        path.unlink()
+    drives.clear()
+    with ThreadPoolExecutor(1) as other:  # a thread unpacks a context of its own
+        assert other.submit(evaluate_task, packed, pairs).result()[0][1].result.feasible
+    assert sum(drives) == 0 and not [*cache.results.folder.iterdir()]
 
 
 def test_more_tractors_find_what_one_has_found(cache: MoveCache, drives: list[int]) -> None:
