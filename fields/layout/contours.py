@@ -17,7 +17,6 @@ import numpy as np
 import shapely
 
 from fields.arrays import Floats, build_directions, compute_angles
-from fields.errors import FieldError, mark_parameter
 from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.field import Field
 from fields.geometry.overlays import intersect_on_grid
@@ -96,7 +95,7 @@ def lay_contour_swaths(
     radius_m: float,
     min_spacing_m: float = 0.0,
 ) -> Layout:
-    """Lay swaths along contours inside worked headland passes.
+    """Lay swaths along contours inside worked headland passes; none where no contour leads through the field.
 
     Of the contours and smoothings tried, the one is taken whose swaths climb least per metre.
 
@@ -107,29 +106,19 @@ def lay_contour_swaths(
         headland_passes: worked passes of the headland, 1 or more.
         radius_m: no swath bends more tightly.
         min_spacing_m: smallest spacing of the lines, but at most the width.
-
-    Raises:
-        FieldError: no contour leads through the field, or no swath fits.
     """
     depth_m = headland_passes * width_m
     region = compute_inner_region(field, depth_m)
     rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
-    best: tuple[float, GuideCurve, tuple[Swath, ...]] | None = None
+    best: tuple[float, float, tuple[Swath, ...]] = (math.inf, 0.0, ())
     for contour in () if region.is_empty else _iter_contours(grid, region):
         for one in _iter_guides(contour, region, max(radius_m, 0.5 * width_m)):
             guide = _orient_guide(one, field)
             swaths = _lay_along_guide(guide, region, rules, field.entrance)
             climb = round(measure_climb(swaths, grid), 6) if swaths else math.inf
-            if swaths and (best is None or climb < best[0]):
-                best = climb, guide, swaths
-    if best is None:
-        raise FieldError(
-            f"No contour leads through field '{field.name}' inside a headland of {depth_m:g} m: there is too little "
-            f"ground or it is level, or contours close inside the field; leave {mark_parameter('swaths')} straight.",
-            parameter="swaths",
-        )
-    _, guide, swaths = best
-    bearing_rad = _compute_mean_heading(guide)
+            if climb < best[0]:
+                best = climb, _compute_mean_heading(guide), swaths
+    _, bearing_rad, swaths = best
     return Layout(field, bearing_rad, width_m, depth_m, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 

@@ -131,11 +131,13 @@ def space_lines(low_m: float, high_m: float, width_m: float) -> Floats:
 
 
 def find_best_pattern(edges: Floats, rules: PatternRules, shifts: tuple[float, ...] = ()) -> SwathPattern | None:
-    """The cheapest pattern over a region, or None when every piece would be too short.
+    """The cheapest pattern over a region, or None when it has no ground or every piece would be too short.
 
     One outer line and then the other is shifted inwards (in widths) if that is cheaper and loses no line; both orders
     are tried, so that the choice depends on the shape only, not on its position or heading.
     """
+    if not len(edges):
+        return None
     low, high = _find_extent(edges, rules)
     best: SwathPattern | None = None
     for side, extent in ((1.0, (low, high)), (-1.0, (-high, -low))):

@@ -88,7 +88,7 @@ class Layout:
             field.
         width_m: working width, the largest spacing of the lines of a cell.
         headland_m: room beyond the ends of the swaths, along them.
-        swaths: sorted by line and piece; line numbers are unique across cells. None if a headland pass takes all.
+        swaths: sorted by line and piece; line numbers are unique across cells. None if the headland passes take all.
         inner_region: where the centre lines of swaths may be; with headland passes, the ground inside these.
         headland_passes: number of worked headland passes; 0 if the headland is only room for turning.
         cells: parts of `inner_region` with swaths in one direction, in order of their numbers; by default a single one.
@@ -177,17 +177,18 @@ def lay_swaths(
         bearing_deg: direction clockwise from north; None tries the directions of the boundary and of the
             smallest rectangle around it and takes the one with the least estimated driving.
         headland_passes: worked passes of the headland. With any, the headland is as deep as they are wide, all along
-            the outline and every hole, and swaths cover all ground inside it, also along oblique edges.
+            the outline and every hole, and swaths cover all ground inside it, also along oblique edges: none where
+            that is too little.
         min_spacing_m: with headland passes, the smallest spacing of lines, but at most the width; with a machine's
             width plus clearance, machines can pass each other on neighbouring swaths.
 
     Raises:
-        FieldError: a value is out of range, or no swath fits (with a single headland pass there may be none).
+        FieldError: a value is out of range, or no swath fits between headlands left for turning.
     """
     _check_layout_request(width_m, headland_m, bearing_deg)
     region = _inset_boundary(field, width_m)
     if headland_passes:
-        return _lay_inside_headland(field, width_m, headland_m, headland_passes, bearing_deg, min_spacing_m)
+        return _lay_inside_headland(field, width_m, headland_passes, bearing_deg, min_spacing_m)
     edges = collect_edges(region)
     trim_m = max(headland_m - width_m / 2.0, 0.0) + GRID_M
     rules = PatternRules(width_m, trim_m, MIN_SWATH_LENGTH_M, GRID_M, field.area_m2)
@@ -217,26 +218,13 @@ def _advise_on_turning_room(field: Field, edges: Floats, rules: PatternRules, be
     return _advise_on_width(field)
 
 
-def _advise_on_passes(field: Field, width_m: float, headland_passes: int) -> str:
-    """How many headland passes leave ground for a track, tried; a single one needs none."""
-    headland = mark_parameter("headland_m")
-    for passes in range(min(headland_passes - 1, math.floor(_measure_inner_radius_m(field) / width_m)), 1, -1):
-        if _fill_inside_headland(field, width_m, passes) is not None:
-            return f"use {passes} headland passes, which is a headland ({headland}) of {passes * width_m:g} m"
-    return f"use one headland pass, which is a headland ({headland}) of {width_m:g} m"
-
-
 def _advise_on_width(field: Field) -> str:
     """How narrow an implement gets into the widest place of the field."""
-    steps = math.ceil(2.0 * _measure_inner_radius_m(field) / WIDTH_STEP_M) - 1
+    radius_m = float(shapely.maximum_inscribed_circle(field.boundary).length)
+    steps = math.ceil(2.0 * radius_m / WIDTH_STEP_M) - 1
     if steps < 1:
         return "check the outline, as no implement is narrow enough"
     return f"use an implement ({mark_parameter('width_m')}) of {steps * WIDTH_STEP_M:g} m or less"
-
-
-def _measure_inner_radius_m(field: Field) -> float:
-    """The radius of the largest circle in the field: a headland as deep leaves nothing."""
-    return float(shapely.maximum_inscribed_circle(field.boundary).length)
 
 
 def check_width(field: Field, width_m: float) -> None:
@@ -267,51 +255,21 @@ def _inset_boundary(field: Field, width_m: float) -> shapely.Geometry:
     return region
 
 
-def _fill_inside_headland(
-    field: Field,
-    width_m: float,
-    headland_passes: int,
-    bearing_deg: float | None = None,
-    min_length_m: float = MIN_THICKNESS_M,
-    min_spacing_m: float = 0.0,
-) -> tuple[float, shapely.Geometry, SwathPattern] | None:
-    """Bearing (rad), region and pattern of the swaths inside headland passes; None if no track fits."""
-    region = compute_inner_region(field, headland_passes * width_m)
-    rules = PatternRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area, min_spacing_m)
-    edges = collect_edges(region)
-    choice = _choose_pattern(field, edges, rules, bearing_deg) if len(edges) else None
-    if choice is None and len(edges):
-        choice = _choose_pattern(field, edges, replace(rules, min_length_m=MIN_THICKNESS_M), bearing_deg)
-    bearing_rad = orient_bearing_by_outline(field, choice[0]) if choice else 0.0
-    pattern = fill_region(region, bearing_rad, rules) if choice else None
-    return None if pattern is None else (bearing_rad, region, pattern)
-
-
 def _lay_inside_headland(
-    field: Field,
-    width_m: float,
-    headland_m: float,
-    headland_passes: int,
-    bearing_deg: float | None,
-    min_spacing_m: float,
+    field: Field, width_m: float, headland_passes: int, bearing_deg: float | None, min_spacing_m: float
 ) -> Layout:
-    """Swaths over all ground inside the headland passes; none where a single pass leaves no room for any."""
-    filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, MIN_SWATH_LENGTH_M, min_spacing_m)
-    if filled is None and headland_passes == 1:
-        longest_rad = list_candidate_bearings(field.boundary)[0]
-        bearing_rad = longest_rad if bearing_deg is None else math.radians(90.0 - bearing_deg % 180.0)
-        region = compute_inner_region(field, width_m)
-        return Layout(field, normalise_bearing(bearing_rad), width_m, width_m, (), region, headland_passes)
-    if filled is None:
-        raise FieldError(
-            f"No track fits field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} m, "
-            f"worked in passes of {width_m:g} m{_describe_bearing(bearing_deg)}; "
-            f"{_advise_on_passes(field, width_m, headland_passes)}."
-        )
-    bearing_rad, region, pattern = filled
-    depth = headland_passes * width_m
-    swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)), field.entrance)
-    return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
+    """Swaths over all ground inside the headland passes; none where no room is left for any."""
+    region = compute_inner_region(field, headland_passes * width_m)
+    edges = collect_edges(region)
+    rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
+    shorter = replace(rules, min_length_m=MIN_THICKNESS_M)
+    choice = _choose_pattern(field, edges, rules, bearing_deg) or _choose_pattern(field, edges, shorter, bearing_deg)
+    bearing_rad = orient_bearing_by_outline(field, choice[0] if choice else _list_bearings(field, bearing_deg)[0])
+    pattern, depth_m = fill_region(region, bearing_rad, rules), headland_passes * width_m
+    swaths = pattern and number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)), field.entrance)
+    return Layout(
+        field, bearing_rad, width_m, depth_m, swaths or (), region, headland_passes, min_spacing_m=min_spacing_m
+    )
 
 
 def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None) -> None:
@@ -334,16 +292,22 @@ def _choose_pattern(
     Candidates are first compared without shifts, and only promising ones in full. With equal cost and length the one
     with the longest edge, which comes first, wins.
     """
-    if bearing_deg is not None:
-        angles = [math.radians(90.0 - bearing_deg % 180.0)]
-    else:
-        angles = _select_promising_bearings(list_candidate_bearings(field.boundary), edges, rules)
+    angles = _list_bearings(field, bearing_deg)
+    if bearing_deg is None:
+        angles = _select_promising_bearings(angles, edges, rules)
     best: tuple[float, SwathPattern] | None = None
     for angle in angles:
         pattern = find_best_pattern(multiply(edges, compute_axes(angle).T), rules, OUTER_LINE_SHIFTS)
         if pattern is not None and (best is None or is_better(pattern, best[1])):
             best = angle, pattern
     return best
+
+
+def _list_bearings(field: Field, bearing_deg: float | None) -> list[float]:
+    """The given bearing as a mathematical angle, or those of the boundary with that of the longest edge first."""
+    return (
+        list_candidate_bearings(field.boundary) if bearing_deg is None else [math.radians(90.0 - bearing_deg % 180.0)]
+    )
 
 
 def _select_promising_bearings(angles: list[float], edges: Floats, rules: PatternRules) -> list[float]:

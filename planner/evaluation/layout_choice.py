@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate
@@ -16,7 +15,7 @@ from fields.geometry.field import Field
 from fields.geometry.overlays import clip_area
 from fields.layout.cells import CELL_COST_M, PLAIN_RATES, EffortRates
 from fields.layout.contours import lay_contour_swaths
-from fields.layout.headland_passes import compute_inner_region
+from fields.layout.headland_passes import compute_inner_region, lay_headland_passes
 from fields.layout.options import estimate_layout_cost_m, find_cheapest_bearing_deg, list_layout_alternatives
 from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
@@ -69,14 +68,14 @@ def list_layouts(
 
     Bearing and headland of the request, if given, hold for every layout; with both given, or without headland passes,
     there is only one. Swaths are at least `spacing_m` apart so that machines can pass each other, as far as the working
-    width allows. `rates` are those of turns. Raises FieldError if no swath fits.
+    width allows. `rates` are those of turns. Where no swath fits inside headland passes, the only layout has none;
+    raises FieldError where none fits between headlands that are left.
     """
     width, bearing = request.width_m, request.bearing_deg
     if request.no_headland:
         return [lay_swaths(field, width, headland_m, bearing)]
-    plain = _lay_deepest(
-        request, headland_m, lambda passes, depth_m: _lay_plain(request, field, passes, depth_m, spacing_m, rates)
-    )
+    lay = partial(_lay_plain, request, field, spacing_m, rates)
+    plain = _lay_deepest(request, field, headland_m, lay)
     if not plain.swaths:
         return [plain]
     layouts = _list_promising_layouts(request, plain, rates, PROMISING)
@@ -85,12 +84,8 @@ def list_layouts(
     if request.requested_headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
         least_m = _estimate_effort_m(layouts[0], rates)
         for more in range(1, 1 + (DEEPER_FROM_ONE_PASS if plain.headland_passes == 1 else 1)):
-            passes = plain.headland_passes + more
-            try:
-                inner = _lay_plain(request, field, passes, passes * request.width_m, spacing_m, rates)
-            except FieldError:  # no swath fits
-                continue
-            deeper = _list_promising_layouts(request, inner, rates, DEEPER)
+            inner = lay(plain.headland_passes + more)
+            deeper = _list_promising_layouts(request, inner, rates, DEEPER) if inner.swaths else []
             layouts += [one for one in deeper if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
     cumulative_swaths = accumulate(len(layout.swaths) for layout in layouts)
     return [
@@ -115,24 +110,31 @@ def lay_contours(
         )
     grid = build_grid(terrain)
     lay = partial(lay_contour_swaths, field, grid, request.width_m, radius_m=radius_m, min_spacing_m=spacing_m)
-    return _lay_deepest(request, headland_m, lambda passes, _: lay(passes))
+    layout = _lay_deepest(request, field, headland_m, lay)
+    if not layout.swaths:
+        raise FieldError(
+            f"No contour leads through field '{field.name}' inside a headland of {layout.headland_m:g} m: there is too "
+            f"little ground or it is level, or contours close inside the field; leave {mark_parameter('swaths')} "
+            "straight.",
+            parameter="swaths",
+        )
+    return layout
 
 
-def _lay_deepest(request: PlanRequest, headland_m: float, lay: Callable[[int, float], Layout]) -> Layout:
-    """The layout inside as many headland passes as the headland takes and the field has room for.
+def _lay_deepest(request: PlanRequest, field: Field, headland_m: float, lay: Callable[[int], Layout]) -> Layout:
+    """The layout that `lay` makes inside as many headland passes as the headland takes and the field has room for.
 
-    `lay` makes it of a number of passes and their depth. Raises FieldError where no layout fits, or not so deep a
-    headland as was asked for.
+    There is room for passes that can be laid; where planning decides how many, swaths have to fit inside, but for one.
     """
-    width = request.width_m
-    max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
+    max_passes = min(max(1, math.ceil(headland_m / request.width_m - 1e-6)), MAX_HEADLAND_PASSES)
+    if request.requested_headland_m is not None:
+        laid = lay_headland_passes(field, request.width_m, max_passes)
+        return lay(max((one.number for one in laid), default=1))
     for count in range(max_passes, 1, -1):
-        try:
-            return lay(count, headland_m if count == max_passes else count * width)
-        except FieldError:
-            if request.requested_headland_m is not None:
-                raise
-    return lay(1, width)
+        layout = lay(count)
+        if layout.swaths:
+            return layout
+    return lay(1)
 
 
 def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
@@ -141,18 +143,15 @@ def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
     return float(estimate_layout_cost_m(layout, rates) + layout.headland_passes * ring_m)
 
 
-def _lay_plain(
-    request: PlanRequest, field: Field, passes: int, depth_m: float, spacing_m: float, rates: EffortRates
-) -> Layout:
+def _lay_plain(request: PlanRequest, field: Field, spacing_m: float, rates: EffortRates, passes: int) -> Layout:
     """The layout with the bearing of the request, or the one that seems cheapest."""
     width, bearing = request.width_m, request.bearing_deg
     region = compute_inner_region(field, passes * width)
-    lay = partial(lay_swaths, field, width, depth_m, headland_passes=passes, min_spacing_m=spacing_m)
+    lay = partial(lay_swaths, field, width, passes * width, headland_passes=passes, min_spacing_m=spacing_m)
     if bearing is None and not region.is_empty:
-        with suppress(FieldError):  # a little ground may take a swath in some bearings only
-            cheapest = lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
-            if cheapest.swaths:
-                return cheapest
+        cheapest = lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
+        if cheapest.swaths:  # a little ground may take a swath in some bearings only
+            return cheapest
     return lay(bearing_deg=bearing)
 
 

@@ -87,7 +87,7 @@ def test_passes_that_are_asked_for_have_room_or_are_refused() -> None:
     terrain = Terrain(-20.0, -20.0, 4.0, 0.06 * NORTHINGS)
     request = PlanRequest(field="cone", swaths=CONTOUR, width_m=6.0)
     assert lay_contours(request, FIELD, 30.0, 0.0, terrain, 6.0).headland_passes < 5
-    with pytest.raises(FieldError, match="inside a headland of 30 m"):
+    with pytest.raises(FieldError, match=r"No contour leads through field 'cone' inside a headland of 30 m.*swaths"):
         lay_contours(replace(request, headland_passes=5), FIELD, 30.0, 0.0, terrain, 6.0)
 
 

@@ -82,6 +82,12 @@ class TestAskedFor:
             layout.headland_passes for layout in list_layouts(PlanRequest(no_headland=False, headland_m=6.0), L, 6.0)
         } == {2}
 
+    @pytest.mark.parametrize(("height", "asked", "laid"), [(14.0, 2, 1), (30.0, 2, 2), (30.0, 5, 2), (30.0, 1, 1)])
+    def test_there_are_as_many_rounds_as_have_room(self, height: float, asked: int, laid: int) -> None:
+        request = PlanRequest(width_m=9.0, headland_passes=asked)
+        layouts = list_layouts(request, Field("strip", shapely.box(0, 0, 397, height)), 9.0 * asked)
+        assert {(one.headland_passes, bool(one.swaths)) for one in layouts} == {(laid, laid < height / 18.0)}
+
     def test_one_round_more_is_compared_where_nothing_is_asked_for(self) -> None:
         assert {layout.headland_passes for layout in list_layouts(PlanRequest(no_headland=False), RECTANGLE, 8.5)} == {
             3,

@@ -46,7 +46,7 @@ ALARMING_MODULES = (
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
     "strategies/rules/dealing.py", "strategies/lines/line_wishes.py",
-    "planner/evaluation/candidates/line_programme.py",
+    "planner/evaluation/candidates/line_programme.py", "planner/evaluation/layout_choice.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py", "reports/plan/shortfall_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",
     "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py", "planner/pipeline/going_on.py",
