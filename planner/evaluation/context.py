@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 import shapely
 
-from fields.arrays import Integers
+from fields.arrays import Floats, Integers
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
@@ -133,6 +133,12 @@ class PlanningContext:
         if field.entrance is None or self.request.no_headland or self.free_space.is_empty:
             return None
         return build_entrance_lane(field.whole_boundary, self.free_space, field.entrance)
+
+    @property
+    def main_lines_m(self) -> list[Floats]:
+        """The lines (n, 2) that most work is on: tracks, or headland sides where there are none."""
+        sides = (side for one in self.headland_passes for side in one.sides)
+        return [swath.points_m for swath in self.layout.swaths] or [side.points for side in sides]
 
     @property
     def pull(self) -> PullFigures | None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.arrays import measure_along
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.chosen_places import check_entrance, move_entrance_to_outline
 from fields.geometry.field import Field
@@ -141,8 +142,7 @@ def prepare_context(
     context = _lay_out_field(
         create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts, order.layout
     )
-    lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
-    battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
+    battery = None if supply else build_battery_supply(context)
     served = supply or battery
     if served is not None and (refusal := served.explain_least_load(context.layout.width_m)):
         raise RequestError(refusal, parameter="tractor" if battery else None)
@@ -336,27 +336,17 @@ def lay_directed_passes(field: Field, width_m: float, pass_count: int, radius_m:
     return tuple(replace(one, sides=turned) for one, turned in zip(headland_passes, sides, strict=True))
 
 
-def build_battery_supply(
-    request: PlanRequest,
-    layout: Layout,
-    headland_m: float,
-    rules: DrivingRules,
-    tractor: Tractor,
-    physics: FieldPhysics,
-) -> BatterySupply | None:
+def build_battery_supply(context: PlanningContext) -> BatterySupply | None:
     """The battery of every tractor; None for diesel, where its use is not known, and where one lasts for all work.
-
-    `headland_m` is the length of all headland passes.
 
     Raises RequestError for a place to charge at that cannot be read or is too far off.
     """
-    load = physics.fuel_load
-    meter = None if load is None else build_leg_meter(tractor, load, physics.terrain)
-    if meter is None:
+    load, layout, rules = context.physics.fuel_load, context.layout, context.driving_rules
+    meter = None if load is None else build_leg_meter(context.tractor, load, context.physics.terrain)
+    lines_m = [measure_along(points)[-1] for points in context.main_lines_m]
+    if meter is None or not lines_m:
         return None
-    drive, ground = meter.drive, layout.field.default_ground
-    lengths_m = [swath.length_m for swath in layout.swaths]
-    mean_m = float(np.mean(lengths_m or [headland_m]))
+    drive, ground, mean_m = meter.drive, layout.field.default_ground, float(np.mean(lines_m))
     swath_kwh = meter.compute_straight_kwh(mean_m, rules.work_speed_mps, True, ground)
     turn_m = rules.turn_s[1] * rules.turn_speed_mps
     supply = BatterySupply(
@@ -367,9 +357,9 @@ def build_battery_supply(
         turn_kwh=(1.0 + ESTIMATE_MARGIN) * meter.compute_straight_kwh(turn_m, rules.turn_speed_mps, False, ground),
     )
     with attach_parameter("refill"):
-        located = locate_service_point(request, layout.field, supply)
+        located = locate_service_point(context.request, layout.field, supply)
     assert isinstance(located, BatterySupply)
-    worked_m = [*lengths_m, headland_m]
+    worked_m = [*(one.length_m for one in layout.swaths), sum(one.length_m for one in context.headland_passes)]
     if sum(supply.compute_need(length_m, layout.width_m) for length_m in worked_m) <= AMPLE_SHARE * drive.usable_kwh:
         return None
     if located.place is None:

@@ -275,16 +275,15 @@ def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
 
 
 def _measure_slopes(context: PlanningContext) -> dict[str, Any]:
-    """Slope across the swaths and share of them that may erode, by their names in PlanRanking; none without heights.
+    """Slope across the main lines and share of them that may erode, by their names in PlanRanking.
 
-    Where there are no swaths, of the headland passes.
+    None without heights or lines.
     """
     terrain = context.physics.terrain
-    if terrain is None:
+    lines = context.main_lines_m
+    if terrain is None or not lines:
         return {}
     grid = build_grid(terrain)
-    sides = [side.points for one in context.headland_passes for side in one.sides]
-    lines = [swath.points_m for swath in context.layout.swaths] or sides
     return {
         "cross_slope_pct": 100.0 * measure_cross_slope(lines, grid),
         "erosion_share": measure_fall_line_share(lines, grid),
