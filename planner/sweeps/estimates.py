@@ -18,7 +18,7 @@ import shapely
 
 from planner.evaluation.candidates.energy_figures import list_energy_figures
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidates
-from planner.evaluation.candidates.figures import add_clock_times, compute_cost
+from planner.evaluation.candidates.figures import add_clock_times, compute_cost, name_headland_order
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, sort_sketches, weigh_order_s
 from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
@@ -367,7 +367,7 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
         finished_cost=hourly * whole + hiring,
         turning_s=times.turn_s,
         headland_passes=context.layout.headland_passes,
-        headland_order=timed.order or None,
+        headland_order=name_headland_order(context, timed.order),
         is_simulated=False,
         pull=pull if pull is not None and pull.is_questioned else None,
         **list_energy_figures(context, times, energy),

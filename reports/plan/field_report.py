@@ -39,20 +39,20 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
             format_title(_HEADINGS.get(key, _format_fact_label(key)), style="bold"),
             _build_facts_table(rows),
         ]
-    if turns:  # a row per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds
-        fitting, seconds, estimated_s = (
-            turns[f"{name}_by_swaths"] for name in ("fitting_pct", "turn_s", "estimated_turn_s")
-        )
-        kinds = dict.fromkeys(kind for shares in fitting.values() for kind in shares)
-        rows = [
-            {
-                "over_swaths": swaths_over,
-                **{f"{kind}_pct": fitting.get(swaths_over, {}).get(kind) for kind in kinds},
-                "takes_s": seconds.get(swaths_over),
-                "estimated_s": estimated_s.get(swaths_over),
-            }
-            for swaths_over in dict.fromkeys([*fitting, *seconds, *estimated_s])
-        ]
+    fitting, seconds, estimated_s = (
+        turns.get(f"{name}_by_swaths", {}) for name in ("fitting_pct", "turn_s", "estimated_turn_s")
+    )
+    kinds = dict.fromkeys(kind for shares in fitting.values() for kind in shares)
+    rows = [  # one per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds
+        {
+            "over_swaths": swaths_over,
+            **{f"{kind}_pct": fitting.get(swaths_over, {}).get(kind) for kind in kinds},
+            "takes_s": seconds.get(swaths_over),
+            "estimated_s": estimated_s.get(swaths_over),
+        }
+        for swaths_over in dict.fromkeys([*fitting, *seconds, *estimated_s])
+    ]
+    if rows:
         parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(rows)]
         parts.append(format_sentence("Percent of track ends where such a turn fits.", style="dim"))
         if estimated_s:

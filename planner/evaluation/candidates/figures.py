@@ -101,7 +101,7 @@ def measure_candidate(
         remarks=tuple(remark.text for remark in sorted(remarks, key=lambda remark: remark.stake)),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
-        headland_order=run.plan.notes.get("headland") if context.layout.swaths else None,
+        headland_order=name_headland_order(context, run.plan.notes.get("headland")),
         **_list_ground_figures(coverage, traffic),
         **list_energy_figures(context, times, energy),
         **list_slope_figures(context, run),
@@ -126,6 +126,11 @@ def _list_ground_figures(coverage: Coverage, traffic: FinishedGroundTraffic | No
         figures["wheel_traffic_m2"] = traffic.off_headland_m2
         figures["over_finished_m"], figures["over_finished_m2"] = traffic.length_m, traffic.area_m2
     return figures
+
+
+def name_headland_order(context: PlanningContext, order: str | None) -> str | None:
+    """Whether the headland is worked first or last; None where nothing else is."""
+    return order or None if context.layout.swaths else None
 
 
 def measure_headland_phase_s(run: SimulationRun) -> float | None:

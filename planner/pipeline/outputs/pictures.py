@@ -312,9 +312,8 @@ def _describe_turns(context: PlanningContext) -> dict[str, Any]:
     over the field. Seconds are simulated for a headland at right angles to the swaths. Where no turn fits there, the
     estimate used for comparing orders of swaths is given separately.
     """
-    fitting = {
-        str(lines): _compute_fitting_pct(context, lines) for lines in range(1, len(context.driving_rules.turn_s))
-    }
+    most = min(len(context.driving_rules.turn_s), context.layout.track_count)
+    fitting = {str(lines): _compute_fitting_pct(context, lines) for lines in range(1, most)}
     return {
         "omega_fits": any("omega" in kinds for kinds in fitting.values()),
         "fitting_pct_by_swaths": fitting,
@@ -350,7 +349,7 @@ def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, flo
         for lines, (seconds, fitting) in enumerate(
             zip(context.driving_rules.turn_s, context.fitting_turns, strict=True)
         )
-        if lines and fitting is fits
+        if 0 < lines < context.layout.track_count and fitting is fits
     }
 
 
