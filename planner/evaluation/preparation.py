@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -229,7 +229,9 @@ def _lay_out_field(
     planned: PlannedLayout | None,
 ) -> PlanningContext:
     """The context of the layout that was `planned`, or the quickest; `create` makes one of what the layout adds."""
-    field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach)
+    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    headland_m = needed_m if request.requested_headland_m is None else request.requested_headland_m
+    field = _prepare_ground(request, field, tractor, implement, radius_m, reach, headland_m)
     check_width(field, request.width_m)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_kinds = list_allowed_kinds(request.turn)
@@ -238,7 +240,9 @@ def _lay_out_field(
     free_space = compute_free_space(field, reach.margin_m)
 
     def build_context(layout: Layout) -> PlanningContext:
-        """The context of one layout: its turns timed and its headland passes laid."""
+        """The context of one layout: its turns timed and its headland passes laid, with remarks on it."""
+        if unmet := tuple(_describe_unmet_wishes(request, layout, needed_m)):
+            layout = replace(layout, field=replace(field, remarks=(*field.remarks, *unmet)))
         turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
         turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
         turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
@@ -277,13 +281,15 @@ def _lay_out_field(
 
 
 def _prepare_ground(
-    request: PlanRequest, field: Field, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
-) -> tuple[Field, float]:
-    """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
-    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
-    headland_m = needed_m if request.requested_headland_m is None else request.requested_headland_m
-    if shortage := describe_shallow_headland(request, needed_m):
-        field = replace(field, remarks=(*field.remarks, shortage))
+    request: PlanRequest,
+    field: Field,
+    tractor: Tractor,
+    implement: Implement,
+    radius_m: float,
+    reach: TurnReach,
+    headland_m: float,
+) -> Field:
+    """The field reduced to the ground that may be worked, with its entrance checked."""
     with attach_parameter("entrance"):
         check_entrance(field, headland_m)
     if not request.no_headland:
@@ -291,8 +297,7 @@ def _prepare_ground(
     with attach_parameter("field"):
         swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
         bypassed_m = BYPASSED_WIDTHS * request.width_m
-        field = field.compute_ground_with_margin(request.margin_m, bypassed_m, max(0.0, swing_m))
-    return field, headland_m
+        return field.compute_ground_with_margin(request.margin_m, bypassed_m, max(0.0, swing_m))
 
 
 def _build_base_rules(
@@ -309,16 +314,19 @@ def _build_base_rules(
     ).scale_spacing()
 
 
-def describe_shallow_headland(request: PlanRequest, needed_m: float) -> str:
-    """A sentence that turns need more headland passes than asked for; "" where they fit or planning decides."""
+def _describe_unmet_wishes(request: PlanRequest, layout: Layout, needed_m: float) -> Iterator[str]:
+    """Sentences on a bearing without tracks, a headland without room, and passes less deep than turns need."""
     passes = request.headland_passes
-    if passes is None or passes * request.width_m > needed_m - GRID_M:
-        return ""
-    subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"
-    return (
-        f"{subject} {passes * request.width_m:g} m deep, and turns need {needed_m:g} m "
-        f"({math.ceil(needed_m / request.width_m - GRID_M)} passes): where they do not fit, they lead over tracks."
-    )
+    if not layout.swaths and (request.bearing_deg is not None or request.cell_bearings):
+        yield "No track fits inside the headland passes at the bearing asked for."
+    if (request.requested_headland_m or 0.0) > layout.headland_m + GRID_M:
+        yield f"The field has room for a headland of {layout.headland_m:g} m only."
+    elif layout.swaths and passes is not None and passes * request.width_m <= needed_m - GRID_M:
+        subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"
+        yield (
+            f"{subject} {passes * request.width_m:g} m deep, and turns need {needed_m:g} m "
+            f"({math.ceil(needed_m / request.width_m - GRID_M)} passes): where they do not fit, they lead over tracks."
+        )
 
 
 def lay_directed_passes(field: Field, width_m: float, pass_count: int, radius_m: float) -> tuple[HeadlandPass, ...]:

@@ -1,11 +1,13 @@
 """Awkward fields on which fleets of every strategy must find a plan."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import pytest
 from shapely import box
 
+from fields.errors import HeadlandError
 from fields.geometry.field import Field
 from planner import farm as farm_room
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
@@ -18,6 +20,7 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.planning import plan_order
 from planner.request.plan_request import PlanRequest
+from planner.sweeps.estimates import GroundEstimates
 from strategies.registry import STRATEGIES
 from tests.examples import seldom
 from tests.planner.shapes import SHAPES
@@ -62,12 +65,26 @@ def test_where_no_track_is_the_headland_passes_tell_slopes_and_what_a_battery_is
         update={"drive": "electric", "battery": BatteryParameters(capacity_kwh=200.0)}
     )
     request = PlanRequest(field="strip", width_m=9.0, tractors=(1,), operation="spray", elevation=str(heights))
-    planned = plan_order(WorkOrder(request, strip, electric), executor=SerialExecutor())
+    order = WorkOrder(request, strip, electric)
+    planned = plan_order(order, executor=SerialExecutor())
     ranking = planned.ranking
     assert not planned.context.layout.swaths and planned.context.supply is None
     assert ranking.best is not None and ranking.best.headland_order is None
     assert ranking.cross_slope_pct == pytest.approx(6.0, abs=0.3)
     assert ranking.erosion_share == pytest.approx(0.98, abs=0.02)
+    assert GroundEstimates(planned.context, drives=False).estimate(order).headland_order is None
+    with pytest.raises(HeadlandError, match=r"which has the headland pass R1\."):
+        plan_order(replace(order, request=replace(request, leave_out="3")), executor=SerialExecutor())
+
+
+def test_a_field_without_any_line_is_refused_on_slopes_too(tmp_path: Path) -> None:
+    heights = tmp_path / "heights.csv"
+    heights.write_text(
+        "x,y,z\n" + "".join(f"{x},{y},{0.02 * x}\n" for x in range(-20, 41, 5) for y in range(-20, 41, 5))
+    )
+    request = PlanRequest(field="tiny", width_m=9.0, tractors=(1,), elevation=str(heights))
+    ranking = plan_order(WorkOrder(request, Field("tiny", box(0, 0, 10, 10))), executor=SerialExecutor()).ranking
+    assert ranking.best is None and ranking.cross_slope_pct is None
 
 
 @pytest.mark.slow

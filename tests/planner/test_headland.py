@@ -19,6 +19,7 @@ from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.outputs.pictures import describe_field
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
@@ -180,6 +181,22 @@ class TestNumberOfPasses:
             "2 headland passes are 6 m deep, and turns need 8.5 m (3 passes): where they do not fit"
         )
         assert self.prepare(headland_passes=3).layout.field.remarks == ()
+
+    @pytest.mark.parametrize(
+        ("options", "told"),
+        [
+            ({}, ()),
+            ({"headland_passes": 1}, ()),
+            ({"headland_m": 30.0}, ("The field has room for a headland of 9 m only.",)),
+            ({"bearing_deg": 30.0}, ("No track fits inside the headland passes at the bearing asked for.",)),
+            ({"cell_bearings": ((1, 30.0),)}, ("No track fits inside the headland passes at the bearing asked for.",)),
+        ],
+    )
+    def test_wishes_that_a_strip_has_no_room_for_are_said(self, options: dict[str, Any], told: tuple[str, ...]) -> None:
+        strip = Field("strip", shapely.box(0, 0, 397, 14))
+        context = prepare_context(WorkOrder(PlanRequest(field="strip", width_m=9.0, **options), strip))
+        assert context.layout.field.remarks == told and context.layout.headland_passes == 1
+        assert describe_field(context)["turns"]["turn_s_by_swaths"] == {}
 
     @pytest.mark.slow
     def test_one_pass_is_worked_line_by_line(self) -> None:
