@@ -25,7 +25,7 @@ from strategies.path_planning.primitives import (
     compute_drive_time_s,
     wrap_angle,
 )
-from strategies.site.ground import FAR_POINTS, measure_length_inside, measure_path_room
+from strategies.site.ground import measure_length_inside, measure_path_room
 from vehicle.copying import copy_table
 from vehicle.jit import compile_for_views, compile_function
 
@@ -211,15 +211,13 @@ def pick_with_room(a, forms, most, guide, points, reach, grid, frame, margin):  
 
     Many begin alike: where one has no room on its first row, none has that leads as far on such a row.
     """
-    numbers, found, few = np.empty(most, np.int64), 0, min(FAR_POINTS, len(points))
+    numbers, found = np.empty(most, np.int64), 0
     blocked, known = np.empty((len(forms), 3)), 0
     for k in range(len(forms)):
         first = forms[k, _find_first_row(forms[k])]
         if _is_blocked(first, blocked[:known]):
             continue
-        room, driven = measure_path_room(a, forms[k], guide, points, few, reach, grid, frame, margin)
-        if room >= margin:
-            room, driven = measure_path_room(a, forms[k], guide, points, len(points), reach, grid, frame, margin)
+        room, driven = measure_path_room(a, forms[k], guide, points, reach, grid, frame, margin)
         if room >= margin:
             numbers[found] = k
             found += 1

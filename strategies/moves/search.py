@@ -150,7 +150,7 @@ def search_move(  # type: ignore[no-untyped-def]
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = step_m, bend, gear
-                room, _ = measure_path_room(poses[node], step, guide, points, len(points), reach, grid, frame, margin)
+                room, _ = measure_path_room(poses[node], step, guide, points, reach, grid, frame, margin)
                 if room < margin:
                     continue
                 u, v, after = advance_pose(x, y, heading, step_m, bend, gear)
@@ -183,7 +183,7 @@ def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin
         for gear in gears:
             for side in range(-1, 2):
                 step[0, 0], step[0, 1], step[0, 2] = step_m, side / radius, gear
-                if not has_room_on_path(poses[at], step, guide, points, len(points), reach, grid, frame, margin):
+                if not has_room_on_path(poses[at], step, guide, points, reach, grid, frame, margin):
                     continue
                 u, v, after = advance_pose(poses[at, 0], poses[at, 1], poses[at, 2], step_m, side / radius, gear)
                 key = _find_cell(u, v, after, 0, step_m)

@@ -27,8 +27,8 @@ class MachineBody:
 
     @cached_property
     def points(self) -> Floats:
-        """Its outline as points (n, 2) ahead of the rear axle and to its left, at most POINT_STEP_M apart, the farthest
-        first."""
+        """Its outline as points (n, 3): ahead of the rear axle, to its left, and from the point before; at most
+        POINT_STEP_M apart on a box, infinite for the first (m)."""
         points: list[tuple[float, float]] = []
         for rear, front, half in self.boxes:
             corners = [(rear, -half), (front, -half), (front, half), (rear, half)]
@@ -36,12 +36,12 @@ class MachineBody:
                 pieces = max(1, math.ceil(math.hypot(bx - ax, by - ay) / POINT_STEP_M))
                 points += [(ax + (bx - ax) * k / pieces, ay + (by - ay) * k / pieces) for k in range(pieces)]
         outline = np.array(points)
-        return np.asarray(outline[np.argsort(-np.hypot(*outline.T), kind="stable")])
+        return np.column_stack([outline, np.hypot(*np.diff(outline, axis=0, prepend=np.inf).T)])
 
     @cached_property
     def reach_m(self) -> float:
         """The distance of the farthest of its points from the rear axle (m)."""
-        return float(np.hypot(*self.points[0]))
+        return float(np.hypot(*self.points[:, :2].T).max())
 
     @property
     def guided_reach_m(self) -> float:

@@ -23,7 +23,7 @@ CELL_M = (
 BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
 PATH_STEP_M = 0.4  # between the poses checked on a path
 AMPLE_M = 0.25  # beyond the room asked for: more makes no difference
-FAR_POINTS = 8  # the farthest points of a body, which leave the ground first, are checked on the whole path first
+STEEPEST = math.sqrt(2.0)  # how much interpolated distances differ over a metre at most
 
 
 @compile_function
@@ -89,26 +89,31 @@ def get_distance(x, y, grid, frame) -> float:  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
-def measure_body_room(x, y, cosine, sine, points, count, grid, frame, enough) -> float:  # type: ignore[no-untyped-def]
-    """Least signed distance (m) of the first `count` points (n, 2) of a body with its rear axle at a pose.
+def measure_body_room(x, y, cosine, sine, points, grid, frame, enough, most) -> float:  # type: ignore[no-untyped-def]
+    """Least signed distance (m) of the points (n, 3) of a body with its rear axle at a pose, `most` if it is more.
 
-    The heading is given by its cosine and sine. Below `enough` it stops at the first point that shows it.
+    The heading is given by its cosine and sine. Below `enough` it stops at the first point that shows it. Points that
+    are too near to one with more room to have less are skipped.
     """
-    least = np.inf
-    for k in range(count):
+    least, spare = most, 0.0
+    for k in range(len(points)):
+        spare -= STEEPEST * points[k, 2]
+        if spare > 0.0:
+            continue
         px, py = points[k, 0], points[k, 1]
         distance = get_distance(x + px * cosine - py * sine, y + px * sine + py * cosine, grid, frame)
         if distance < least:
             least = distance
             if least < enough:
                 return least
-    return least
+        spare = distance - least
+    return least  # type: ignore[no-any-return]
 
 
 @compile_for_views
-def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough):  # type: ignore[no-untyped-def]
-    """Least room (m) of the first `count` points of a body on a path of rows (n, 3: length, curvature, gear), and the
-    metres driven up to there if it is below `enough`.
+def measure_path_room(a, rows, guide, points, reach, grid, frame, enough):  # type: ignore[no-untyped-def]
+    """Least room (m) of a body on a path of rows (n, 3: length, curvature, gear), and the metres driven up to there if
+    it is below `enough`.
 
     The guided point, `guide` ahead of the rear axle, begins at the pose a (3,). Forwards the axle trails it, in reverse
     the body lies along the path. Below `enough` it stops at the first place that shows it; a place with more room than
@@ -133,7 +138,7 @@ def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough)
             cosine, sine = ahead_x / long, ahead_y / long
             x, y = px - guide * cosine, py - guide * sine
             if get_distance(x, y, grid, frame) < reach + least:
-                least = min(least, measure_body_room(x, y, cosine, sine, points, count, grid, frame, enough))
+                least = measure_body_room(x, y, cosine, sine, points, grid, frame, enough, least)
                 if least < enough:
                     return least, driven + length * number / steps
             dx, dy = dx * turn_x - dy * turn_y, dx * turn_y + dy * turn_x
@@ -143,9 +148,9 @@ def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough)
 
 
 @compile_for_views
-def has_room_on_path(a, rows, guide, points, count, reach, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
+def has_room_on_path(a, rows, guide, points, reach, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
     """Whether a body keeps `margin` (m) on a path, as measure_path_room has it."""
-    room, _ = measure_path_room(a, rows, guide, points, count, reach, grid, frame, margin)
+    room, _ = measure_path_room(a, rows, guide, points, reach, grid, frame, margin)
     return room >= margin  # type: ignore[no-any-return]
 
 
@@ -158,7 +163,7 @@ def measure_rooms(poses, axle, points, reach, grid, frame, cap):  # type: ignore
         x, y = poses[k, 0] - axle * cosine, poses[k, 1] - axle * sine
         rooms[k] = get_distance(x, y, grid, frame) - reach
         if rooms[k] < cap:
-            rooms[k] = measure_body_room(x, y, cosine, sine, points, len(points), grid, frame, -np.inf)
+            rooms[k] = measure_body_room(x, y, cosine, sine, points, grid, frame, -np.inf, cap)
     return rooms
 
 

@@ -7,6 +7,8 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from strategies.moves.closed_forms import (
     CURVED_REVERSE_S,
@@ -106,6 +108,21 @@ def test_forms_without_room_are_passed_over() -> None:
     assert len(tight)
 
 
+@settings(max_examples=60, deadline=None)
+@given(goal=st.tuples(st.floats(-25.0, 25.0), st.floats(-25.0, 25.0), st.floats(-3.1, 3.1)), top=st.floats(6.0, 40.0))
+def test_forms_are_picked_that_have_room_by_themselves(goal: tuple[float, float, float], top: float) -> None:
+    """Those that begin as one without room are passed over without a look at their places."""
+    ground = build_ground(shapely.box(-30.0, -12.0, 30.0, top), 6.0)
+    body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame
+    forms, _, _ = list_closed_forms(np.array(goal), RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, 60)
+    picked = set(pick_with_room(np.zeros(3), forms, 60, *body, MARGIN_M).tolist())
+    ample, any_room = (
+        {k for k, rows in enumerate(forms) if has_room_on_path(np.zeros(3), rows, *body, margin)}
+        for margin in (MARGIN_M + 0.05, MARGIN_M)  # places on an arc are not the same on a longer one
+    )
+    assert ample <= picked <= any_room
+
+
 def test_a_search_leads_round_a_wall() -> None:
     ground = build_ground(shapely.box(0.0, 0.0, 80.0, 60.0) - shapely.box(38.0, 0.0, 42.0, 40.0), 6.0)
     start, goal = np.array([15.0, 15.0, 0.0]), np.array([65.0, 15.0, 0.0])
@@ -117,7 +134,7 @@ def test_a_search_leads_round_a_wall() -> None:
     shorter = shorten_rows(start, rows, *how, *body)
     for path in (rows, shorter):
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
-        assert has_room_on_path(start, path, *body[:2], len(BODY.points), *body[2:5], MARGIN_M - 1e-9)
+        assert has_room_on_path(start, path, *body[:5], MARGIN_M - 1e-9)
     bends, fewer = (np.count_nonzero(np.diff(path[path[:, 0] > 0.0, 1])) for path in (rows, shorter))
     assert fewer < bends and shorter[:, 0].sum() <= 1.01 * rows[:, 0].sum()  # bends cost time as well
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall

@@ -83,10 +83,36 @@ def test_room_of_a_body_beside_an_edge() -> None:
     assert rooms == pytest.approx([3.5, 2.0, -0.5], abs=1e-6)  # half its width; 3 m behind the axle; half its width
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    angle=st.floats(-3.1, 3.1),
+    place=st.tuples(st.floats(0.0, 60.0), st.floats(0.0, 40.0)),
+    half_m=st.floats(0.5, 18.0),
+    hole=st.tuples(st.floats(5.0, 50.0), st.floats(5.0, 30.0), st.floats(0.2, 6.0)),
+)
+def test_the_room_of_a_body_is_the_least_of_all_its_points(
+    angle: float, place: tuple[float, float], half_m: float, hole: tuple[float, float, float]
+) -> None:
+    """Points that are skipped, as one beside them has far more room, have no less."""
+    x, y, size = hole
+    ground = build_ground(FIELD - shapely.box(x, y, x + size, y + 0.3), 12.0)
+    body = MachineBody(((-3.0, 2.0, 1.2), (-5.0, -4.0, half_m)), 1.0)
+    tables = ground.grid, ground.frame
+    room = measure_rooms(np.array([[*place, angle]]), 0.0, body.points, body.reach_m, *tables, 12.0)[0]
+    ahead, left, _ = body.points.T
+    points = np.column_stack(
+        [
+            place[0] + ahead * math.cos(angle) - left * math.sin(angle),
+            place[1] + ahead * math.sin(angle) + left * math.cos(angle),
+        ]
+    )
+    assert room == pytest.approx(min(get_distance(*point, *tables) for point in points.tolist()), abs=1e-9)
+
+
 def test_a_path_has_room_until_the_nose_is_at_the_edge() -> None:
     ground = build_ground(FIELD, CAP_M)
     start = np.array([30.0, 20.0, 0.0])  # of the guided point, a metre behind the nose
-    tables = OUTLINE.points, len(OUTLINE.points), OUTLINE.reach_m, ground.grid, ground.frame
+    tables = OUTLINE.points, OUTLINE.reach_m, ground.grid, ground.frame
     reached = [
         has_room_on_path(start, np.array([[length, 0.0, 1.0]]), OUTLINE.guide_m, *tables, 0.1)
         for length in (28.8, 29.0)
