@@ -79,12 +79,13 @@ def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> 
 
 
 @pytest.mark.matrix
-def test_a_changed_callee_in_another_package_is_compiled_into_its_callers(run: Run, room: Path) -> None:
-    (room / "strategies").mkdir()
-    (room / "strategies" / "__init__.py").touch()
-    (room / "strategies" / "inner.py").write_text(CALLEE.format("2.0"))
-    (room / "strategies" / "outer.py").write_text(CALLER.replace("vehicle.one", "strategies.inner"))
-    code = CODE.replace("vehicle.two", "strategies.outer")
+def test_a_changed_callee_in_another_folder_of_a_package_is_compiled_into_its_callers(run: Run, room: Path) -> None:
+    for name in ("moves", "tours"):
+        (room / "strategies" / name).mkdir(parents=True)
+    inner = room / "strategies" / "moves" / "inner.py"
+    inner.write_text(CALLEE.format("2.0"))
+    (room / "strategies" / "tours" / "outer.py").write_text(CALLER.replace("vehicle.one", "strategies.moves.inner"))
+    code = CODE.replace("vehicle.two", "strategies.tours.outer")
     environment = {**os.environ, "PYTHONPATH": str(room), "NUMBA_CACHE_DIR": str(room / "kept")}
 
     def start() -> str:
@@ -92,7 +93,7 @@ def test_a_changed_callee_in_another_package_is_compiled_into_its_callers(run: R
         return subprocess.run(words, capture_output=True, text=True, env=environment, cwd=room, check=True).stdout
 
     assert [start(), start()] == ["7.0 0\n", "7.0 1\n"]
-    (room / "strategies" / "inner.py").write_text(CALLEE.format("5.0"))
+    inner.write_text(CALLEE.format("5.0"))
     assert start() == "16.0 0\n"
 
 
