@@ -237,8 +237,8 @@ def _find_package(function: Callable[..., Any]) -> Path:
 
 @cache
 def _hash_sources(home: Path) -> str:
-    """Digest of the modules whose functions or constants may be compiled in: those of the loop, and of the caller's
-    package those with compiled functions."""
+    """Digest of the modules whose functions may be compiled in, with their constants: those of the loop, and of the
+    caller's package those with compiled functions. Constants of other packages (ROUNDING) are not noticed."""
     package = Path(__file__).parent
     texts = {path: path.read_bytes() for path in sorted({*package.rglob("*.py"), *home.rglob("*.py")})}
     digest = hashlib.sha256()

@@ -266,10 +266,9 @@ def _lay_inside_headland(
     choice = _choose_pattern(field, edges, rules, bearing_deg) or _choose_pattern(field, edges, shorter, bearing_deg)
     bearing_rad = orient_bearing_by_outline(field, choice[0] if choice else _list_bearings(field, bearing_deg)[0])
     pattern, depth_m = fill_region(region, bearing_rad, rules), headland_passes * width_m
-    swaths = pattern and number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)), field.entrance)
-    return Layout(
-        field, bearing_rad, width_m, depth_m, swaths or (), region, headland_passes, min_spacing_m=min_spacing_m
-    )
+    laid = () if pattern is None else build_swaths(pattern, compute_axes(bearing_rad))
+    swaths = number_from_longer_side(laid, field.entrance) if laid else ()
+    return Layout(field, bearing_rad, width_m, depth_m, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 
 
 def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None) -> None:
@@ -305,9 +304,9 @@ def _choose_pattern(
 
 def _list_bearings(field: Field, bearing_deg: float | None) -> list[float]:
     """The given bearing as a mathematical angle, or those of the boundary with that of the longest edge first."""
-    return (
-        list_candidate_bearings(field.boundary) if bearing_deg is None else [math.radians(90.0 - bearing_deg % 180.0)]
-    )
+    if bearing_deg is None:
+        return list_candidate_bearings(field.boundary)
+    return [math.radians(90.0 - bearing_deg % 180.0)]
 
 
 def _select_promising_bearings(angles: list[float], edges: Floats, rules: PatternRules) -> list[float]:

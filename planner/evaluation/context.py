@@ -87,7 +87,7 @@ class MoveStore(Protocol):
     """A cache of what is known of the moves of sites (planner.pipeline.move_cache)."""
 
     def load(self, context: PlanningContext, moves: SiteMoves) -> StoredMoves:
-        """Let moves of a context know what is stored of them."""
+        """Let moves of a context know what is stored of them; what stores what is new."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -121,12 +121,17 @@ def lay_contours(
     return layout
 
 
+def count_passes(request: PlanRequest, headland_m: float) -> int:
+    """How many headland passes are as deep as that, or as many as there may be."""
+    return min(math.ceil(headland_m / request.width_m - 1e-6), MAX_HEADLAND_PASSES)
+
+
 def _lay_deepest(request: PlanRequest, field: Field, headland_m: float, lay: Callable[[int], Layout]) -> Layout:
     """The layout that `lay` makes inside as many headland passes as the headland takes and the field has room for.
 
     There is room for passes that can be laid; where planning decides how many, swaths have to fit inside, but for one.
     """
-    max_passes = min(max(1, math.ceil(headland_m / request.width_m - 1e-6)), MAX_HEADLAND_PASSES)
+    max_passes = max(1, count_passes(request, headland_m))
     if request.requested_headland_m is not None:
         laid = lay_headland_passes(field, request.width_m, max_passes)
         return lay(max((one.number for one in laid), default=1))

@@ -35,6 +35,7 @@ from planner.evaluation.layout_choice import (
     build_effort_rates,
     build_slope_weigher,
     choose_quickest_index,
+    count_passes,
     lay_contours,
     list_layouts,
 )
@@ -241,8 +242,8 @@ def _lay_out_field(
 
     def build_context(layout: Layout) -> PlanningContext:
         """The context of one layout: its turns timed and its headland passes laid, with remarks on it."""
-        if unmet := tuple(_describe_unmet_wishes(request, layout, needed_m)):
-            layout = replace(layout, field=replace(field, remarks=(*field.remarks, *unmet)))
+        remarks = *field.remarks, *_describe_unmet_wishes(request, layout, needed_m)
+        layout = replace(layout, field=replace(field, remarks=remarks))
         turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
         turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
         turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
@@ -266,8 +267,7 @@ def _lay_out_field(
         if request.swaths == STRAIGHT
         else [lay_contours(request, field, headland_m, passing_m, physics.terrain, radius_m)]
     )
-    index = None if planned is None else planned.find_index(layouts)
-    layouts = layouts if index is None else layouts[index : index + 1]
+    layouts = next(([one] for one in layouts if planned is not None and planned.fits(one)), layouts)
     weigh = build_slope_weigher(request, physics, tractor, field.default_ground)
     with time_share.save_half() as layout_share:
         for layout in layouts:
@@ -318,9 +318,9 @@ def _describe_unmet_wishes(request: PlanRequest, layout: Layout, needed_m: float
     """Sentences on a bearing without tracks, a headland without room, and passes less deep than turns need."""
     passes = request.headland_passes
     if not layout.swaths and (request.bearing_deg is not None or request.cell_bearings):
-        yield "No track fits inside the headland passes at the bearing asked for."
-    if (request.requested_headland_m or 0.0) > layout.headland_m + GRID_M:
-        yield f"The field has room for a headland of {layout.headland_m:g} m only."
+        yield "No track fits inside the headland passes, so that the bearing asked for changes nothing."
+    if layout.headland_passes < count_passes(request, request.requested_headland_m or 0.0):
+        yield f"The field has no room for more headland passes than {layout.headland_passes}."
     elif layout.swaths and passes is not None and passes * request.width_m <= needed_m - GRID_M:
         subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"
         yield (

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -51,12 +50,8 @@ class PlannedLayout:
     inside: shapely.Geometry
     middles: Floats
 
-    def find_index(self, layouts: Sequence[Layout]) -> int | None:
-        """Index of the layout with these tracks inside this headland; None where there is none."""
-        fitting = (index for index, layout in enumerate(layouts) if self._fits(layout))
-        return next(fitting, None)
-
-    def _fits(self, layout: Layout) -> bool:
+    def fits(self, layout: Layout) -> bool:
+        """Whether a layout has these tracks inside this headland."""
         shift = np.asarray(self.origin_m) - np.asarray(layout.field.origin_m)
         inside = shapely.transform(self.inside, lambda xy: xy + shift)
         region = layout.inner_region if layout.headland_passes else shapely.Polygon()

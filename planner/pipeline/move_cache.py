@@ -24,7 +24,7 @@ from strategies.programmes.site_moves import SiteMoves
 
 Known = dict[str, list[Any]]
 """Entries (key, value) of tables by their names."""
-DRIVEN = "driven"  # a table of moves by others
+DRIVEN = "driven"  # the table whose keys are moves of other tables
 DRIVES = "drive", "drive_level"  # of a site: functions of the tractor, its implement, heights and load
 MOST_BYTES = 100_000_000
 
@@ -36,7 +36,7 @@ class MoveCache:
     results: ResultCache
 
     def load(self, context: PlanningContext, moves: SiteMoves) -> SiteFiles:
-        """Let moves of a context know what is stored of them."""
+        """Let moves of a context know what is stored of them; what stores what is new."""
         name = _hash_site(context, moves)
         load_entries(moves, self.results.read_all(name))
         return SiteFiles(self.results, name, count_entries(moves))

@@ -121,13 +121,8 @@ def _find_lines(names: Iterable[LineName], lines: Sequence[WorkLine]) -> list[in
 
 
 def _describe_lines(tasks: Sequence[LegTask]) -> str:
-    """ "tracks 1 to 24 and the headland pass R1"."""
+    """ "1-24, R1-R2": the numbers of tracks and headland passes."""
     tracks = sorted({(task.number or 0) + 1 for task in tasks if task.kind == SWATH})
     passes = sorted({task.number or 0 for task in tasks if task.kind == HEADLAND_PASS})
-    found = [f"track {one}" for one in tracks] if len(tracks) < 2 else [f"tracks {tracks[0]} to {tracks[-1]}"]
-    found += (
-        [f"the headland pass R{one}" for one in passes]
-        if len(passes) < 2
-        else [f"headland passes R{passes[0]} to R{passes[-1]}"]
-    )
-    return " and ".join(found) or "none"
+    spans = ((letter, {some[0], some[-1]}) for letter, some in (("", tracks), ("R", passes)) if some)
+    return ", ".join("-".join(f"{letter}{one}" for one in sorted(ends)) for letter, ends in spans)

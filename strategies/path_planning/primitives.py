@@ -2,9 +2,8 @@
 
 A primitive is a row of MAX_PIECES segments (length m, curvature 1/m, gear), with zero lengths where it has fewer.
 Primitives come in families: Dubins' six (with both places of the middle circle of the three-arc ones), Reeds and
-Shepp's C|C|C, and arc, straight in reverse, arc. Their kinds: three forward arcs are OMEGA;
-arc, straight, arc is OMEGA if more than a quarter turn is turned in vain, U if the heading changes by a quarter turn or
-more, otherwise ROUTE.
+Shepp's C|C|C, and arc, straight in reverse, arc. Their kinds: three forward arcs are OMEGA; arc, straight, arc is OMEGA
+if more than a quarter turn is turned in vain, U if the heading changes by a quarter turn or more, otherwise ROUTE.
 
 Sources: L. E. Dubins, "On curves of minimal length with a constraint on average curvature", American Journal of
 Mathematics 79 (1957); J. A. Reeds and L. A. Shepp, "Optimal paths for a car that goes both forwards and backwards",

@@ -23,7 +23,7 @@ CELL_M = (
 BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
 PATH_STEP_M = 0.4  # between the poses checked on a path
 AMPLE_M = 0.25  # beyond the room asked for: more makes no difference
-STEEPEST = math.sqrt(2.0)  # how much interpolated distances differ over a metre at most
+STEEPEST = math.sqrt(2.0)  # how much interpolated distances differ over a metre at most, on the grid
 
 
 @compile_function
@@ -93,7 +93,8 @@ def measure_body_room(x, y, cosine, sine, points, grid, frame, enough, most) -> 
     """Least signed distance (m) of the points (n, 3) of a body with its rear axle at a pose, `most` if it is more.
 
     The heading is given by its cosine and sine. Below `enough` it stops at the first point that shows it. Points that
-    are too near to one with more room to have less are skipped.
+    are too near to one with more room to have less are skipped, so that what is beyond the grid may count as less far
+    outside.
     """
     least, spare = most, 0.0
     for k in range(len(points)):

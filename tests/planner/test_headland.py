@@ -29,6 +29,8 @@ from vehicle.missions.run import DONE, SimulationRun
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
+NO_TRACK = "No track fits inside the headland passes, so that the bearing asked for changes nothing."
+
 
 def planned_strips(site: PlanningContext, run: SimulationRun) -> shapely.Geometry:
     """Ground that the bar passes over if every leg is driven as planned; it is `tool_m` behind the guided point."""
@@ -187,9 +189,9 @@ class TestNumberOfPasses:
         [
             ({}, ()),
             ({"headland_passes": 1}, ()),
-            ({"headland_m": 30.0}, ("The field has room for a headland of 9 m only.",)),
-            ({"bearing_deg": 30.0}, ("No track fits inside the headland passes at the bearing asked for.",)),
-            ({"cell_bearings": ((1, 30.0),)}, ("No track fits inside the headland passes at the bearing asked for.",)),
+            ({"headland_m": 30.0}, ("The field has no room for more headland passes than 1.",)),
+            ({"bearing_deg": 30.0}, (NO_TRACK,)),
+            ({"cell_bearings": ((1, 30.0),)}, (NO_TRACK,)),
         ],
     )
     def test_wishes_that_a_strip_has_no_room_for_are_said(self, options: dict[str, Any], told: tuple[str, ...]) -> None:

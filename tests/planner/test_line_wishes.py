@@ -135,7 +135,7 @@ def test_a_plan_keeps_to_what_is_wanted_and_its_estimate_agrees() -> None:
 
 @pytest.mark.slow
 def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:
-    with pytest.raises(HeadlandError, match=r"99 names no work of this layout, which has tracks 1 to \d+ and headland"):
+    with pytest.raises(HeadlandError, match=r"99 names no work of this layout, which has 1-\d+, R1"):
         plan_order(WorkOrder(PlanRequest(**BASE, leave_out="99"), field=FIELD))
     with pytest.raises(HeadlandError, match="given to tractor 3, and there are only 2 tractors"):
         plan_order(WorkOrder(PlanRequest(**BASE, give=("3=5",)), field=FIELD))

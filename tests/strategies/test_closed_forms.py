@@ -7,8 +7,6 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from strategies.moves.closed_forms import (
     CURVED_REVERSE_S,
