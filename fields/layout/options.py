@@ -167,7 +167,7 @@ def _assemble_layout(base_layout: Layout, ordered_cells: Sequence[_CellSwaths]) 
 
 def replace_bearings(layout: Layout, bearings_deg: Mapping[int, float]) -> Layout:
     """The layout with other bearings, degrees clockwise from north, by numbers of cells; raises FieldError."""
-    count = len(layout.cells)
+    count = max(1, len(layout.cells))  # other bearings may leave room for tracks where there are none
     for number in sorted(bearings_deg):
         if not 1 <= number <= count:
             raise FieldError(

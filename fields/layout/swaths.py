@@ -91,7 +91,8 @@ class Layout:
         swaths: sorted by line and piece; line numbers are unique across cells. None if the headland passes take all.
         inner_region: where the centre lines of swaths may be; with headland passes, the ground inside these.
         headland_passes: number of worked headland passes; 0 if the headland is only room for turning.
-        cells: parts of `inner_region` with swaths in one direction, in order of their numbers; by default a single one.
+        cells: parts of `inner_region` with swaths in one direction, in order of their numbers; by default a single one,
+            none without swaths.
         min_spacing_m: inside headland passes, the smallest spacing of lines, but at most the width.
     """
 
@@ -106,7 +107,7 @@ class Layout:
     min_spacing_m: float = 0.0
 
     def __post_init__(self) -> None:
-        if not self.cells:
+        if self.swaths and not self.cells:
             object.__setattr__(self, "cells", (Cell(1, self.bearing_rad, self.inner_region),))
 
     @property

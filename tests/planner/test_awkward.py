@@ -18,6 +18,7 @@ from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_farm
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import complete_request_by_farm
+from planner.pipeline.outputs.pictures import build_outline_picture, describe_field
 from planner.pipeline.planning import plan_order
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
@@ -69,6 +70,8 @@ def test_where_no_track_is_the_headland_passes_tell_slopes_and_what_a_battery_is
     planned = plan_order(order, executor=SerialExecutor())
     ranking = planned.ranking
     assert not planned.context.layout.swaths and planned.context.supply is None
+    assert describe_field(planned.context)["cells"] == []
+    assert build_outline_picture(planned.context).title == "strip: headland passes"
     assert ranking.best is not None and ranking.best.headland_order is None
     assert ranking.cross_slope_pct == pytest.approx(6.0, abs=0.3)
     assert ranking.erosion_share == pytest.approx(0.98, abs=0.02)

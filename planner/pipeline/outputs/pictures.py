@@ -360,7 +360,7 @@ def build_outline_picture(context: PlanningContext) -> PlanDrive:
     unworked.sort(key=lambda piece: -round(piece.area, 3))
     largest = _build_piece(unworked[0]) if unworked else None
     bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
-    title = f"{layout.field.name}: tracks at {bearing}"
+    title = f"{layout.field.name}: {f'tracks at {bearing}' if layout.cells else 'headland passes'}"
     return replace(
         build_field_picture(context, title, get_site_moves(context).lines),
         unworked=list_simplified_rings(tuple(unworked)),
