@@ -246,7 +246,8 @@ def _describe_next(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> 
     count = plan.tractors
     is_named = count == best.tractors + 1 and count < len(NEXT_TRACTORS) + 2
     more = translate(NEXT_TRACTORS[count - 2]) if is_named else translate("a fleet of {count}", count=count)
-    saved_s, change = best.ranked_s - plan.ranked_s, _compute_cost_change(plan, best)
+    saved_s = best.stated_finished_end_s - plan.stated_finished_end_s
+    change = _compute_cost_change(plan, best)
     values = {"tractors": format_tractor_count(best.tractors), "more": more, "worked": ""}
     if is_share_different(plan.worked_pct, best.worked_pct):
         values["worked"] = f", {_describe_share(plan)}"

@@ -50,6 +50,12 @@ def test_a_number_that_a_larger_one_beats_in_time_and_cost_is_not_offered() -> N
     assert write_alternatives(*plans) == "1 tractor; a fleet of 3 saves 15 min for 5 EUR."
 
 
+def test_what_is_saved_counts_breaks_as_the_end_does() -> None:
+    """A lunch of 45 minutes ends the first plan later, and the second is done before it."""
+    one = replace(build_plan(1, 60.0, 50.0), done_s=6300.0, finished_done_s=6300.0)
+    assert write_alternatives(one, build_plan(2, 50.0, 55.0)) == "1 tractor; a second saves 55 min for 5 EUR."
+
+
 def test_what_is_saved_and_paid_counts_the_ground_that_is_left() -> None:
     """Driven 10 minutes quicker for 5 less, but its rest takes 8 minutes and 12: 2 minutes for 7."""
     left = replace(build_plan(2, 50.0, 45.0, 86.2), finished_s=3480.0, finished_cost=57.0, missed_m2=1400.0)
