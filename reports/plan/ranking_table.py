@@ -49,14 +49,12 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     Without what is next it is the head of an explanation, and nothing is shortened.
     """
     plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
-    answer, title = write_answer(ranking), ""
+    answer, name = write_answer(ranking), shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
+    title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
     certainty = " ".join(filter(None, (answer.work, answer.certainty)))
     must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
     others = tuple(filter(None, (certainty if answer.verdict else "", answer.counting, answer.alternatives)))
     faults = (answer.question, *answer.faults) if answer.question else answer.faults
-    if not ranking.shortfalls:
-        name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
-        title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
     lines = AnswerLines(tuple(filter(None, must)), others, faults, title, is_whole=not with_next)
     parts: list[RenderableType] = [lines]
     if plans:
