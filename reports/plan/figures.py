@@ -172,7 +172,7 @@ _CATALOGUE = (
            "time with the unworked ground finished too, at the plan's own rate"),
     Figure("finished_cost"),
     Figure("wheel_traffic_m2", text=_WHOLE, unit="m2"),
-    Figure("outside_m", "Outside m", "", _TENTHS, "the farthest that tractor or implement reach beyond the outline",
+    Figure("outside_m", "Outside m", "", _HUNDREDTHS, "the farthest that tractor or implement reach beyond the outline",
            unit="m"),
     Figure("outside_along_m", "Outside along m", "", _WHOLE,
            "driven with tractor or implement farther beyond the outline than allowed"),

@@ -178,7 +178,7 @@ def _describe_content(entry: dict[str, Any]) -> str:
 
 
 def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> str:
-    """``format``, ``field``, ``area_ha``, ``files``, ``lines``, ``left_out`` and ``not_for_older`` as JSON.
+    """``format``, ``field``, ``boundary_ha``, ``files``, ``lines``, ``left_out`` and ``not_for_older`` as JSON.
 
     Lines are in driving order, tractor by tractor; those that are not in the files have ``written`` false. ``left_out``
     and ``not_for_older`` (what terminals of an older version cannot read) have ``what``, ``count``, ``why`` and, of
@@ -188,7 +188,7 @@ def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[
     content = {
         "format": written.format.name,
         "field": guidance.field,
-        "area_ha": None if guidance.boundary is None else round(guidance.area_m2 / 1e4, 6),
+        "boundary_ha": None if guidance.boundary is None else round(guidance.area_m2 / 1e4, 6),
         "files": list(files),
         "lines": [
             {

@@ -274,7 +274,7 @@ def test_ground_that_is_not_worked_is_hatched_on_the_map_and_told(leaving: PlanR
     for part in ("leaves 0.19 ha (10 %)", "not worked by the plan shown", "590 m2 of 690 m2 missed",
                  "Time to finish, h:mm", "Unworked: ground that no implement worked", "Unworked0.19 ha (10 %)",
                  "Wheel traffic off the headland12 m2",
-                 "Farthest outside1.2 m"):  # fmt: skip
+                 "Farthest outside1.20 m"):  # fmt: skip
         assert part in words.replace("\n", "").replace("  ", ""), part
     (plan,) = told(page)
     assert plan["missed"]["ground"].count("z") == 3
