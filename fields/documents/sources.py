@@ -44,6 +44,7 @@ FOREIGN_EXTENSIONS = {
     ".gdb": "a geodatabase",
     ".tif": "a picture",
     ".pdf": "a PDF",
+    ".toml": "TOML, as of a tractor or a farm",
 }
 """Extensions of files that may contain fields, for the refusal of those that no format reads."""
 
@@ -104,6 +105,8 @@ class FieldReference:
             return replace(shape, crs=shape.crs or (None if shape.frame else UNKNOWN_CRS), is_shape=True)
         if not os.path.exists(self.place) and self.place:
             raise FieldError(_explain_missing_file(self.place))
+        if os.path.isfile(self.place) and not os.path.getsize(self.place):
+            raise FieldError(f"{quote_path(self.place)} is empty; save it again, or name another file.")
         field_format = find_field_format(self.place)
         if field_format is not None:
             return field_format.read(self.place, label)
@@ -159,8 +162,8 @@ def _explain_foreign_file(place: str) -> str:
         )
     foreign = FOREIGN_EXTENSIONS.get(Path(place).suffix.lower(), "in an unknown format")
     return (
-        f"{quote_path(place)} is {foreign}, but fields are read from {names}; convert it, for instance with "
-        f"ogr2ogr -t_srs EPSG:4326 {Path(place).stem}.geojson {Path(place).name} or in QGIS."
+        f"{quote_path(place)} is {foreign}, but fields are read from {names}; name one of these, or convert it, "
+        f"for instance with ogr2ogr -t_srs EPSG:4326 {Path(place).stem}.geojson {Path(place).name} or in QGIS."
     )
 
 

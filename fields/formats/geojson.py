@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fields.errors import FieldError
+from fields.errors import FieldError, join_first, shorten_value
 from fields.formats.features import (
     GEOMETRY_TYPES,
     Feature,
@@ -48,7 +48,10 @@ def parse_geojson(content: str, label: str) -> FieldDocument:
     except (ValueError, RecursionError) as error:
         raise FieldError(f"{label} is not JSON ({explain_parse_error(error)}); give a GeoJSON file.") from error
     if not isinstance(root, dict) or not isinstance(root.get("type"), str):
-        raise FieldError(f"{label} is JSON without a 'type', so not GeoJSON; give a FeatureCollection or Polygon.")
+        members = join_first([shorten_value(name) for name in root]) if isinstance(root, dict) and root else "nothing"
+        raise FieldError(
+            f"{label} is JSON without a 'type' (it has {members}), so not GeoJSON; give a FeatureCollection or Polygon."
+        )
     features = _collect_features(root, label)
     header = get_member_object(root, HEADER_KEY)
     frame = header.get("frame")

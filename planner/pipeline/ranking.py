@@ -51,6 +51,7 @@ ENTRANCE_SENTENCE = (
     "All tractors enter and leave through the entrance, one after another; these drives are simulated and timed. "
     "Outside the field tractors block nobody. Field work is done when the last one sets out for the entrance."
 )
+NO_ENTRANCE_SENTENCE = "Without an entrance, every tractor begins and ends on the field, where its work does."
 
 
 def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult | None) -> tuple[str, ...]:
@@ -357,6 +358,13 @@ def _describe_headland(context: PlanningContext) -> str:
     )
 
 
+def _describe_ways_in(context: PlanningContext) -> list[str]:
+    """Where tractors begin; those that go on begin where they stand."""
+    if context.gateway is not None:
+        return [ENTRANCE_SENTENCE]
+    return [] if context.going_on else [NO_ENTRANCE_SENTENCE]
+
+
 def _describe_counted_day_parts(context: PlanningContext) -> tuple[str, ...]:
     """Which parts of the farm's day count."""
     workday = context.workday
@@ -411,7 +419,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         "Wheel traffic is finished ground off the headland that wheels cross with the implement raised; all tyres are "
         f"assumed to be {TYRE_WIDTH_M:g} m wide.",
         _describe_headland(context),
-        *([] if context.gateway is None else [ENTRANCE_SENTENCE]),
+        *_describe_ways_in(context),
         *_describe_counted_day_parts(context),
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),

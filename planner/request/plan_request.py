@@ -76,7 +76,8 @@ RISK, OUTPUT, COMPUTING = "Risk", "Output", "Computing"
 _STRATEGIES_HELP = f"Strategies to try, separated by commas: {', '.join(STRATEGY_NAMES)}; or all."
 _DEADLINE_HELP = "Deadline, hh:mm; before the start: next day. Best is the cheapest plan in time (late ground counts)."
 _RAIN_HELP = (
-    "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
+    "When it begins to rain: 17:00, 16:30=20,17:00=50 (in 20 and in 50 percent of cases, else it stays dry), 0.2/h (a "
+    "rate) or a CSV of members (time, hours)."
 )
 _FOLD_HELP = "Width of the implement when folded, metres (3); its working width: it does not fold."
 _ENTRANCE_HELP = "Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file."
