@@ -60,7 +60,11 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
     ground, proof_ground = build_grounds(shapely.Polygon())
     crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
     is_kept, implement = keeps_ground(operation, rule), context.implement
-    standing = folded = None
+    tracks = intersect(context.layout.inner_region, field.boundary)
+    standing = folded = spared = None
+    if crop_stands or is_kept:
+        spared_ground = subtract(_compute_allowed(context, shapely.Polygon(), 0.0, spare_m), taken)
+        spared = build_ground(subtract(spared_ground, shapely.buffer(tracks, -body.reach_m)), cap_m)
     if crop_stands and HEADLAND_FIRST in context.request.headland_orders:  # known as deep as the headland
         outline = shapely.Polygon(field.whole_boundary.exterior)
         standing = build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)
@@ -79,9 +83,10 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         crop_stands=crop_stands,
         keeps_ground=is_kept,
         furrow_s=ORDER_S if rule is not None and rule.in_furrows else 0.0,
-        kept=build_ground(intersect(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
+        kept=build_ground(tracks, ROOM_BEYOND_M),
+        spared=spared,
         standing=standing,
-        wheels_s_per_m=KEPT_WHEELS_S_PER_M if crop_stands or is_kept else WHEELS_S_PER_M,
+        wheels_s_per_m=WHEELS_S_PER_M if spared is None else KEPT_WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,

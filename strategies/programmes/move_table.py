@@ -172,11 +172,12 @@ class MoveTable:
     def find(self, u: int, v: int) -> bool:
         """Find moves between two nodes; whether any is.
 
-        In closed form, else with lines cut back as little as any move needs, and by a search where that is dearer than
-        what searches usually find; else by a search and with the implement folded.
+        In closed form, else with lines cut back as little as any move needs, and by a search where that, or driving on
+        a crop or a seedbed, is dearer than what searches usually find; else by a search and with the implement folded.
         """
         if (u, v) not in self._options:
-            self._options[u, v] = list(self.moves.list_options(u, v))
+            options = list(self.moves.list_options(u, v))
+            self._options[u, v] = options if self.site.spared is None else self._search_if_dear(u, v, options)
         if not self._options[u, v]:
             self._options[u, v] = self._cut_back(u, v)
         if not self._options[u, v]:
@@ -188,9 +189,13 @@ class MoveTable:
         """The moves that cut as little more off the lines as any does, and where even that is dear, one by a search."""
         cut = list(self.moves.list_cut_moves(u, v, self._cut_m.get((u, v), 0.0)))
         self._cut_m[u, v] = cut[0].leave_m + cut[0].join_m if cut else math.inf
-        is_dear = cut and cut[0].cost_s > self.moves.estimates.guess_searched_s(u, v)
+        return self._search_if_dear(u, v, cut)
+
+    def _search_if_dear(self, u: int, v: int, options: list[Move]) -> list[Move]:
+        """Moves, the cheapest first, with one by a search where the best is dearer than what these usually find."""
+        is_dear = bool(options) and options[0].cost_s > self.moves.estimates.guess_searched_s(u, v)
         searched = self._search(u, v, is_needed=False) if is_dear else []
-        return sorted([*cut, *searched], key=attrgetter("cost_s"))
+        return sorted([*options, *searched], key=attrgetter("cost_s"))
 
     def _update_cost(self, u: int, v: int) -> None:
         """The cost of the best move between two nodes that is left; dear where none is known yet."""
