@@ -23,7 +23,6 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 1e-9", ("1e-09 m", "0.5 to 100 m")),
     ("--headland 0", ("--headland",)),
     ("--headland 1e308", ("1e+308 m", "at most 1000 m")),
-    ("--headland 1000", ("1000 m", "headland (--headland) of 27 m")),
     ("--bearing nan", ("bearing", "nan")),
     ("--cell-bearing 2=45", ("Cell 2", "--cell-bearing", "has 1 cell", "use 1")),
     ("--cell-bearing 45", ("--cell-bearing", "'45'", "2=45")),
