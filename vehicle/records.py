@@ -1,6 +1,6 @@
 """Memory layout shared by Python and compiled code: one record per ground, tractor, leg and gate.
 
-That of a model is in vehicle.model.model_record, as the catalogue of effects names its fields.
+That of a model is in vehicle.sim.compile, as the catalogue of effects names its fields.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ LIST_FILE = "kernels.csv"
 POLL_S = 0.3
 RECORD_HOMES = {
     **dict.fromkeys(("STATE", "GROUND", "LEG", "GATE"), "vehicle.records"),
-    "MODEL": "vehicle.model.model_record",
+    "MODEL": "vehicle.sim.compile",
     "POSE": "vehicle.sim.path_conflicts",
 }
 Report = Callable[[int, int, float], None]

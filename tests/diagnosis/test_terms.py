@@ -13,12 +13,11 @@ from vehicle.missions.plan import Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.effects import CATALOGUE, NEUTRAL_FIELDS, check_effect, compute_effect_fields, get_neutral_values
 from vehicle.model.ground import find_ground_index
-from vehicle.model.model_record import MODEL
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Implement, Tractor, load_tractor
 from vehicle.records import STATE
 from vehicle.sim import effect_terms
 from vehicle.sim.calibration import build_steering_tables
-from vehicle.sim.compile import build_ground_records, build_model_record
+from vehicle.sim.compile import MODEL, build_ground_records, build_model_record
 from vehicle.sim.dynamics import step_speed_control, step_steering_system
 from vehicle.sim.world import simulate
 

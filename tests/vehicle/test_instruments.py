@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.model.instruments import apply_lever_arm, compute_guidance_pose, interpolate_at_time, interpolate_past_pose
-from vehicle.model.model_record import MODEL
 from vehicle.records import HISTORY_STEPS, STATE
+from vehicle.sim.compile import MODEL
 from vehicle.sim.effect_terms import read_delayed
 
 

@@ -13,9 +13,8 @@ from pydantic import ValidationError
 
 from vehicle.errors import VehicleError
 from vehicle.model.ground import list_ground_names
-from vehicle.model.model_record import MODEL
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names, load_tractor
-from vehicle.sim.compile import build_model_record
+from vehicle.sim.compile import MODEL, build_model_record
 
 
 def shipped(name: str) -> str:

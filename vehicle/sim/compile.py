@@ -21,17 +21,37 @@ from vehicle.energy.traction import (
 )
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Plan
+from vehicle.model.effects import NEUTRAL_FIELDS
 from vehicle.model.ground import GROUNDS, Tyres, find_ground_index
-from vehicle.model.model_record import MODEL
 from vehicle.model.tractor import Implement, Tractor, get_log_corrections
 from vehicle.model.work_load import WorkLoad
-from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, STATE
+from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, STATE, list_record_fields
 
 SAME_M = 1e-6
 # A tractor looks at least as far ahead as it drives while its wheels swing by this much: 1.7 s for that of the thesis.
 # Measured on paths of 12 kinks of up to 44 degrees at 5 to 15 km/h: with 1.4 times as much, or with less, it weaves.
 LOOKAHEAD_SWING_RAD = math.radians(27.2)
 WEAVE_SHARE = 0.85  # of the steering rate: what the limits of the thesis's tractor come to at 5 km/h
+MODEL = np.dtype(
+    [
+        *list_record_fields("mass inertia front rear track guide guide_reverse"),
+        *list_record_fields("lock dead_band switch rate lag gain latch"),
+        *list_record_fields("lateral_gain heading_gain lateral_limit lateral_ease wheel_pace lookahead_s"),
+        *list_record_fields("kp ki kd max_drive acceleration shift_time"),
+        *list_record_fields("nose tail half_width tool_front tool_tail tool_half_width reach"),
+        # Load and terrain (vehicle.sim.load_terms); they count only where `loaded` is 1.
+        *list_record_fields("loaded draft_constant draft_linear draft_square axle_power brake_limit"),
+        # Traction of the driven wheels (vehicle.energy.traction); a weight of 0 stands for wheels that do not slip.
+        *list_record_fields("driven_weight per_driven_weight envelope slip_resistance inverse_mobility"),
+        *list_record_fields("best_gain max_slip front_driven"),
+        # Effects and terms of a discrepancy model; they count only where `affected` and `discrepancy_model` are 1.
+        *((name, "f8") for name in NEUTRAL_FIELDS),
+    ]
+)
+"""The parameters of a tractor as compiled code reads them: one record per kind of tractor, constant during a run.
+
+SI and radians, distances from the centre of mass.
+"""
 
 
 @compile_function
