@@ -22,6 +22,7 @@ import sys
 import numpy as np
 import shapely
 from fields.geometry.field import Field
+from planner.cli.experiments import run_experiments
 from planner.cli.main import main
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.preparation import prepare_context
@@ -34,7 +35,6 @@ from strategies.moves.move_finder import MoveFinder
 from strategies.programmes.order_search import OrderProblem, search_programmes
 from vehicle.missions.plan import Leg, Mission
 from vehicle.model.tractor import Implement, load_tractor
-from vehicle.trials.sheets.catalogue import run_experiments
 from vehicle.twin.robot_tractor import RobotTractor
 warm_up_simulation()
 mission = Mission((Leg(np.array([[0.0, 0.0], [9.0, 0.0]]), 1.4),))

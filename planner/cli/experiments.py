@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
+from fields.errors import suggest_name
 from planner.cli.common.options import AsJson, Html, Png, TractorOption
 from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, warm_up
 from planner.errors import RequestError
+from vehicle.errors import VehicleError
 
 if TYPE_CHECKING:
+    from vehicle.model.tractor import Tractor
     from vehicle.trials.sheets.sheet import ExperimentSheet
+
+EXPERIMENTS = ("circles", "step", "zigzag", "navigation", "fixed", "changing", "slip", "twin")
+STUDIES = ("tyres", "mass")
 
 
 def design(
@@ -29,12 +35,14 @@ def design(
     Example: headland design tyres --html tyres.html
     """
     from reports.trials.report import format_experiment_json
-    from vehicle.trials.sheets.catalogue import STUDIES, check_name, run_design_study
+    from vehicle.model.tractor import load_tractor
+    from vehicle.trials.sheets.fixed_steering import build_mass_sheet, build_tyres_sheet
 
     check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
-    check_name(study, STUDIES, "study")
+    _check_name(study, STUDIES, "study")
     warm_up()
-    sheet = run_design_study(study, tractor)
+    build_sheet = build_tyres_sheet if study == "tyres" else build_mass_sheet
+    sheet = build_sheet(load_tractor(tractor))
     print_experiments((sheet,), html, png, AnswerForm(json), sheet, json=format_experiment_json)
 
 
@@ -100,11 +108,10 @@ def validate(
     Example: headland validate zigzag --html zigzag.html
     """
     from reports.trials.report import format_trials_json
-    from vehicle.trials.sheets.catalogue import EXPERIMENTS, check_name, run_experiments
 
     check_output_paths((html, ".html"), (png, ".png"))
     if experiment is not None:
-        check_name(experiment, EXPERIMENTS, "experiment")
+        _check_name(experiment, EXPERIMENTS, "experiment")
     elif png is not None:
         raise RequestError(f"--png shows one experiment; name one of: {', '.join(EXPERIMENTS)}.")
     if seed < 0:
@@ -114,6 +121,47 @@ def validate(
         names = EXPERIMENTS if experiment is None else (experiment,)
         sheets = run_experiments(names, seed=seed, progress=progress)
     print_experiments(sheets, html, png, AnswerForm(json), sheets, json=format_trials_json)
+
+
+def run_experiments(
+    names: tuple[str, ...] = EXPERIMENTS, *, seed: int = 1, progress: Callable[[int, int], None] | None = None
+) -> tuple[ExperimentSheet, ...]:
+    """Run experiments with the thesis's tractor, in the order given."""
+    from vehicle.model.tractor import load_tractor
+    from vehicle.trials.sheets.fixed_steering import build_changing_sheet, build_circles_sheet, build_fixed_sheet
+    from vehicle.trials.sheets.path_following import (
+        build_navigation_sheet,
+        build_slip_sheet,
+        build_step_sheet,
+        build_zigzag_sheet,
+    )
+    from vehicle.trials.sheets.twin_link import build_twin_sheet
+
+    tractor = load_tractor("eg105")
+    runs: dict[str, Callable[[Tractor], ExperimentSheet]] = {
+        "circles": build_circles_sheet,
+        "step": lambda machine: build_step_sheet(machine, seed),
+        "zigzag": build_zigzag_sheet,
+        "navigation": lambda machine: build_navigation_sheet(machine, seed),
+        "fixed": build_fixed_sheet,
+        "changing": build_changing_sheet,
+        "slip": build_slip_sheet,
+        "twin": lambda machine: build_twin_sheet(machine, seed),
+    }
+    sheets = []
+    for number, name in enumerate(names):
+        sheets.append(runs[name](tractor))
+        if progress:
+            progress(number + 1, len(names))
+    return tuple(sheets)
+
+
+def _check_name(name: str, names: tuple[str, ...], kind: str) -> None:
+    """Raise VehicleError for an unknown experiment or study, naming the known ones."""
+    if name not in names:
+        raise VehicleError(
+            f"The {kind} {name!r} is unknown{suggest_name(name, names)}; use one of: {', '.join(names)}."
+        )
 
 
 def print_experiments(

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from planner.cli import experiments
 from reports.trials.report import format_drive_json
 from tests.cli.conftest import Run
 from tests.cli.examples import EXPERIMENTS, list_guide_commands, run_as_written
-from vehicle.trials.sheets import catalogue
 from vehicle.trials.sheets.fixed_steering import describe_drive
 from vehicle.trials.sheets.sheet import SteeredDrive
 
@@ -26,17 +26,17 @@ KEYS = {"experiment", "quantity", "unit", "thesis", "ours", "difference_pct", "n
 @pytest.fixture(scope="module")
 def driven() -> Iterator[None]:
     """Every experiment is driven once for all commands that show it."""
-    validate = catalogue.run_experiments
+    validate = experiments.run_experiments
 
     @cache
     def sheet(name: str, seed: int) -> Any:
         return validate((name,), seed=seed)[0]
 
-    def known(names: tuple[str, ...] = catalogue.EXPERIMENTS, *, seed: int = 1, progress: Any = None) -> Any:
+    def known(names: tuple[str, ...] = experiments.EXPERIMENTS, *, seed: int = 1, progress: Any = None) -> Any:
         return tuple(sheet(name, seed) for name in names)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(catalogue, "run_experiments", known)
+        patch.setattr(experiments, "run_experiments", known)
         yield
 
 
