@@ -9,7 +9,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fields.arrays import Integers
-from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.deadlock_search import (
     drop_moves,
     find_way_home,
@@ -17,6 +16,7 @@ from planner.traffic.deadlock_search import (
     is_pair_safe,
     round_to_tenths,
 )
+from planner.traffic.precedence import DeadlockAvoidance
 from tests.examples import count_examples
 from tests.planner.grid import Cells, Plain, State, all_hold_points, plan_on, straight, traffic, trajectory
 from vehicle.missions.plan import LegGate

@@ -12,9 +12,8 @@ import shapely
 from hypothesis import given, settings
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.deadlock_search import find_way_home
-from planner.traffic.precedence import PrecedenceSearch, _add_gates
+from planner.traffic.precedence import DeadlockAvoidance, PrecedenceSearch, _add_gates
 from planner.traffic.timetable_search import GAP_BEHIND_S, START_LOSS_S
 from planner.traffic.trajectories import SoloTrajectory
 from tests.examples import count_examples, seldom
