@@ -25,9 +25,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from planner.day.planning import plan_day
     from planner.errors import HeadlandError
-    from planner.pipeline.diagnosis import Replay, diagnose, replay
+    from planner.pipeline.diagnosis import diagnose
     from planner.pipeline.executors import LocalPool, SerialExecutor, create_executor
     from planner.pipeline.planning import PlanningResult, plan
+    from planner.pipeline.replays import Replay, replay
     from planner.pipeline.thesis_study import study
     from planner.request.plan_request import PlanRequest
     from planner.sweeps.sweep import sweep
@@ -51,9 +52,10 @@ __all__ = [
 _HOMES = {
     "day.planning": ("plan_day",),
     "errors": ("HeadlandError",),
-    "pipeline.diagnosis": ("Replay", "diagnose", "replay"),
+    "pipeline.diagnosis": ("diagnose",),
     "pipeline.executors": ("LocalPool", "SerialExecutor", "create_executor"),
     "pipeline.planning": ("PlanningResult", "plan"),
+    "pipeline.replays": ("Replay", "replay"),
     "pipeline.thesis_study": ("study",),
     "request.plan_request": ("PlanRequest",),
     "sweeps.sweep": ("sweep",),

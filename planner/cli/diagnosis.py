@@ -260,7 +260,7 @@ def replay(
     """
 
     limit_linear_algebra_threads()
-    from planner.pipeline.diagnosis import replay as simulate
+    from planner.pipeline.replays import replay as simulate
     from reports.diagnosis.replay import build_replay_table, draw_replay, format_replay_json, render_replay_page
     from reports.plan.map_figure import render_png
 

@@ -1,46 +1,37 @@
-"""A diagnosis from files to results, with the change of a plan by the extended tractor; and the replay of one run."""
+"""A diagnosis from files to results, with runs that are held out and the change of a plan by the extended tractor.
+
+A held-out run has no part in what is found; what was found is then measured on it (`verdict.holdout`).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import reports.diagnosis.page  # noqa: F401  # how a diagnosis is shown
+from fields.arrays import Flags
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
-from planner.pipeline.diagnosis_evidence import align_path, build_evidence
-from planner.pipeline.held_out_runs import HeldOut, split_held_out_runs
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
+from planner.pipeline.replays import build_evidence
 from planner.risk.assessment import TIMEOUT_FACTOR
-from reports.common.rendering import ResultView, ShownResult
-from reports.diagnosis.replay import build_replay_view
+from reports.common.rendering import ShownResult
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.diagnosis.diagnose import ReportProgress, diagnose_logs
-from vehicle.identification.diagnosis.results import Diagnosis, PlanGain, ReplayedSegment, ReplayResult
+from vehicle.identification.diagnosis.other_vehicles import refuse_other_vehicle, scale_to_logs
+from vehicle.identification.diagnosis.results import Diagnosis, PlanGain
 from vehicle.identification.diagnosis.saving import measure_holdout
-from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
-from vehicle.identification.logs.schema import Log
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.reader import read_logs
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Log
 from vehicle.identification.logs.table import MappingSource
-from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
-from vehicle.identification.replay.drive_segments import (
-    DriveSegment,
-    ReplayRig,
-    build_dataset,
-    build_rig_and_corrections,
-)
-from vehicle.identification.replay.horizon_errors import (
-    ERROR_PIECE_S,
-    compute_horizon_errors,
-    compute_piece_errors,
-    find_piece_bounds,
-    measure_dataset,
-)
-from vehicle.identification.replay.simulation import simulate_instruments
-from vehicle.model.tractor import Settings, Tractor, resolve_tractor
+from vehicle.model.tractor import Tractor, resolve_tractor
 from vehicle.records import WORKING
 
 if TYPE_CHECKING:
@@ -51,6 +42,14 @@ if TYPE_CHECKING:
 PLAN_FIELD = "iwamizawa"
 PLAN_WIDTH_M = 3.0
 MIN_TRACTOR_LENGTH_M = 1.0
+AUTO = "auto"
+LOG_SUFFIXES = (".csv", ".parquet", ".pq")
+HELD_OUT_SHARE = 0.25  # of the runs: enough stay to find causes in
+SHORTEST_PART_S = 4.0 * SHORTEST_SEGMENT_S  # one piece of the longest horizon
+HeldOut = str | int | Sequence[str]
+"""Names or patterns of runs, #1 for the first of them; or how many runs, or AUTO: they are then chosen here."""
+HeldOutSplit = tuple[list[Log], list[Log], str]
+"""Logs for the diagnosis, logs that are held out, and a sentence that says how they were chosen."""
 
 Logs = Sequence[Log | str | Path] | Log | str | Path
 """One or more logs."""
@@ -136,6 +135,103 @@ def diagnose_demo(
     with attach_parameter("holdout"):
         logs, unseen_logs, words = split_held_out_runs(demo_logs, holdout)
     return _explain_logs(logs, machine, ground, progress, unseen_logs, words), hidden
+
+
+def split_held_out_runs(logs: Sequence[Log], held_out: HeldOut | None) -> HeldOutSplit:
+    """Split logs into those to diagnose and those that are held out, none without being asked.
+
+    With AUTO, a quarter of the runs, spread evenly over them; of a single run, its last quarter. Raises LogError for a
+    name that is no run, a count that leaves none, and a single run that is too short.
+    """
+    if held_out is None:
+        return list(logs), [], ""
+    words = [str(held_out)] if isinstance(held_out, str | int) else [str(word) for word in held_out]
+    parts = [part.strip() for word in words for part in word.split(",") if part.strip()]
+    if not parts:
+        raise LogError(f"No run is held out; give names of runs, how many, or {AUTO}.")
+    names = [log.name for log in logs]
+    count = _read_count(parts, names)
+    if count is None:
+        chosen = sorted({number for part in parts for number in _find_runs(part, names)})
+        reason = "as asked"
+    elif len(logs) == 1 and parts == [AUTO]:
+        return _split_single_run(logs[0])
+    else:
+        chosen = _spread_evenly(round(HELD_OUT_SHARE * len(logs)) or 1 if count == 0 else count, len(logs))
+        reason = "chosen evenly over all runs"
+    if len(chosen) >= len(logs):
+        runs = "1 run" if len(logs) == 1 else f"{len(logs)} runs"
+        raise LogError(f"{len(chosen)} of {runs} held out leave no run to diagnose; hold out fewer or add logs.")
+    return (
+        [log for number, log in enumerate(logs) if number not in chosen],
+        [logs[number] for number in chosen],
+        f"Held out, {reason}: {', '.join(names[number] for number in chosen)}.",
+    )
+
+
+def _read_count(parts: Sequence[str], names: Sequence[str]) -> int | None:
+    """Return how many runs to choose, 0 for AUTO, None for names; a run of that name comes first."""
+    (part, *others) = parts
+    if others or part in names:
+        return None
+    if part == AUTO:
+        return 0
+    if not part.isdecimal():
+        return None
+    if int(part) == 0:
+        raise LogError("0 runs held out say nothing; give 1 or more.")
+    return int(part)
+
+
+def _find_runs(pattern: str, names: Sequence[str]) -> list[int]:
+    """Return the runs that a name, a file or a pattern means; raises LogError where there is none."""
+    if pattern.startswith("#") and pattern[1:].isdecimal() and 1 <= int(pattern[1:]) <= len(names):
+        return [int(pattern[1:]) - 1]
+    path = PurePath(pattern)
+    wanted = (pattern, path.stem if path.suffix.lower() in LOG_SUFFIXES else path.name)
+    found = [number for number, name in enumerate(names) if name in wanted]
+    found = found or [number for number, name in enumerate(names) if any(fnmatchcase(name, one) for one in wanted)]
+    if not found:
+        known = f"#1 to #{len(names)}" if len(names) > 6 else ", ".join(names)
+        raise LogError(f"{pattern!r} is none of the runs ({known}); hold out runs that are among the logs.")
+    return found
+
+
+def _spread_evenly(count: int, runs: int) -> list[int]:
+    """Return the middle run of each of `count` equal parts."""
+    if count >= runs:
+        return list(range(runs))
+    return [math.floor((number + 0.5) * runs / count) for number in range(count)]
+
+
+def _split_single_run(log: Log) -> HeldOutSplit:
+    """Hold out the last part of a run."""
+    first_s, last_s = (float(log.time_s[log.used][end]) for end in (0, -1))
+    from_s = last_s - HELD_OUT_SHARE * (last_s - first_s)
+    if last_s - from_s < SHORTEST_PART_S:
+        raise LogError(
+            f"{log.name} lasts {last_s - first_s:.0f} s; a part of a single run can be held out from "
+            f"{SHORTEST_PART_S / HELD_OUT_SHARE:.0f} s on; log a second run."
+        )
+    is_late = log.time_s >= from_s
+    return (
+        [_slice_log(log, ~is_late, log.name)],
+        [replace(_slice_log(log, is_late, f"{log.name} (last quarter)"), gated=())],
+        f"Held out, as there is one run only: the last {last_s - from_s:.0f} s of {log.name}.",
+    )
+
+
+def _slice_log(log: Log, rows: Flags, name: str) -> Log:
+    """Return the log of some rows, its segments numbered from 0."""
+    columns: dict[str, Any] = {
+        each.name: column[rows]
+        for each in fields(log)
+        if isinstance(column := getattr(log, each.name), np.ndarray) and len(column) == len(rows)
+    }
+    part = replace(log, name=name, **columns)
+    numbers = np.unique(part.segment[part.segment >= 0])
+    segment = np.where(part.segment >= 0, np.searchsorted(numbers, part.segment), -1)
+    return replace(part, segment=segment)
 
 
 def _explain_logs(
@@ -228,67 +324,3 @@ def _measure_lateral_cm(context: PlanningContext, run: SimulationRun) -> float:
     offsets = points[:, None, :] - starts[None]
     cross = np.abs(offsets[:, :, 0] * directions[None, :, 1] - offsets[:, :, 1] * directions[None, :, 0]).min(axis=1)
     return 100.0 * float(np.sqrt(np.mean(cross**2)))
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Replay(ShownResult):
-    """A replayed run with its errors, and the remarks on the log's columns and rows.
-
-    `to_pandas()` has a row per length of the pieces compared; `plot()` draws the measured and the simulated path;
-    `save()` writes .json, .html or .png.
-    """
-
-    replayed: ReplayResult
-    remarks: tuple[str, ...]
-
-    def get_view(self) -> ResultView:
-        """Paths, errors and remarks."""
-        return build_replay_view(self.replayed, self.remarks)
-
-
-def replay(
-    log: Log | str | Path,
-    *,
-    tractor: Tractor | str | Path = "eg105",
-    ground: str = "soil",
-    fixes: Sequence[str] = (),
-    mapping: MappingSource = None,
-    heights: HeightFile | str | Path | None = None,
-) -> Replay:
-    """Replay a log (an object, or a file read with `fixes` and `mapping`) with the effects of a tractor (object, name
-    or file).
-
-    Example:
-
-        run = headland.replay("run.csv", tractor="eg105")
-        run.replayed.errors[5.0].cross_cm  # error across over pieces of 5 s, cm
-        run.to_pandas()                    # a row per length of the pieces: cross_cm, along_cm, heading_deg
-        run.plot()                         # the measured and the simulated path
-
-    Returns a Replay: `replayed` (the run with its errors and simulated paths) and `remarks` on the log. `heights` are
-    as in `diagnose`: what the tractor file says per slope is then that of the ground under every row.
-
-    Raises LogError, VehicleError and, for heights, ElevationError.
-    """
-    with attach_parameter("tractor"):
-        machine = resolve_tractor(tractor)
-    with attach_parameter("log"):
-        run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m, mapping=mapping)
-        (run,) = add_known_ground([run], heights)
-        course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
-    with attach_parameter("ground"):
-        rig, settings = build_rig_and_corrections(machine, ground, course.origin)
-    errors = compute_horizon_errors(measure_dataset(course, rig, settings))
-    segments = tuple(_replay_segment(rig, segment, settings) for segment in course.segments)
-    left_out = course.rows_read - course.rows
-    replayed = ReplayResult(run.name, machine.name, tuple(settings), errors, segments, left_out)
-    of_ground = course.remarks if run.ground_fall is not None else ()
-    return Replay(replayed, (*list_remarks(run), *run.set_remarks, *of_ground))
-
-
-def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
-    antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
-    bounds = find_piece_bounds(segment.time, ERROR_PIECE_S)
-    errors = compute_piece_errors(segment, antenna, heading, bounds)
-    parts = tuple((rows, errors[rows]) for rows in (slice(int(i), int(j)) for i, j in zip(*bounds, strict=True)))
-    return ReplayedSegment(segment, align_path(segment, antenna, heading), wheel, speed, parts)

@@ -97,7 +97,7 @@ def test_what_a_refusal_of_columns_suggests_reads_the_log(headland: Run, folder:
 
 
 def test_a_replay_draws_a_speed_only_where_it_simulated_one(headland: Run, folder: Path) -> None:
-    from planner.pipeline.diagnosis import replay
+    from planner.pipeline.replays import replay
     from reports.diagnosis.replay import draw_replay
 
     def labels(frame: pd.DataFrame) -> list[list[str]]:
@@ -116,7 +116,7 @@ def test_a_replay_draws_a_speed_only_where_it_simulated_one(headland: Run, folde
 
 def test_a_run_that_starts_at_rest_is_laid_on_by_its_heading(folder: Path) -> None:
     """Six seconds at rest: the noise of the positions must not turn the picture."""
-    from planner.pipeline.diagnosis import replay
+    from planner.pipeline.replays import replay
 
     rng = np.random.default_rng(4)
     frame = log(800)

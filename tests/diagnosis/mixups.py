@@ -17,11 +17,11 @@ import pandas as pd
 from pyproj import Transformer
 
 from tests.truth.cases import ColumnClock, TruthCase
+from vehicle.identification.diagnosis.other_vehicles import refuse_other_vehicle
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import list_remarks, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.sensor_checks import correct_sensors_like_others
-from vehicle.identification.logs.vehicle_size import refuse_other_vehicle
 from vehicle.model.tractor import Tractor
 
 HOME_DEG = (141.3545, 43.0686)  # longitude and latitude of a field in Sapporo

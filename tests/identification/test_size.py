@@ -10,14 +10,14 @@ from tests.identification.log_tables import refusal, runs
 from tests.truth.drives import default_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.model import make_logs
-from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.schema import Log
-from vehicle.identification.logs.vehicle_size import (
+from vehicle.identification.diagnosis.other_vehicles import (
     explain_other_vehicle,
     measure_size,
     refuse_other_vehicle,
     scale_to_logs,
 )
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Log
 from vehicle.model.tractor import Tractor, load_tractor
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.pipeline.diagnosis_evidence import MOST_VALUE_BINS, bin_errors, build_evidence, choose_edges
+from planner.pipeline.replays import MOST_VALUE_BINS, bin_errors, build_evidence, choose_edges
 from vehicle.identification.logs.reader import read_log
 from vehicle.model.tractor import load_tractor
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.pipeline.held_out_runs import HeldOut, split_held_out_runs
+from planner.pipeline.diagnosis import HeldOut, split_held_out_runs
 from tests.identification.log_tables import refusal, table
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log

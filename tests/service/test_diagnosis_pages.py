@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, ViewportSize
 
-from planner.pipeline.diagnosis_evidence import build_evidence
+from planner.pipeline.replays import build_evidence
 from reports.diagnosis.page import render_diagnosis_page
 from tests.reports.test_diagnosis import diagnosis
 from tests.reports.test_diagnosis_logs import FAULTY, HARMFUL, LATE

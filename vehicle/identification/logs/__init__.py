@@ -1,1 +1,1 @@
-"""Measured logs: reading, unit and sign checks, sensor corrections, terrain and size of the vehicle."""
+"""Measured logs: reading, unit and sign checks, sensor corrections and terrain."""

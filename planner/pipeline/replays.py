@@ -1,4 +1,5 @@
-"""What convinces of a diagnosis: all logs replayed by the tractor file as it was and by the extended one.
+"""Replays of measured logs: one run by a tractor file, and all runs of a diagnosis by the file as it was and by the
+extended one, which convinces of it.
 
 Errors are those of the report: pieces of equal length, each aligned with the measurement by its best rotation and
 shift.
@@ -8,14 +9,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from fields.arrays import Floats
+from planner.errors import attach_parameter
+from planner.pipeline.log_ground import HeightFile, add_known_ground
+from reports.common.rendering import ResultView, ShownResult
+from reports.diagnosis.replay import build_replay_view
 from vehicle.identification.diagnosis.corrections import correct_logs
-from vehicle.identification.diagnosis.results import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
+from vehicle.identification.diagnosis.results import (
+    PathPair,
+    PieceErrors,
+    PlaceErrors,
+    ReplayedSegment,
+    ReplayEvidence,
+    ReplayResult,
+)
+from vehicle.identification.logs.reader import list_remarks, read_log
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.series import mark_spans
+from vehicle.identification.logs.table import MappingSource
 from vehicle.identification.replay.drive_segments import (
     DriveSegment,
     ReplayRig,
@@ -24,12 +40,15 @@ from vehicle.identification.replay.drive_segments import (
 )
 from vehicle.identification.replay.horizon_errors import (
     ERROR_PIECE_S,
+    compute_horizon_errors,
     compute_piece_errors,
+    find_piece_bounds,
     fit_rigid_motion,
     list_covering_bounds,
+    measure_dataset,
 )
 from vehicle.identification.replay.simulation import simulate_instruments
-from vehicle.model.tractor import Settings, Tractor
+from vehicle.model.tractor import Settings, Tractor, resolve_tractor
 
 ALIGNMENT_S = 5.0  # of a path that is then left alone
 PIECES_S = 2.0 * ERROR_PIECE_S, ERROR_PIECE_S  # long enough to show a bend, else the length of the verdict
@@ -37,6 +56,70 @@ MOST_TIME_BINS, MOST_VALUE_BINS, MOST_SQUARES = 60, 12, 24
 MOST_PATHS, MOST_PATH_S, MOST_PATH_POINTS = 12, 240.0, 240
 SMALLEST_SQUARE_M = 0.1  # model cars drive on a few metres
 ROUND_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(ShownResult):
+    """A replayed run with its errors, and the remarks on the log's columns and rows.
+
+    `to_pandas()` has a row per length of the pieces compared; `plot()` draws the measured and the simulated path;
+    `save()` writes .json, .html or .png.
+    """
+
+    replayed: ReplayResult
+    remarks: tuple[str, ...]
+
+    def get_view(self) -> ResultView:
+        """Paths, errors and remarks."""
+        return build_replay_view(self.replayed, self.remarks)
+
+
+def replay(
+    log: Log | str | Path,
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    fixes: Sequence[str] = (),
+    mapping: MappingSource = None,
+    heights: HeightFile | str | Path | None = None,
+) -> Replay:
+    """Replay a log (an object, or a file read with `fixes` and `mapping`) with the effects of a tractor (object, name
+    or file).
+
+    Example:
+
+        run = headland.replay("run.csv", tractor="eg105")
+        run.replayed.errors[5.0].cross_cm  # error across over pieces of 5 s, cm
+        run.to_pandas()                    # a row per length of the pieces: cross_cm, along_cm, heading_deg
+        run.plot()                         # the measured and the simulated path
+
+    Returns a Replay: `replayed` (the run with its errors and simulated paths) and `remarks` on the log. `heights` are
+    as in `diagnose`: what the tractor file says per slope is then that of the ground under every row.
+
+    Raises LogError, VehicleError and, for heights, ElevationError.
+    """
+    with attach_parameter("tractor"):
+        machine = resolve_tractor(tractor)
+    with attach_parameter("log"):
+        run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m, mapping=mapping)
+        (run,) = add_known_ground([run], heights)
+        course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
+    with attach_parameter("ground"):
+        rig, settings = build_rig_and_corrections(machine, ground, course.origin)
+    errors = compute_horizon_errors(measure_dataset(course, rig, settings))
+    segments = tuple(_replay_segment(rig, segment, settings) for segment in course.segments)
+    left_out = course.rows_read - course.rows
+    replayed = ReplayResult(run.name, machine.name, tuple(settings), errors, segments, left_out)
+    of_ground = course.remarks if run.ground_fall is not None else ()
+    return Replay(replayed, (*list_remarks(run), *run.set_remarks, *of_ground))
+
+
+def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
+    antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
+    bounds = find_piece_bounds(segment.time, ERROR_PIECE_S)
+    errors = compute_piece_errors(segment, antenna, heading, bounds)
+    parts = tuple((rows, errors[rows]) for rows in (slice(int(i), int(j)) for i, j in zip(*bounds, strict=True)))
+    return ReplayedSegment(segment, _align_path(segment, antenna, heading), wheel, speed, parts)
 
 
 def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> ReplayEvidence:
@@ -147,12 +230,12 @@ def _pair_paths(segment: DriveSegment, name: str, rigs: Sequence[tuple[ReplayRig
     rows = np.arange(0, end, math.ceil(end / MOST_PATH_POINTS))
     paths = []
     for rig, settings in rigs:
-        paths.append(align_path(segment, *simulate_instruments(rig, segment, settings)[:2])[rows])
+        paths.append(_align_path(segment, *simulate_instruments(rig, segment, settings)[:2])[rows])
     measured = np.column_stack([segment.east, segment.north])[rows]
     return PathPair(name, segment.start_s + segment.time[rows], measured, *paths)
 
 
-def align_path(segment: DriveSegment, antenna: Floats, heading: Floats) -> Floats:
+def _align_path(segment: DriveSegment, antenna: Floats, heading: Floats) -> Floats:
     """Return a simulated path (k, 2), turned and shifted so that its first seconds lie on the measurement."""
     rows = max(int(np.searchsorted(segment.time, ALIGNMENT_S)), 2)
     x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
