@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fields.units import DAY_S, MPS_PER_KMH
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import MAX_TRACTORS, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+
+if TYPE_CHECKING:
+    from strategies.lines.line_wishes import LineWishes
 
 FULL_CIRCLE_DEG = 360.0
 MAX_SAMPLES = 1_000_000
@@ -189,3 +193,20 @@ def check_ground(soil: str | None, moisture_pct: float | None, rain_mm: str | No
         )
     if rain_mm is not None and not is_rain_table(rain_mm):
         parse_recent_rain(rain_mm)
+
+
+def check_first_lines(wishes: LineWishes, headland_orders: Sequence[str]) -> None:
+    """Raise HeadlandError for a line that is to come first where the only order of the headland needs the other."""
+    from vehicle.missions.plan import HEADLAND_PASS
+
+    if len(headland_orders) != 1:
+        return
+    is_headland_first = headland_orders[0] == HEADLAND_FIRST
+    late = next((name for name in wishes.first if (name.kind == HEADLAND_PASS) != is_headland_first), None)
+    if late is not None:
+        before = "headland" if is_headland_first else "tracks"
+        raise HeadlandError(
+            f"{mark_parameter('work_first')} names {late}, and this operation has to work the {before} first; "
+            f"leave out {late}, or change {mark_parameter('operation')}.",
+            parameter="work_first",
+        )

@@ -22,6 +22,7 @@ from planner.request.option_texts import (
     parse_counts,
     parse_number_pair,
     parse_strategies,
+    read_line_wishes,
 )
 from planner.request.options import NumberLimits, PlanOption, convert_options_to_parameters
 from planner.request.recent_rain import MAX_ET0_MM
@@ -121,7 +122,7 @@ class PlanRequest:
     there is a deadline, rain, an objective or a budget, else for none; `rain` says when it begins (planner.risk.rain).
     `refill` is "headland", "tender", or a place in degrees "lon,lat" (metres "x,y" for a field in local metres); None:
     at the place of the field file, else on the headland. `leave_out`, `work_first` and `give` name tracks and headland
-    passes of the layout (planner.request.line_texts).
+    passes of the layout (planner.request.option_texts).
 
     Raises RequestError for values and combinations that cannot be planned.
     """
@@ -429,9 +430,7 @@ class PlanRequest:
                 f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
             )
         if self.leave_out is not None or self.work_first is not None or self.give:
-            from planner.request.line_texts import check_first_lines
-
-            check_first_lines(self.line_wishes, HEADLAND_ORDERS_BY_OPERATION[self.operation])
+            option_checks.check_first_lines(self.line_wishes, HEADLAND_ORDERS_BY_OPERATION[self.operation])
 
     def __repr__(self) -> str:
         """What differs from the defaults, as Python would write it."""
@@ -483,8 +482,6 @@ class PlanRequest:
     @property
     def line_wishes(self) -> LineWishes:
         """What is wanted of single tracks and headland passes; raises HeadlandError for what names none."""
-        from planner.request.line_texts import read_line_wishes
-
         return read_line_wishes(self.leave_out, self.work_first, self.give)
 
     @property

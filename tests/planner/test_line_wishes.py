@@ -19,7 +19,7 @@ from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.many_fields import share_obstacles
 from planner.pipeline.planning import plan_order
-from planner.request.line_texts import parse_line_names
+from planner.request.option_texts import parse_line_names
 from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
 from reports.plan.answer import write_answer
