@@ -39,7 +39,9 @@ def design(
     from vehicle.trials.sheets.fixed_steering import build_mass_sheet, build_tyres_sheet
 
     check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
-    _check_name(study, STUDIES, "study")
+    if study not in STUDIES:
+        close, known = suggest_name(study, STUDIES), ", ".join(STUDIES)
+        raise VehicleError(f"The study {study!r} is unknown{close}; use one of: {known}.")
     warm_up()
     build_sheet = build_tyres_sheet if study == "tyres" else build_mass_sheet
     sheet = build_sheet(load_tractor(tractor))
@@ -110,9 +112,11 @@ def validate(
     from reports.trials.report import format_trials_json
 
     check_output_paths((html, ".html"), (png, ".png"))
-    if experiment is not None:
-        _check_name(experiment, EXPERIMENTS, "experiment")
-    elif png is not None:
+    known = ", ".join(EXPERIMENTS)
+    if experiment is not None and experiment not in EXPERIMENTS:
+        close = suggest_name(experiment, EXPERIMENTS)
+        raise VehicleError(f"The experiment {experiment!r} is unknown{close}; use one of: {known}.")
+    if experiment is None and png is not None:
         raise RequestError(f"--png shows one experiment; name one of: {', '.join(EXPERIMENTS)}.")
     if seed < 0:
         raise RequestError(f"--seed is {seed}; use 0 or more.")
@@ -154,14 +158,6 @@ def run_experiments(
         if progress:
             progress(number + 1, len(names))
     return tuple(sheets)
-
-
-def _check_name(name: str, names: tuple[str, ...], kind: str) -> None:
-    """Raise VehicleError for an unknown experiment or study, naming the known ones."""
-    if name not in names:
-        raise VehicleError(
-            f"The {kind} {name!r} is unknown{suggest_name(name, names)}; use one of: {', '.join(names)}."
-        )
 
 
 def print_experiments(
