@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from fields.arrays import Floats, Integers, measure_along
+from strategies.programmes.waiting_places import POSE_STEP_M
 from vehicle.missions.plan import LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import REC_ANGLE, REC_PLACE
 from vehicle.sim.path_conflicts import PosePath, build_poses
 
-POSE_STEP_M = 0.8  # between poses of a trajectory
 MAX_CACHED_POSES = 1_000_000  # of all cached trajectories
 TURN_WEIGHT_M = 3.0  # metres of driving that count as much as a radian of turning
 SoloSimulation = Callable[[Plan, Sequence[int]], Iterable[SimulationRun]]

@@ -23,7 +23,7 @@ ACRE_M2 = 4046.8564224
 NO_VALUE = "-"
 HEADLAND_ORDERS = {"first": mark_text("headland first"), "last": mark_text("headland last")}
 _LEAST_ACRES = 0.1  # less is in square feet
-_LEAST_HA_M2 = 1000.0  # less is in square metres
+LEAST_HA_M2 = 1000.0  # less is in square metres
 LEAST_SHARE = 0.005  # less is 0 in whole per cent
 SURE_SHARE = 1.0 - LEAST_SHARE  # a probability that is written as 100 % is not said again
 LEAST_COST = 0.005  # less reads as nothing
@@ -80,7 +80,7 @@ def format_speed(speed_kmh: float) -> str:
 
 def format_area(m2: float) -> str:
     """An area in hectares, or in square metres where it is small; in acres or square feet."""
-    least_m2 = _LEAST_ACRES * ACRE_M2 if is_us() else _LEAST_HA_M2
+    least_m2 = _LEAST_ACRES * ACRE_M2 if is_us() else LEAST_HA_M2
     return FIELD_AREA.format(m2 / 10_000.0, 2) if m2 >= least_m2 else SMALL_AREA.format(m2)
 
 

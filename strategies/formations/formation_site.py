@@ -50,7 +50,7 @@ T = TypeVar("T")
 Dropped = frozenset[ColumnRound]
 
 
-def trace_body(site: Site, path: DrivePath) -> Floats:
+def _trace_body(site: Site, path: DrivePath) -> Floats:
     """Poses (n, 3) of the centre of mass along a path of the guided point, and beyond its end until it has settled.
 
     Forwards the axle trails the guided point, in reverse the body lies along the path.
@@ -68,7 +68,7 @@ def trace_body(site: Site, path: DrivePath) -> Floats:
     return np.array(poses)
 
 
-def trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
+def _trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
     """Poses (n, 3) on the part of a line within a machine's length of where a tractor may wait at its end, or begin."""
     whole_m, reach_m = float(measure_along(path)[-1]), site.rules.hold_back_m + site.rules.length_m
     first_m = max(0.0, whole_m - reach_m) if at_end else 0.0
@@ -118,7 +118,7 @@ class PassageTracer:
     def trace_move(self, move: Move) -> PassingWay:
         """The way of a move."""
         if move not in self._moves:
-            self._moves[move] = PassingWay(trace_body(self.site, move.path), move.leave_m, move.join_m)
+            self._moves[move] = PassingWay(_trace_body(self.site, move.path), move.leave_m, move.join_m)
         return self._moves[move]
 
     def trace_arrival(self, table: MoveTable, before: Sequence[int], first: int) -> PassingWay:
@@ -145,7 +145,7 @@ class PassageTracer:
         way = self.trace_move(move)
         if node == table.gate:
             return way
-        parts = [trace_line(self.site, table.lines[node // 2].paths[node % 2], at_end=at_end), way.poses]
+        parts = [_trace_line(self.site, table.lines[node // 2].paths[node % 2], at_end=at_end), way.poses]
         return replace(way, poses=np.concatenate(parts if at_end else parts[::-1]))
 
     def find_clear_place(self, begin: Pose, passages: Sequence[PassingWay], place_m: float, step_m: float) -> float:
@@ -261,8 +261,10 @@ class FormationSite:
 
     def _place(self, ordered: OrderedRounds, in_rows: bool) -> tuple[OrderedRounds, ColumnRound | None]:
         """Rounds with their places, and the one that lacks most room, if any does."""
-        placed = place_rounds(ordered.table, ordered.rounds, ordered.tours, self._tracer, in_rows=in_rows)
-        return replace(ordered, rounds=tuple(placed)), find_cramped_round(placed)
+        placed = _place_rounds(ordered.table, ordered.rounds, ordered.tours, self._tracer, in_rows=in_rows)
+        missing_m = [max(place.missing_m for place in each.places) for each in placed]
+        worst = int(np.argmax(np.round(missing_m, 3)))
+        return replace(ordered, rounds=tuple(placed)), placed[worst].one if missing_m[worst] > 0.0 else None
 
     def _order(self, fleet: FleetOrder, dropped: Dropped) -> OrderedRounds:
         """All rounds but those dropped in their best order."""
@@ -311,7 +313,7 @@ class FormationSite:
         return rounds
 
 
-def place_rounds(
+def _place_rounds(
     table: MoveTable,
     order: Sequence[DirectedRound],
     tours: Sequence[FormationTour],
@@ -334,13 +336,6 @@ def place_rounds(
         traffic = _list_traffic(each, tracer, (coming[number], is_first), (leaving[number], is_last))
         placed.append(replace(each, places=tuple(place_tractors(each.one, each.way, table.site.rules, traffic))))
     return placed
-
-
-def find_cramped_round(placed: Sequence[DirectedRound]) -> ColumnRound | None:
-    """The round that lacks most room between its places and its queue; None where all have room."""
-    missing_m = [max(place.missing_m for place in each.places) for each in placed]
-    worst = int(np.argmax(np.round(missing_m, 3)))
-    return placed[worst].one if missing_m[worst] > 0.0 else None
 
 
 def _list_traffic(

@@ -15,7 +15,8 @@ from planner.traffic.conflict_zones import (
 )
 from planner.traffic.precedence import PrecedenceSearch
 from planner.traffic.timetable_search import GAP_BEHIND_S
-from planner.traffic.trajectories import POSE_STEP_M, SoloTrajectory, TrajectoryCache, get_trajectories
+from planner.traffic.trajectories import SoloTrajectory, TrajectoryCache, get_trajectories
+from strategies.programmes.waiting_places import POSE_STEP_M
 from tests.examples import count_examples
 from tests.planner.grid import (
     CHECK,

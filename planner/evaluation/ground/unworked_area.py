@@ -28,9 +28,9 @@ from planner.evaluation.site import get_site_moves, recall
 from reports.common.language import mark_text
 from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
+from reports.common.wording import LEAST_HA_M2
 
 MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
-HECTARES_FROM_M2 = 1000.0
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle that lines are interrupted by
@@ -92,7 +92,7 @@ def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None
         reason = _describe_cut_off(context) if left_whole else "reached by no pass of this plan"
     if reason in (KEPT_HEADLAND, LEFT_OUT):
         return None
-    area = f"{piece.m2:.0f} m2" if piece.m2 < HECTARES_FROM_M2 else f"{1e-4 * piece.m2:.2f} ha"
+    area = f"{piece.m2:.0f} m2" if piece.m2 < LEAST_HA_M2 else f"{1e-4 * piece.m2:.2f} ha"
     return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"
 
 

@@ -19,11 +19,12 @@ from fields.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import find_service_conflict
 from planner.evaluation.candidates.fleet_drive import FleetDriver
 from planner.evaluation.context import PlanningContext
-from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
+from planner.fleet.manager.remaining_work import STAND_TOLERANCE_M, RemainingWork
 from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import is_passed
+from strategies.rules.legs import MIN_LEG_M
 from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -117,7 +118,7 @@ def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg
 def cut_leg(leg: Leg, done_m: float) -> Leg:
     """The part of a leg that remains."""
     line = shapely.LineString(leg.points)
-    remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - SHORTEST_LEG_M), line.length)
+    remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - MIN_LEG_M), line.length)
     stand_s, fold_s = (leg.stand_s, leg.fold_s) if done_m <= STAND_TOLERANCE_M else (0.0, 0.0)  # it may have just come
     return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s, fold_s=fold_s)
 
