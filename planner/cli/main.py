@@ -32,9 +32,10 @@ from planner.cli.field import FieldCommand, field
 from planner.cli.machines import farm, gnss, tractor
 from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
-from planner.cli.saved_plan import compare, export, learn, logs, show
+from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token, worker
 from planner.cli.sweep import sweep
+from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
 from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader
 
