@@ -258,22 +258,20 @@ def simulate_plans(order: WorkOrder, executor_choice: ExecutorChoice, pictures: 
     from planner.cli.common.progress import open_stage_bar
 
     with open_stage_bar(LOADING) as bar, ExitStack() as opened:
-        from planner.pipeline.move_cache import MoveCache
         from planner.pipeline.planning import STAGES_S, plan_order
         from planner.pipeline.ranking import list_candidates
-        from planner.pipeline.result_cache import ResultCache, find_cache_folder
+        from planner.pipeline.result_cache import NO_CACHE, ResultCache, find_cache_folder
         from planner.pipeline.worker_tasks import group_candidates
 
         warm_up(bar, STAGES_S)
         tasks = group_candidates(list_candidates(order.request))
         executor = opened.enter_context(executor_choice.open_executor(len(tasks)))
-        local = MoveCache(ResultCache(find_cache_folder() / "moves"))
         return plan_order(
             order,
             executor=executor,
             report_stage=bar.report,
             with_pictures=pictures,
-            move_cache=local if executor_choice.cluster is None else None,
+            cache=ResultCache(find_cache_folder() / "plans") if executor_choice.cluster is None else NO_CACHE,
         )
 
 

@@ -51,7 +51,6 @@ if TYPE_CHECKING:
     from planner.sweeps.sweep import Sweep
     from reports.sweep.results import SweepResult, SweptPlan
 
-MOST_CACHED_BYTES = 200_000_000
 BEST_EVERY_S = 2.0
 SWEPT = {option.name: option for option in list_swept_options()}
 _REPLACED = ("headland_first", "headland_last", "all", "strategies", "samples", "seed", "objective", "budget")
@@ -279,7 +278,7 @@ def _run(swept: Sweep, executor_choice: ExecutorChoice, folder: Path | None) -> 
         bar.count(0, swept.total)
         swept.run(executor, cache, report, render_refusal, executor_choice.processes)
     if folder is None:
-        cache.remove_oldest(MOST_CACHED_BYTES)
+        cache.remove_oldest()
 
 
 @contextmanager

@@ -26,7 +26,6 @@ Known = dict[str, list[Any]]
 """Entries (key, value) of tables by their names."""
 DRIVEN = "driven"  # the table whose keys are moves of other tables
 DRIVES = "drive", "drive_level"  # of a site: functions of the tractor, its implement, heights and load
-MOST_BYTES = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class SiteFiles:
         """Store what is new of the moves of the site."""
         if new := describe_entries(moves, self.counts):
             self.results.write(f"{self.name}-{secrets.token_hex(4)}", new)
-            self.results.remove_oldest(MOST_BYTES)
+            self.results.remove_oldest()
         self.counts = count_entries(moves)
 
 

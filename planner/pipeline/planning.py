@@ -15,9 +15,9 @@ import shapely
 from fields.geometry.field_parts import list_field_parts
 from fields.geometry.overlays import clip_area, subtract_area
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, drive_plan
 from planner.evaluation.candidates.pruning import prunes_candidates
-from planner.evaluation.context import DoneWork, MoveStore, PlanningContext
+from planner.evaluation.context import DoneWork, PlanningContext
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
@@ -33,9 +33,12 @@ from planner.pipeline.going_on import (
     list_numbers,
     list_sources,
 )
+from planner.pipeline.move_cache import MoveCache
+from planner.pipeline.outcome_cache import Outcomes, recall_outcomes
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
+from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress, group_candidates, iter_outcomes, pack_context
 from planner.request.parameter_names import WISHES
 from planner.request.plan_request import PlanRequest
@@ -229,34 +232,36 @@ def plan_order(
     report_stage: StageReport | None = None,
     with_pictures: bool = False,
     time_share: TimeShare = NO_LIMIT,
-    move_cache: MoveStore | None = None,
+    cache: ResultCache = NO_CACHE,
 ) -> PlanningResult:
-    """Simulate and rank every candidate of a work order, as `plan` does; a `move_cache` has moves of earlier runs."""
+    """Simulate and rank every candidate of a work order, as `plan` does; a `cache` has what earlier runs found."""
     with ExitStack() as opened:
         if executor is None:
             executor = opened.enter_context(create_executor(len(group_candidates(list_candidates(order.request)))))
         report_layouts = _start_stage(report_stage, LAYING_OUT)
-        context = prepare_context(order, report_layouts=report_layouts, time_share=time_share, move_cache=move_cache)
+        moves = None if cache.folder is None else MoveCache(cache)
+        context = prepare_context(order, report_layouts=report_layouts, time_share=time_share, move_cache=moves)
         context = go_on(context, order)
         candidates = keep_continuing(context, list_candidates(order.request))
         check_margin(context, feasible=True)  # one that takes most of the field is refused even if plans are feasible
         report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
-        outcomes = iter_outcomes(
-            executor,
-            pack_context(context),
-            candidates,
-            report,
-            prunes=not order.simulates_all and prunes_candidates(context),
-            with_pictures=with_pictures,
-        )
-        result = _build_result(context, candidates, *_collect_outcomes(outcomes), with_pictures)
+        prunes = not order.simulates_all and prunes_candidates(context)
+
+        def compute() -> Outcomes:
+            packed = pack_context(context)
+            outcomes = iter_outcomes(executor, packed, candidates, report, prunes=prunes, with_pictures=with_pictures)
+            return _collect_outcomes(outcomes)
+
+        known = cache if time_share is NO_LIMIT else NO_CACHE
+        found = recall_outcomes(known, context, candidates, prunes, compute, with_pictures=with_pictures)
+        result = _build_result(context, candidates, *found, with_pictures)
         if time_share is not NO_LIMIT:
             return result
-        parts = tuple(_iter_part_plans(result, order, executor))
+        parts = tuple(_iter_part_plans(result, order, executor, cache))
         return replace(result, ranking=replace(result.ranking, parts=parts))
 
 
-def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> tuple[dict[int, Outcome], dict[int, Plan]]:
+def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> Outcomes:
     """The outcomes of all candidates that there is time for, and the plans that were driven well, by their number.
 
     Only plans to take with some number of tractors keep their runs, which are large.
@@ -274,7 +279,9 @@ def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> tuple[dict[int
     return found, plans
 
 
-def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executor) -> Iterator[FieldPartPlan]:
+def _iter_part_plans(
+    result: PlanningResult, order: WorkOrder, executor: Executor, cache: ResultCache
+) -> Iterator[FieldPartPlan]:
     """The further parts of a divided field that are left, each with a plan of its own, if possible by the strategy and
     tractors of the best plan."""
     context, best = result.context, result.ranking.best
@@ -292,7 +299,7 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
             done = (DoneWork(before.ground, before.error_m),)
         own_order = replace(order, request=alike, done=done, without=(), from_road=True, layout=None)
         try:
-            own_plan, reason = _plan_part(own_order, executor, context.move_cache)
+            own_plan, reason = _plan_part(own_order, executor, cache)
         except AllDoneError:
             continue
         assert part.neck is not None  # only the largest part has none
@@ -308,9 +315,7 @@ def _iter_part_plans(result: PlanningResult, order: WorkOrder, executor: Executo
         )
 
 
-def _plan_part(
-    order: WorkOrder, executor: Executor, move_cache: MoveStore | None
-) -> tuple[PlanResult | None, str | None]:
+def _plan_part(order: WorkOrder, executor: Executor, cache: ResultCache) -> tuple[PlanResult | None, str | None]:
     """The best plan of an order for a part, by one tractor where there is none else; and why there is none.
 
     Raises AllDoneError.
@@ -319,7 +324,7 @@ def _plan_part(
     own_plan, reason = None, None
     for part_order in (order, single):
         try:
-            ranking = plan_order(part_order, executor=executor, move_cache=move_cache).ranking
+            ranking = plan_order(part_order, executor=executor, cache=cache).ranking
             own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
         except AllDoneError:
             raise
@@ -351,16 +356,21 @@ def _build_result(
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
     driven_pictures = None
     if with_pictures:
-        pictures = {number: outcome.picture for number, outcome in sorted(outcomes.items())}
-        driven_pictures = {keys[number]: picture for number, picture in pictures.items() if picture is not None}
+        pictures = {
+            number: outcome.picture
+            or build_run_picture(context, drive_plan(context, candidates[number], plans[number]), outcome.result)
+            for number, outcome in sorted(outcomes.items())
+            if outcome.picture is not None or number in plans
+        }
+        driven_pictures = {keys[number]: picture for number, picture in pictures.items()}
     plans_by_key = {keys[number]: plan for number, plan in sorted(plans.items())}
     if ranking.best is None:
         return PlanningResult(context, ranking, None, driven_pictures, plans_by_key)
     best = Candidate(ranking.best.strategy, ranking.best.tractors)
-    run = outcomes[candidates.index(best)].run
-    if run is None:  # only the final comparison made it the best
-        run = simulate_candidate(context, best).run
-    assert run is not None  # it is feasible
+    number = candidates.index(best)
+    run = outcomes[number].run
+    if run is None:  # it was known before, or only the final comparison made it the best
+        run = drive_plan(context, best, plans[number])
     if context.criteria is not None:
         check_and_shares = check_best_plan(
             run,

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 CACHE_VARIABLE = "HEADLAND_CACHE"
+MOST_BYTES = 200_000_000
 
 
 def find_cache_folder() -> Path:
@@ -71,18 +72,19 @@ class ResultCache:
         """Store an object atomically; returns whether this succeeded."""
         if self.folder is None:
             return True
-        draft, text = self.folder / f".{name[:16]}-{secrets.token_hex(4)}", json.dumps(content, allow_nan=False)
+        draft = self.folder / f".{name[:16]}-{secrets.token_hex(4)}"
         try:
+            text = json.dumps(content, allow_nan=False)
             self.folder.mkdir(parents=True, exist_ok=True)
             draft.write_text(f"{_hash_text(text)}\n{text}", encoding="utf-8")
             os.replace(draft, self.folder / f"{name}.json")
-        except OSError:
+        except (OSError, ValueError):  # a number that is not finite is not JSON
             with suppress(OSError):
                 draft.unlink(missing_ok=True)
             return False
         return True
 
-    def remove_oldest(self, most_bytes: int) -> None:
+    def remove_oldest(self, most_bytes: int = MOST_BYTES) -> None:
         """Remove the files written first until the rest has no more than so many bytes."""
         found = list[tuple[float, int, Path]]()
         for path in self._list_files():

@@ -90,7 +90,8 @@ def list_rings(lines: Sequence[WorkLine]) -> list[list[list[int]]]:
     tree = shapely.STRtree([shapely.LineString(lines[number].paths[0]) for number in first])
     for number in headland if first else ():
         x_m, y_m, _ = lines[number].get_pose(0, 0.5 * lines[number].measure_path_m(0))
-        sides[first[int(tree.nearest(shapely.Point(x_m, y_m)))]].append(number)
+        beside = first[int(tree.nearest(shapely.Point(x_m, y_m)))]
+        sides[number if number in sides else beside].append(number)  # pieces of a side may lie on one another
     rings: dict[tuple[str, int], list[list[int]]] = {}
     for number in first:
         rings.setdefault(lines[number].group, []).append(sides[number])

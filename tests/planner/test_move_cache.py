@@ -17,7 +17,7 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.move_cache import MoveCache, count_entries, describe_entries, load_entries
 from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import list_candidates
-from planner.pipeline.result_cache import ResultCache
+from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
 from reports.plan.figures import format_ranking_json
@@ -35,7 +35,13 @@ FOLDING = WorkOrder(
 
 
 def plan(cache: MoveCache | None, request: PlanRequest = REQUEST) -> PlanningResult:
-    return plan_order(WorkOrder(request, FIELD), executor=SerialExecutor(), move_cache=cache)
+    return plan_order(WorkOrder(request, FIELD), executor=SerialExecutor(), cache=cache.results if cache else NO_CACHE)
+
+
+@pytest.fixture(autouse=True)
+def forget_outcomes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing but moves is known of the plan before."""
+    monkeypatch.setattr("planner.pipeline.planning.recall_outcomes", lambda *known, **_: known[-1]())
 
 
 @pytest.fixture
@@ -59,7 +65,8 @@ def cache(tmp_path: Path) -> MoveCache:
 @pytest.mark.parametrize("order", [WorkOrder(REQUEST, FIELD), FOLDING], ids=["open", "folding"])
 def test_the_next_plan_is_the_same_and_drives_no_move(cache: MoveCache, drives: list[int], order: WorkOrder) -> None:
     def answer(known: MoveCache | None) -> str:
-        return format_ranking_json(plan_order(order, executor=SerialExecutor(), move_cache=known).ranking)
+        results = known.results if known else NO_CACHE
+        return format_ranking_json(plan_order(order, executor=SerialExecutor(), cache=results).ranking)
 
     plain = answer(None)
     assert sum(drives) > 20

@@ -15,7 +15,7 @@ from fields.units import MINUTE_S
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
-from planner.evaluation.candidates.fleet_drive import compute_machine_gap_m, compute_nearness_m
+from planner.evaluation.candidates.fleet_drive import FleetDriver, compute_machine_gap_m, compute_nearness_m
 from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import (
     describe_loss,
@@ -38,7 +38,7 @@ from reports.common.plan_records import PlanDrive, Remark, Stake
 from reports.common.plan_results import PlanResult
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
-from vehicle.missions.plan import ENTER, LEAVE
+from vehicle.missions.plan import ENTER, LEAVE, Plan
 from vehicle.missions.run import SimulationRun, find_longest_reversing
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import compute_outline_distances
@@ -162,6 +162,11 @@ def run_candidate(
     outcome = _run_unless_pruned(context, candidate, sketched, None)
     assert isinstance(outcome, CandidateRun)  # nothing prunes without an incumbent
     return outcome
+
+
+def drive_plan(context: PlanningContext, candidate: Candidate, plan: Plan) -> SimulationRun:
+    """The run of a candidate's plan that was driven well before."""
+    return FleetDriver(context, get_strategy(candidate.strategy).beside).simulate(plan)
 
 
 def _run_unless_pruned(

@@ -11,7 +11,6 @@ from planner.day.planning import plan_day, prepare_day
 from planner.pipeline.diagnosis import diagnose, diagnose_demo
 from planner.pipeline.executors import create_executor
 from planner.pipeline.kernels import COMPILING, compile_kernels, list_missing_kernels
-from planner.pipeline.move_cache import MoveCache
 from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import PlanningResult, plan_order
@@ -132,7 +131,7 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
             executor=executor,
             with_pictures=True,
             report_stage=lambda words, done, all: job.report_progress(done, all, words),
-            move_cache=MoveCache(ResultCache(Path(job.cache_folder) / "moves")),
+            cache=ResultCache(Path(job.cache_folder) / "plans"),
         )
     job.report_progress(0, 0, "Writing the results")
     files = list(_write_plan_results(planned))

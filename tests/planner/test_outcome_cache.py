@@ -1,0 +1,99 @@
+"""The same question is not computed again: answers, pages and drives are the same, and any other question is new."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from fields.geometry.field import Field
+from fields.geometry.obstacles import Obstacle
+from planner.evaluation.work_order import WorkOrder
+from planner.pipeline import planning
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.planning import PlanningResult, plan_order
+from planner.pipeline.result_cache import ResultCache
+from planner.request.plan_request import PlanRequest
+from reports.plan.figures import format_ranking_csv, format_ranking_json
+from reports.plan.ranking_page import render_plan_page
+from vehicle.missions.plan_file import format_plan
+from vehicle.model.tractor import Implement
+
+pytestmark = pytest.mark.usefixtures("first_layout")
+
+POND = Obstacle("pond", shapely.box(55, 20, 65, 30), 0.0, "pond")
+FIELD = Field("bay", shapely.box(0, 0, 120, 70), obstacles=(POND,), entrance=(30.0, 0.0))
+REQUEST = PlanRequest(field="bay", width_m=6.0, tractors=(1, 2), operation="sow", start_s=36000, deadline_s=43200)
+ORDER = WorkOrder(REQUEST, FIELD)
+
+
+@pytest.fixture
+def cache(tmp_path: Path) -> ResultCache:
+    return ResultCache(tmp_path / "plans")
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The number of candidates of every plan that is computed."""
+    counts, iterate = list[int](), planning.iter_outcomes
+
+    def count(executor: Any, packed: bytes, candidates: Any, *more: Any, **options: Any) -> Any:
+        counts.append(len(candidates))
+        return iterate(executor, packed, candidates, *more, **options)
+
+    monkeypatch.setattr(planning, "iter_outcomes", count)
+    return counts
+
+
+def answer(cache: ResultCache, order: WorkOrder = ORDER, **options: Any) -> PlanningResult:
+    return plan_order(order, executor=SerialExecutor(), cache=cache, **options)
+
+
+def write(result: PlanningResult) -> tuple[str, str, str]:
+    """Table, JSON and page of an answer."""
+    best, ranking = result.ranking.best, result.ranking
+    assert best is not None
+    drive = result.pictures[best.strategy, best.tractors]
+    page = render_plan_page(ranking, drive, result.pictures, None)
+    return format_ranking_csv(ranking), format_ranking_json(ranking), page
+
+
+def test_the_same_question_has_the_same_answer_and_is_not_computed(cache: ResultCache, computed: list[int]) -> None:
+    first = answer(cache, with_pictures=True)
+    assert len(computed) == 1
+    second = answer(cache, with_pictures=True)
+    assert len(computed) == 1
+    assert write(second) == write(first)
+    assert first.run is not None and second.run is not None
+    assert np.array_equal(second.run.record, first.run.record, equal_nan=True)
+    assert {key: format_plan(one) for key, one in second.plans.items()} == {
+        key: format_plan(one) for key, one in first.plans.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        replace(ORDER, request=replace(REQUEST, deadline_s=43260)),
+        replace(ORDER, request=replace(REQUEST, seed=3)),
+        replace(ORDER, request=replace(REQUEST, tractors=(1,))),
+        replace(ORDER, field=replace(FIELD, obstacles=())),
+        replace(ORDER, implement=Implement(hitch_m=2.0)),
+        replace(ORDER, simulates_all=True),
+    ],
+)
+def test_another_question_is_computed(cache: ResultCache, computed: list[int], order: WorkOrder) -> None:
+    answer(cache)
+    answer(cache, order)
+    assert len(computed) == 2
+
+
+def test_a_damaged_answer_is_computed_again(cache: ResultCache, computed: list[int]) -> None:
+    first = answer(cache)
+    assert cache.folder is not None
+    for path in cache.folder.iterdir():
+        path.write_text(path.read_text().replace("time_s", "time_t"))
+    assert format_ranking_json(answer(cache).ranking) == format_ranking_json(first.ranking)
+    assert len(computed) == 2
