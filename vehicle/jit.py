@@ -230,9 +230,9 @@ def _generalise(key: Any) -> Any:
 
 
 def _find_package(function: Callable[..., Any]) -> Path:
-    """The folder of the package of a function, the outermost."""
-    depth = function.__module__.count(".")
-    return Path(function.__code__.co_filename).parents[max(depth - 1, 0)]
+    """The folder of the package of a function, the outermost; of its module where that is no part of a package."""
+    depth, path = function.__module__.count("."), Path(function.__code__.co_filename)
+    return path.parents[depth - 1] if depth else path
 
 
 @cache
@@ -240,7 +240,8 @@ def _hash_sources(home: Path) -> str:
     """Digest of the modules whose functions may be compiled in, with their constants: those of the loop, and of the
     caller's package those with compiled functions. Constants of other packages (ROUNDING) are not noticed."""
     package = Path(__file__).parent
-    texts = {path: path.read_bytes() for path in sorted({*package.rglob("*.py"), *home.rglob("*.py")})}
+    own = home.rglob("*.py") if home.is_dir() else (home,)
+    texts = {path: path.read_bytes() for path in sorted({*package.rglob("*.py"), *own})}
     digest = hashlib.sha256()
     for path, text in texts.items():
         if path.parent == package or path.parent.name in LOOP_PACKAGES or b"vehicle.jit" in text:
