@@ -211,9 +211,8 @@ def compute_move_costs(a_poses, places, most_cuts, cuts, cut_s_per_m, driving, b
             goal[1], goal[2] = places[k, 1] + join * math.sin(places[k, 2]), places[k, 2]
             pose[0] = a_poses[k, 0] - leave * math.cos(a_poses[k, 2])
             pose[1], pose[2] = a_poses[k, 1] - leave * math.sin(a_poses[k, 2]), a_poses[k, 2]
-            narrow = radii if cut == 0.0 else radii[:1]  # a wider arc takes more room
             forms, _, _ = list_closed_forms(
-                goal, narrow, speeds, settling, outs, ins, kinds, 0.0, max_reverse, FEW_FORMS
+                goal, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, FEW_FORMS
             )
             cost, driven_s = _find_cost(pose, forms, speeds, settling, body, kept)
             charged_s = cost + (cut_s_per_m[0] - cut_s_per_m[1]) * cut
