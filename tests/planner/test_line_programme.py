@@ -181,7 +181,7 @@ def test_waiting_is_charged_to_the_move_before_which_a_tractor_waits(context: Pl
 
 @pytest.mark.slow
 def test_tractors_that_wait_long_are_given_other_moves() -> None:
-    found = prepare_context(WorkOrder(PlanRequest("netherlands", width_m=4.0, tractors=(5,))))
+    found = prepare_context(WorkOrder(PlanRequest("netherlands", width_m=4.5, tractors=(5,))))
     first_s = drive(found, 5).run.duration_s
     result = simulate_candidate(found, Candidate("split-field", 5)).result
     assert (result.time_s or math.inf) < 0.9 * first_s
