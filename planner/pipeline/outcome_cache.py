@@ -5,7 +5,6 @@ Figures and plans are kept. A plan is driven again where its run is asked for.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 
@@ -45,12 +44,12 @@ def recall_outcomes(
     if known is not None:
         results = adapter.validate_python(known["results"])
         if not (with_pictures and any(one.time_s and not one.feasible for one in results)):
-            plans = {int(number): parse_plan(json.dumps(one)) for number, one in known["plans"].items()}
+            plans = {int(number): parse_plan(text) for number, text in known["plans"].items()}
             return dict(enumerate(map(Outcome, results))), plans
     outcomes, plans = compute()
     results = [outcomes[number].result for number in range(len(candidates))]
-    written = {str(number): json.loads(format_plan(one)) for number, one in plans.items()}
-    cache.write(name, {"results": adapter.dump_python(results, mode="json"), "plans": written})
+    texts = {str(number): format_plan(one, indent=None) for number, one in plans.items()}
+    cache.write(name, {"results": adapter.dump_python(results, mode="json"), "plans": texts})
     cache.remove_oldest()
     return outcomes, plans
 

@@ -50,8 +50,9 @@ def format_plan(
     scenario: Mapping[str, Any] | None = None,
     ground: Mapping[str, Any] | None = None,
     point_speeds: Sequence[Sequence[Sequence[float]]] | None = None,
+    indent: int | None = 1,
 ) -> str:
-    """The plan as JSON text, which parse_saved_plan reads back exactly; keywords as in SavedPlan.
+    """The plan as JSON text, which parse_saved_plan reads back exactly; keywords as in SavedPlan and json.dumps.
 
     `point_speeds` are the largest speeds (m/s) at the points of each leg of each tractor
     (vehicle.sim.compile.compute_point_speeds), for tractors that do not compute them; reading ignores them.
@@ -70,7 +71,7 @@ def format_plan(
             entry["speeds_mps"] = list(leg_speeds)
     if ground:
         content["ground"] = dict(ground)
-    return json.dumps(content, indent=1, allow_nan=False)
+    return json.dumps(content, indent=indent, allow_nan=False)
 
 
 def _convert_leg(leg: Leg) -> dict[str, Any]:
