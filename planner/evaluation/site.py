@@ -61,10 +61,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
     crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
     is_kept, implement = keeps_ground(operation, rule), context.implement
     tracks = intersect(context.layout.inner_region, field.boundary)
-    standing = folded = spared = None
-    if crop_stands or is_kept:
-        spared_ground = subtract(_compute_allowed(context, shapely.Polygon(), 0.0, spare_m), taken)
-        spared = build_ground(subtract(spared_ground, shapely.buffer(tracks, -body.reach_m)), cap_m)
+    standing = folded = None
     if crop_stands and HEADLAND_FIRST in context.request.headland_orders:  # known as deep as the headland
         outline = shapely.Polygon(field.whole_boundary.exterior)
         standing = build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)
@@ -84,9 +81,8 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         keeps_ground=is_kept,
         furrow_s=ORDER_S if rule is not None and rule.in_furrows else 0.0,
         kept=build_ground(tracks, ROOM_BEYOND_M),
-        spared=spared,
         standing=standing,
-        wheels_s_per_m=WHEELS_S_PER_M if spared is None else KEPT_WHEELS_S_PER_M,
+        wheels_s_per_m=KEPT_WHEELS_S_PER_M if crop_stands or is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,

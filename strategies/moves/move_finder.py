@@ -20,7 +20,6 @@ from strategies.moves.closed_forms import (
 from strategies.moves.move import Move
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
 from strategies.path_planning.paths import PATH_KINDS, Pose, place_in_frame, shift_pose_ahead
-from strategies.site.ground import Ground
 from strategies.site.site import Site
 
 MOVE_MARGIN_M = 0.10  # room kept on planned moves; a drive errs by about as much
@@ -44,7 +43,7 @@ class MoveFinder:
     radii: Floats = field(init=False)
     _forms: dict[tuple[float, float, float, int], tuple[Floats, Integers]] = field(default_factory=dict)
     _ways: dict[tuple[Pose, bool], bool] = field(default_factory=dict)
-    _remaining: dict[tuple[float, float, bool], Floats] = field(default_factory=dict)
+    _remaining: dict[tuple[float, float, int | None], Floats] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         radius = self.site.rules.radius_m
@@ -54,8 +53,8 @@ class MoveFinder:
     def _costs(self) -> tuple[Floats, Floats]:
         return self.site.speeds, self.settling
 
-    def _get_body(self, is_folded: bool = False, ground: Ground | None = None) -> Any:
-        body, ground = self.site.get_body(is_folded), ground or self.site.ground
+    def _get_body(self, is_folded: bool = False) -> Any:
+        body, ground = self.site.get_body(is_folded), self.site.ground
         return body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M
 
     def list_moves(
@@ -115,21 +114,16 @@ class MoveFinder:
         return Move(a, rows, kind, drive_s, charge_s, settling_s)
 
     def search(self, a: Pose, b: Pose, passes: int | None = None, *, is_folded: bool = False) -> Move | None:
-        """The best move that searches find; to reverse far is charged. `passes` as in `list_moves`.
-
-        One goes round a crop or a seedbed.
-        """
+        """The move that a search finds; far reversing and wheels on kept ground are charged. `passes` as in
+        `list_moves`."""
         start, goal, max_reverse_m = np.array(a), np.array(b), self.site.rules.max_reverse_m
         how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
-        charge_s_per_m, found = CURVED_REVERSE_S / max_reverse_m, list[Move]()
-        for ground in (self.site.ground, self.site.spared):
-            if ground is not None:
-                body = self._get_body(is_folded, ground)
-                remaining = self._get_remaining_m(b, ground)
-                rows = search_move(start, goal, remaining, *how, charge_s_per_m, MOST_POSES, *body)
-                if len(rows):
-                    found.append(self._build_move(a, shorten_rows(start, rows, *how, *body), "route", passes))
-        return min(found, key=lambda move: move.cost_s, default=None)
+        body, kept = self._get_body(is_folded), self.site.get_kept(passes)
+        far_s_per_m, remaining = CURVED_REVERSE_S / max_reverse_m, self._get_remaining_m(b, passes)
+        rows = search_move(start, goal, remaining, *how, far_s_per_m, kept, MOST_POSES, body)
+        if not len(rows):
+            return None
+        return self._build_move(a, shorten_rows(start, rows, *how, kept, *body), "route", passes)
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
         """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""
@@ -141,14 +135,16 @@ class MoveFinder:
             self._ways[key] = bool(has_way_on(np.array(pose), gears, radius_m, POCKET_POSES, *self._get_body()))
         return self._ways[key]
 
-    def _get_remaining_m(self, goal: Pose, ground: Ground) -> Floats:
-        """The way that remains to a goal over a ground; kept for the last few goals, as it is as large as the field."""
-        key = *goal[:2], ground is self.site.spared
+    def _get_remaining_m(self, goal: Pose, passes: int | None) -> Floats:
+        """The way that remains to a goal; kept for the last few goals, as it is as large as the field."""
+        key, site = (*goal[:2], passes), self.site
         if key not in self._remaining:
             while len(self._remaining) >= KEPT_GOALS:
                 del self._remaining[next(iter(self._remaining))]
-            least_m = min(half for _, _, half in self.site.rules.boxes)  # no machine gets through less
-            self._remaining[key] = measure_remaining_m(*goal[:2], least_m, ground.grid, ground.frame)
+            least_m = min(half for _, _, half in site.rules.boxes)  # no machine gets through less
+            speed_mps, kept = float(site.speeds[0]), site.get_kept(passes)
+            remaining = measure_remaining_m(*goal[:2], least_m, speed_mps, kept, site.ground.grid, site.ground.frame)
+            self._remaining[key] = remaining
         return self._remaining[key]
 
     def _get_forms(self, place: tuple[float, float, float], leads: int) -> tuple[Floats, Integers]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from strategies.moves.closed_forms import FEW_FORMS, back_up, list_closed_forms, measure_backing_up, pick_with_room
 from strategies.path_planning.primitives import TAU, advance_pose
-from strategies.site.ground import AMPLE_M, has_room_on_path, measure_path_room
+from strategies.site.ground import AMPLE_M, get_distance, has_room_on_path, measure_length_inside, measure_path_room
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
 
@@ -33,8 +33,12 @@ SHOT_OUT_M, SHOT_IN_M = np.array([0.0]), np.array([2.5, 0.0, -4.0])
 
 
 @compile_function
-def measure_remaining_m(x, y, half, grid, frame):  # type: ignore[no-untyped-def]
-    """Metres (ny, nx) to a place over coarse cells whose middle has at least `half` metres of room; else infinite."""
+def measure_remaining_m(x, y, half, speed, kept, grid, frame):  # type: ignore[no-untyped-def]
+    """Metres (ny, nx) to a place over coarse cells whose middle has at least `half` metres of room; else infinite.
+
+    On kept ground (Site.get_kept) they are as many as are driven at `speed` in the time, with what wheels are charged.
+    """
+    kept_grid, kept_frame, depth, wheels_s_per_m = kept
     rows, columns = grid.shape[0] // COARSE, grid.shape[1] // COARSE
     cell = COARSE * frame[2]
     remaining = np.full((rows, columns), np.inf)
@@ -47,6 +51,9 @@ def measure_remaining_m(x, y, half, grid, frame):  # type: ignore[no-untyped-def
         distance, j, i = heapq.heappop(heap)
         if distance > remaining[j, i]:
             continue
+        east, north = frame[0] + i * cell + COARSE // 2 * frame[2], frame[1] + j * cell + COARSE // 2 * frame[2]
+        is_kept = get_distance(east, north, kept_grid, kept_frame) > depth
+        factor = 1.0 + speed * wheels_s_per_m if is_kept else 1.0
         for dj in range(-1, 2):
             for di in range(-1, 2):
                 q, p = j + dj, i + di
@@ -54,7 +61,7 @@ def measure_remaining_m(x, y, half, grid, frame):  # type: ignore[no-untyped-def
                     continue
                 if grid[COARSE * q + COARSE // 2, COARSE * p + COARSE // 2] < half:
                     continue
-                longer = distance + cell * math.sqrt(float(di * di + dj * dj))
+                longer = distance + factor * cell * math.sqrt(float(di * di + dj * dj))
                 if longer < remaining[q, p] - 1e-9:
                     remaining[q, p] = longer
                     heapq.heappush(heap, (longer, q, p))
@@ -109,17 +116,40 @@ def _add_step_s(spent_s, step, bend_before, gear_before, slow, costs, tightness,
 
 
 @compile_function
-def search_move(  # type: ignore[no-untyped-def]
-    a, b, remaining, radii, costs, settling, kinds, max_reverse, far, most, guide, points, reach, grid, frame, margin
+def _charge_wheels(pose, rows, kept) -> float:  # type: ignore[no-untyped-def]
+    """Seconds charged for wheels on kept ground along rows from a pose."""
+    grid, frame, depth, wheels_s_per_m = kept
+    return wheels_s_per_m * measure_length_inside(pose, rows, grid, frame, depth)  # type: ignore[no-any-return]
+
+
+@compile_function
+def _find_end(  # type: ignore[no-untyped-def]
+    pose, b, radii, costs, settling, kinds, backed, max_reverse, far, kept, guide, points, reach, grid, frame, margin
 ):
+    """A closed form (ROWS, 3) from a pose to pose b with room, its seconds, infinite for none, and what it is charged.
+
+    One that backs up too far is taken where there is no other.
+    """
+    how, body = (radii, costs, settling, kinds, backed), (guide, points, reach, grid, frame, margin)
+    link, link_s = _find_shot(pose, b, *how, max_reverse, *body)
+    if link_s == np.inf:
+        link, link_s = _find_shot(pose, b, *how, np.inf, *body)
+    charged_s = far * max(0.0, measure_backing_up(link, backed) - max_reverse)
+    return link, link_s, charged_s + _charge_wheels(pose, link, kept)
+
+
+@compile_function
+def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far, kept, most, body):  # type: ignore[no-untyped-def]
     """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`; none if none is found.
 
     `remaining` is the way that remains (measure_remaining_m), `max_reverse` how far it may back up (m) without a charge
-    of `far` s/m. A path that is charged is kept until no other promises to be quicker. `most` poses may be expanded.
+    of `far` s/m, `kept` the ground where wheels are charged (Site.get_kept). A path whose end is charged is kept until
+    no other promises to be quicker. `most` poses may be expanded. `body` is what measure_path_room takes.
     """
     radius, gears = radii[0], 2 if kinds[3] else 1
     step_m, slow = max(LEAST_STEP_M, STEP_RADII * radius), min(costs[0], math.sqrt(costs[4] * radius))
-    size, body = 6 * most + 8, (guide, points, reach, grid, frame, margin)
+    size, how = 6 * most + 8, (radii, costs, settling, kinds)
+    frame, margin = body[4], body[5]
     poses, spent_s, came = np.empty((size, 3)), np.empty(size), np.empty(size, np.int64)
     bends, ways, backed = np.zeros(size), np.ones(size), np.zeros(size)
     poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
@@ -136,13 +166,11 @@ def search_move(  # type: ignore[no-untyped-def]
         expanded += 1
         near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
         if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
-            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], max_reverse, *body)
-            if link_s < np.inf:
+            link, link_s, charged_s = _find_end(poses[node], b, *how, backed[node], max_reverse, far, kept, *body)
+            if link_s < np.inf and charged_s == 0.0:
                 return _trace_rows(node, came, bends, ways, link, step_m)
-            link, link_s = _find_shot(poses[node], b, radii, costs, settling, kinds, backed[node], np.inf, *body)
-            link_s += spent_s[node] + far * max(0.0, measure_backing_up(link, backed[node]) - max_reverse)
-            if link_s < far_s:
-                far_node, far_link, far_s = node, link, link_s
+            if spent_s[node] + link_s + charged_s < far_s:
+                far_node, far_link, far_s = node, link, spent_s[node] + link_s + charged_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
             behind = back_up(backed[node], step_m, gear)
@@ -150,7 +178,7 @@ def search_move(  # type: ignore[no-untyped-def]
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = step_m, bend, gear
-                room, _ = measure_path_room(poses[node], step, guide, points, reach, grid, frame, margin)
+                room, _ = measure_path_room(poses[node], step, *body)
                 if room < margin:
                     continue
                 u, v, after = advance_pose(x, y, heading, step_m, bend, gear)
@@ -158,7 +186,8 @@ def search_move(  # type: ignore[no-untyped-def]
                 if left_m == np.inf:
                     continue
                 tightness = TIGHT_FACTOR if room < margin + AMPLE_M else 1.0
-                seconds = _add_step_s(spent_s[node], step, bends[node], ways[node], slow, costs, tightness, charge)
+                before_s = spent_s[node] + _charge_wheels(poses[node], step, kept)
+                seconds = _add_step_s(before_s, step, bends[node], ways[node], slow, costs, tightness, charge)
                 key = _find_cell(u, v, after, way, step_m)
                 if key in best_s and best_s[key] <= seconds + 1e-9:
                     continue
@@ -226,8 +255,8 @@ def _merge_rows(rows):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
-    """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that take less time, from the end.
+def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, kept, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+    """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that cost less, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
     shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than
@@ -249,7 +278,11 @@ def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, guide, poi
             if first >= last - 1:
                 break
             link, link_s = _find_shot(ends[first], ends[last], radii, costs, settling, kinds, 0.0, max_reverse, *body)
-            if link_s < np.inf and link_s <= _measure_seconds(rows[first:last], costs):
+            link_s += _charge_wheels(ends[first], link, kept)
+            replaced = rows[first:last]
+            if link_s < np.inf and link_s <= _measure_seconds(replaced, costs) + _charge_wheels(
+                ends[first], replaced, kept
+            ):
                 whole = np.concatenate((rows[:first], link, out))
                 if measure_backing_up(whole, 0.0) <= max_reverse:
                     out, taken = whole[first:], first

@@ -176,8 +176,7 @@ class MoveTable:
         a crop or a seedbed, is dearer than what searches usually find; else by a search and with the implement folded.
         """
         if (u, v) not in self._options:
-            options = list(self.moves.list_options(u, v))
-            self._options[u, v] = options if self.site.spared is None else self._search_if_dear(u, v, options)
+            self._options[u, v] = self._search_if_dear(u, v, list(self.moves.list_options(u, v)))
         if not self._options[u, v]:
             self._options[u, v] = self._cut_back(u, v)
         if not self._options[u, v]:

@@ -55,8 +55,6 @@ class Site:
         furrow_s: seconds charged for a move from a track to one that is not beside it, where each needs the furrow of
             the one before; else 0.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
-        spared: the ground without a crop or a seedbed, but for its edge as far as a machine reaches; None where wheels
-            do no harm.
         standing: the ground inside the outline, where a machine works its way into a crop that stands.
         axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
         turn_kinds: kinds of turns that may be driven.
@@ -80,7 +78,6 @@ class Site:
     keeps_ground: bool
     furrow_s: float
     kept: Ground
-    spared: Ground | None
     standing: Ground | None
     wheels_s_per_m: float
     axle_m: float
@@ -120,7 +117,7 @@ class Site:
         if self.gate_grounds is None:
             return self
         ground, proof_ground = self.gate_grounds
-        return replace(self, ground=ground, proof_ground=proof_ground, spared=None)
+        return replace(self, ground=ground, proof_ground=proof_ground)
 
     @property
     def width_m(self) -> float:

@@ -218,7 +218,8 @@ def test_a_part_of_a_collection_can_be_chosen(headland: Run, tmp_path: Path) -> 
 
 def begun(*arguments: str, **options: Any) -> subprocess.Popen[str]:
     """A process of the command that has begun to simulate plans, and knows no answer."""
-    words, pipe = [sys.executable, "-W", "error", "-c", BEGINS, *arguments], subprocess.PIPE
+    rules = ("-W", "error", "-W", "ignore::ResourceWarning")  # a signal may come between open and with, in any library
+    words, pipe = [sys.executable, *rules, "-c", BEGINS, *arguments], subprocess.PIPE
     environment = {**os.environ, "HEADLAND_CACHE": os.devnull}
     process = subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, env=environment, **options)
     assert process.stderr is not None

@@ -23,7 +23,7 @@ from strategies.moves.search import has_way_on, measure_remaining_m, search_move
 from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
 from strategies.rules.turn_costs import TurnCosts
-from strategies.site.ground import build_ground, has_room_on_path
+from strategies.site.ground import build_ground, has_room_on_path, measure_length_inside
 
 RADIUS_M, MARGIN_M = 5.0, 0.1
 RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), TurnCosts(2.0, 1.4, 4.0).speeds
@@ -32,6 +32,8 @@ FAR_S_PER_M = 1.5  # charged for reversing far
 LEADS = LEADS_OUT_M, LEADS_IN_M
 ALL_KINDS = np.array([True, True, True, True])
 BODY = MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0)
+CROP = build_ground(shapely.box(20.0, 15.0, 60.0, 45.0), 6.0)
+NO_KEPT = CROP.grid, CROP.frame, 0.5, 0.0
 
 
 def drive(pose: tuple[float, float, float], rows: np.ndarray) -> tuple[float, float, float]:
@@ -125,11 +127,11 @@ def test_a_search_leads_round_a_wall() -> None:
     ground = build_ground(shapely.box(0.0, 0.0, 80.0, 60.0) - shapely.box(38.0, 0.0, 42.0, 40.0), 6.0)
     start, goal = np.array([15.0, 15.0, 0.0]), np.array([65.0, 15.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
-    remaining = measure_remaining_m(65.0, 15.0, 1.1, ground.grid, ground.frame)
+    remaining = measure_remaining_m(65.0, 15.0, 1.1, 2.0, NO_KEPT, ground.grid, ground.frame)
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
-    rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, MOST_POSES, *body)
+    rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
     assert len(rows)
-    shorter = shorten_rows(start, rows, *how, *body)
+    shorter = shorten_rows(start, rows, *how, NO_KEPT, *body)
     for path in (rows, shorter):
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
         assert has_room_on_path(start, path, *body[:5], MARGIN_M - 1e-9)
@@ -138,18 +140,36 @@ def test_a_search_leads_round_a_wall() -> None:
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
 
 
+@pytest.mark.parametrize(("wheels_s_per_m", "goes_round"), [(2.0, True), (0.0, False)])
+def test_a_search_leads_round_ground_where_wheels_are_dear(wheels_s_per_m: float, goes_round: bool) -> None:
+    """Forty metres through the crop are charged 80 s; round it are 12 m or so more than straight on."""
+    ground, kept = build_ground(shapely.box(0.0, 0.0, 80.0, 60.0), 6.0), (CROP.grid, CROP.frame, 0.5, wheels_s_per_m)
+    start, goal = np.array([8.0, 30.0, 0.0]), np.array([72.0, 30.0, 0.0])
+    body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
+    remaining = measure_remaining_m(72.0, 30.0, 1.1, COSTS[0], kept, ground.grid, ground.frame)
+    how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
+    rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, kept, MOST_POSES, body)
+    shorter = shorten_rows(start, rows, *how, kept, *body)
+    assert drive(tuple(start), shorter) == pytest.approx(tuple(goal), abs=1e-6)
+    assert (measure_length_inside(start, shorter, *kept[:3]) <= 1.0) == goes_round
+    assert shorter[:, 0].sum() == pytest.approx(84.0 if goes_round else 64.0, abs=8.0)
+
+
 @pytest.mark.parametrize(("width_m", "behind_m", "most_m"), [(60.0, 30.0, 10.0), (6.0, 100.0, 103.0)])
 def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: float, most_m: float) -> None:
     """To a place straight behind: there is another way on wide ground, in a lane only one at a charge."""
     ground = build_ground(shapely.box(0.0, -0.5 * width_m, 40.0 + behind_m, 0.5 * width_m), 6.0)
     start, goal = np.array([20.0 + behind_m, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
-    remaining, how = measure_remaining_m(20.0, 0.0, 1.1, ground.grid, ground.frame), (RADII[:1], COSTS, SETTLING)
-    rows = search_move(start, goal, remaining, *how, ALL_KINDS, 10.0, FAR_S_PER_M, MOST_POSES, *body)
-    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, *body), 0.0)
+    remaining, how = (
+        measure_remaining_m(20.0, 0.0, 1.1, 2.0, NO_KEPT, ground.grid, ground.frame),
+        (RADII[:1], COSTS, SETTLING),
+    )
+    rows = search_move(start, goal, remaining, *how, ALL_KINDS, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
+    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, NO_KEPT, *body), 0.0)
     assert len(rows) and backing_m <= most_m
     forwards = ALL_KINDS & (np.arange(len(ALL_KINDS)) < 3)
-    rows = search_move(start, goal, remaining, *how, forwards, 10.0, FAR_S_PER_M, MOST_POSES, *body)
+    rows = search_move(start, goal, remaining, *how, forwards, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
     assert bool(len(rows)) == (width_m > 6.0), "in the lane there is no way forwards"
 
 
