@@ -18,6 +18,7 @@ from planner.service.sandbox.reader_processes import ReadOrder, ReadOutcome
 from planner.service.sandbox.readings import READINGS
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
+from planner.sweeps.kept_grounds import KeptGrounds
 
 WORKING_FOLDER_LOCK = threading.Lock()  # a process has one working folder
 
@@ -48,9 +49,9 @@ class EstimatorHere(PlanEstimator):
     def __init__(self, settings: ServiceSettings, store: Store) -> None:
         super().__init__(settings, store)
         for queue in (self._at_once, self._laid_out):
-            queue._ask_process = partial(self._estimate_here, estimating.KeptGrounds())  # type: ignore[method-assign]
+            queue._ask_process = partial(self._estimate_here, KeptGrounds())  # type: ignore[method-assign]
 
-    def _estimate_here(self, grounds: estimating.KeptGrounds, order: Mapping[str, Any]) -> dict[str, Any]:
+    def _estimate_here(self, grounds: KeptGrounds, order: Mapping[str, Any]) -> dict[str, Any]:
         with WORKING_FOLDER_LOCK, chdir(order["folder"]):
             answer: dict[str, Any] = json.loads(estimating._answer_order(grounds, order))
         return answer | {"computing_s": 0.0}

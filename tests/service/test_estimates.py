@@ -20,11 +20,11 @@ from planner.service.gateway.connection_limits import RateLimiter
 from planner.service.gateway.responses import wait_while_connected
 from planner.service.jobs import plan_estimates
 from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S
-from planner.service.sandbox.estimating import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from planner.service.sandbox.readings import build_work_order
 from planner.service.settings import ServiceSettings
 from planner.service.store.token_table import hash_token
 from planner.sweeps import estimates
+from planner.sweeps.kept_grounds import BEARING_DECIMALS, KeptGrounds, OrderEstimate
 from reports.common.plan_results import PlanResult
 from strategies.lines.line_wishes import name_line
 from tests.service.conftest import Shared, bearer, wait_until
@@ -118,7 +118,7 @@ def test_what_changes_no_layout_is_answered_from_the_ground_that_is_there(
     grounds: KeptGrounds, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = estimate(grounds)
-    monkeypatch.setattr("planner.service.sandbox.estimating.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
     dearer = estimate(grounds, tractors="1-3", price_per_hour=80.0, start="09:00", deadline="12:00")
     assert len(dearer.plans) == 3
     assert (dearer.plans[0].cost or 0.0) > (first.plans[0].cost or 0.0)
@@ -149,7 +149,7 @@ def test_a_new_width_borrows_the_layout_unless_it_asks_for_its_own_and_may_pin_i
     own = estimate(grounds, width=6.2, bearing=30.0)
     assert not own.is_layout_borrowed and own.bearing_deg == pytest.approx(30.0)
     layout = {"bearing": round(borrowed.bearing_deg, BEARING_DECIMALS), "headland_passes": borrowed.headland_passes}
-    monkeypatch.setattr("planner.service.sandbox.estimating.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
     pinned = estimate(grounds, width=6.2, **layout, work_first="3")
     assert not pinned.is_layout_borrowed
     assert [one.name for one in pinned.lines] == [one.name for one in borrowed.lines]
@@ -163,7 +163,7 @@ def test_an_answer_at_once_is_scaled_from_the_nearest_width(
     first, laid_out = estimate(grounds), estimate(grounds, width=6.4)
     own = KeptGrounds()
     assert not estimate(own, at_once=True).is_scaled, "without a ground one is laid out"
-    monkeypatch.setattr("planner.service.sandbox.estimating.prepare_context", pytest.fail)
+    monkeypatch.setattr("planner.sweeps.kept_grounds.prepare_context", pytest.fail)
     monkeypatch.setattr("planner.sweeps.estimates.sketch_plans", pytest.fail)
     assert not estimate(own, at_once=True, start="08:00", price_per_hour=30.0).is_scaled
     scaled = estimate(own, at_once=True, width=6.4)
