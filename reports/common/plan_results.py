@@ -48,8 +48,9 @@ class PlanResult(ShownResult):
         works_enough: whether the share of the ground asked for is that of a recommendation.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
         over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
-            headland passes included, and the ground under wheels there. `over_finished_charged`: whether that ground
-            counts as missed in `finished_s` and `finished_cost`, as it does when sowing and spraying.
+            headland passes included, and the ground under wheels there.
+        spoilt_m2: ground that wheels spoilt, which counts as missed in `finished_s` and `finished_cost`: finished
+            ground when sowing and spraying, and a crop before it is harvested or mown; None where they spoil nothing.
         outside_m, outside_along_m: the farthest that tractor or implement, lifted or not, reach beyond the outline of
             the field outside the gate of its entrance, and the length driven with more than is allowed.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
@@ -107,7 +108,7 @@ class PlanResult(ShownResult):
     wheel_traffic_m2: float | None = None
     over_finished_m: float | None = None
     over_finished_m2: float | None = None
-    over_finished_charged: bool = False
+    spoilt_m2: float | None = None
     outside_m: float | None = None
     outside_along_m: float | None = None
     turning_s: float | None = None

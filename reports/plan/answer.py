@@ -33,7 +33,7 @@ from reports.plan.plan_wording import (
     format_energy,
     format_unworked,
     format_wide_interval,
-    get_charged_traffic_m2,
+    get_spoilt_m2,
     name_fleet,
 )
 from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences, question_pull
@@ -148,10 +148,12 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.worked_pct is not None:
         rest = ""
         if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
-            area, driven_m2 = format_area(plan.due_missed_m2), get_charged_traffic_m2(plan)
+            area, spoilt_m2 = format_area(plan.due_missed_m2), get_spoilt_m2(plan)
             ground = translate("{area} left", area=area)
-            if driven_m2 is not None:  # where the operation minds it
-                ground = translate("{area} left and {driven} driven over", area=area, driven=format_area(driven_m2))
+            if spoilt_m2 is not None:
+                ground = translate(
+                    "{area} left and {spoilt} spoilt by wheels", area=area, spoilt=format_area(spoilt_m2)
+                )
             rest = translate(
                 " ({ground}: {time} and {money} of work, without ways there)",
                 ground=ground,

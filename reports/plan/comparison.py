@@ -1,8 +1,8 @@
 """Requests compared: what planning each came to, with the way in which it differs from the others.
 
 Ways to work the headland of one field or several are compared by sums over fields, the best way first. The cost per
-hectare is that of worked ground: ground that a plan misses is charged at the plan's own rate, and so is finished ground
-that is driven over when sowing and spraying.
+hectare is that of worked ground: ground that a plan misses is charged at the plan's own rate, and so is what wheels
+spoil.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ from reports.common.wording import (
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.plan_wording import (
     format_in_time_probability,
-    get_charged_traffic_m2,
     get_clearance_m,
+    get_spoilt_m2,
     has_late_ground_loss,
     name_energy_column,
 )
@@ -67,7 +67,7 @@ first."""
 TABLE_DROPS = {
     "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
     "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
-    "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "charged_traffic_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
+    "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "spoilt_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
     "finish_probability": 3, "meets_deadline": 3,
 }  # fmt: skip
 """Of the table of all plans (`--explain`)."""
@@ -213,6 +213,9 @@ _CATALOGUE = (
            measure=lambda run, area_ha: float(run.folding_s.sum()) or None, is_optional=True),
     Figure("over_finished_m"),
     Figure("over_finished_m2", text=_WHOLE, unit="m2"),
+    Figure("spoilt_m2", "Spoilt", "Spoilt", format_area_or_dash,
+           note="by wheels: finished ground where it is kept, a crop before it is cut; counted like unworked ground",
+           read=get_spoilt_m2, is_optional=True),
     Figure("p50_done_s", "Median time", "Median\ntime", format_duration),
     Figure("p95_done_s", "95 %", "", format_duration),
     Figure("fuel_l", "Fuel l", "", lambda litres: _TENTHS(VOLUME.convert(litres)),
@@ -246,9 +249,6 @@ _CATALOGUE = (
     Figure("keeps_clearance"),
     Figure("is_simulated"),
     Figure("stated_span_s", "Time", "", format_duration, read=lambda plan: plan.stated_end_s, is_exported=False),
-    Figure("charged_traffic_m2", "Driven over", "Driven\nover", format_area_or_dash,
-           note="finished ground under wheels that drive over it, counted like unworked ground", unit="m2",
-           read=get_charged_traffic_m2, is_optional=True, is_exported=False),
 )  # fmt: skip
 FIGURES = {figure.key: figure for figure in _CATALOGUE}
 MEASURES = {figure.key: figure.measure for figure in _CATALOGUE if figure.measure is not None}

@@ -259,23 +259,22 @@ def count_service_stops(ranking: PlanRanking, count: int) -> str:
     return translate_count("{count} refill", "{count} refills", count)
 
 
-def get_charged_traffic_m2(plan: PlanResult) -> float | None:
-    """The finished ground that wheels drive over, where it counts like unworked ground and is more than nothing."""
-    is_charged = plan.over_finished_charged and (plan.over_finished_m2 or 0.0) >= LEAST_UNWORKED_M2
-    return plan.over_finished_m2 if is_charged else None
+def get_spoilt_m2(plan: PlanResult) -> float | None:
+    """The ground that wheels spoil, where it is more than nothing."""
+    return plan.spoilt_m2 if (plan.spoilt_m2 or 0.0) >= LEAST_UNWORKED_M2 else None
 
 
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
-    due_m2, driven_over = plan.due_missed_m2, get_charged_traffic_m2(plan)
+    due_m2, spoilt_m2 = plan.due_missed_m2, get_spoilt_m2(plan)
     is_missed = due_m2 >= LEAST_UNWORKED_M2
     grounds = []
     if is_missed and plan.spared_m2 >= LEAST_UNWORKED_M2:
         grounds.append(translate("the {area} of it that was to be worked", area=format_area(due_m2)))
     elif is_missed:
         grounds.append(translate("the missed {area}", area=format_area(due_m2)))
-    if driven_over is not None:
-        grounds.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
+    if spoilt_m2 is not None:
+        grounds.append(translate("the {area} spoilt by wheels", area=format_area(spoilt_m2)))
     sentences = []
     if grounds and plan.finished_s is not None:
         added = format_time_span(plan.finishing_s)

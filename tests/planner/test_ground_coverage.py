@@ -28,6 +28,7 @@ from planner.evaluation.ground.wheel_traffic import (
     SHORT_SPAN_ROWS,
     TYRE_WIDTH_M,
     FinishedGroundTraffic,
+    measure_crop_traffic_m2,
     measure_finished_ground_traffic,
 )
 from planner.evaluation.site import TOLERANCE_M
@@ -286,6 +287,23 @@ class TestTrampled:
 
     def test_the_headland_is_there_to_turn_on(self, small_site: Any) -> None:
         assert self.trampled(small_site, self.run(small_site, self.crossing(30.0), kind=HEADLAND_PASS)) == 0.0
+
+    def test_a_crop_is_driven_over_before_it_is_cut(self, small_site: Any) -> None:
+        first, after = (self.run(small_site, self.crossing(30.0), before=before) for before in (True, False))
+        assert self.crop_driven_over_m2(small_site, first) == pytest.approx(self.ONCE, rel=1e-6)
+        assert self.crop_driven_over_m2(small_site, after) == 0.0
+
+    @pytest.mark.parametrize(("y", "stands"), [(8.0, False), (18.0, False), (40.0, True)])
+    def test_a_crop_stands_where_nothing_has_worked_yet(self, small_site: Any, y: float, stands: bool) -> None:
+        run = run_of(small_site, pass_north(10.0, 5.0, 55.0, 300), self.crossing(y, count=300))
+        assert self.crop_driven_over_m2(small_site, run) == pytest.approx(self.ONCE if stands else 0.0, rel=1e-6)
+
+    def test_wheels_on_the_strip_worked_next_spoil_nothing(self, small_site: Any) -> None:
+        run = run_of(small_site, [(10.0, float(y), 0.5 * math.pi, False) for y in range(8)] + self.SWATH)
+        assert self.crop_driven_over_m2(small_site, run) == 0.0
+
+    def crop_driven_over_m2(self, site: Any, run: SimulationRun) -> float:
+        return measure_crop_traffic_m2(run, site, compute_swept_area(run, site))
 
     def test_outside_the_field_is_nobodys_ground(self, small_site: Any) -> None:
         site = on_field(small_site, shapely.box(0, 0, 10, 80))

@@ -36,7 +36,7 @@ def test_no_long_way_is_driven_in_reverse(sown: tuple[PlanningContext, Outcome])
 def test_what_is_driven_over_is_charged_like_missed_ground(sown: tuple[PlanningContext, Outcome]) -> None:
     _, found = sown
     plan = found.result
-    assert plan.over_finished_charged
+    assert plan.spoilt_m2 == plan.over_finished_m2
     area_m2, time_s = ELL.area, plan.time_s or 0.0
     missed_m2, spoilt_m2 = plan.missed_m2 or 0.0, plan.over_finished_m2 or 0.0
     assert spoilt_m2 > 0.0 and (plan.over_finished_m or 0.0) > 0.0
@@ -47,7 +47,7 @@ def test_what_is_driven_over_is_charged_like_missed_ground(sown: tuple[PlanningC
 def test_tillage_is_told_and_not_charged(place: Any) -> None:
     site = place(shapely.box(0, 0, 60, 120), no_headland=False, width_m=4.0)
     plan = simulate_candidate(site, Candidate("split-field", 1)).result
-    assert not plan.over_finished_charged and plan.over_finished_m2 is not None
+    assert plan.spoilt_m2 is None and plan.over_finished_m2 is not None
     missed_m2 = plan.missed_m2 or 0.0
     assert plan.finished_s == pytest.approx((plan.time_s or 0.0) * (1.0 + missed_m2 / (7200.0 - missed_m2)), rel=1e-6)
 

@@ -17,8 +17,13 @@ from planner.evaluation.ground.contact_places import Overhang, measure_overhang
 from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage, replace_infinite
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import describe_largest_piece
-from planner.evaluation.ground.wheel_traffic import FinishedGroundTraffic, measure_finished_ground_traffic
+from planner.evaluation.ground.wheel_traffic import (
+    FinishedGroundTraffic,
+    measure_crop_traffic_m2,
+    measure_finished_ground_traffic,
+)
 from planner.request.implement_choice import keeps_ground
+from planner.request.plan_request import STANDING_CROP_OPERATIONS
 from planner.risk.costs import (
     DrivenTimes,
     compute_driven_cost,
@@ -66,10 +71,12 @@ def measure_candidate(
             faults=candidate_run.faults,
         )
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
-    is_charged = keeps_ground(context.request.operation, context.request.find_draft_rule())
-    traffic = measure_finished_ground_traffic(run, context, swept) if is_shown or is_charged else None
-    spoilt_m2 = traffic.area_m2 if traffic and is_charged else 0.0
-    coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2)
+    is_kept = keeps_ground(context.request.operation, context.request.find_draft_rule())
+    traffic = measure_finished_ground_traffic(run, context, swept) if is_shown or is_kept else None
+    spoilt_m2 = traffic.area_m2 if traffic and is_kept else None
+    if context.request.operation in STANDING_CROP_OPERATIONS:
+        spoilt_m2 = measure_crop_traffic_m2(run, context, swept)
+    coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2 or 0.0)
     tractor_time = float(np.sum(run.finish_s))
     times, energy = measure_driven_times(run), measure_energy(context, run)
     hourly, hiring = compute_cost(context, times, energy)
@@ -87,7 +94,7 @@ def measure_candidate(
         cost=hourly + hiring,
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
-        over_finished_charged=is_charged,
+        spoilt_m2=spoilt_m2,
         outside_m=None if overhang is None else overhang.farthest_m,
         outside_along_m=None if overhang is None else overhang.beyond_m,
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),

@@ -66,8 +66,8 @@ class Coverage:
 
     `largest_piece` is the largest piece of `unworked_ground` that an implement could work in one go (necks up to half a
     working width separate pieces); None without any. `left_out_m2` of the unworked ground are to be left out, and
-    `spared_m2` of the rest are cut off by obstacles: no plan is charged for them. `spoilt_m2` of the worked ground were
-    driven over when finished, and are charged like unworked ground.
+    `spared_m2` of the rest are cut off by obstacles: no plan is charged for them. `spoilt_m2` of the worked ground are
+    a seedbed that was driven over when finished, or a crop before it was cut, and are charged like unworked ground.
     """
 
     field_m2: float

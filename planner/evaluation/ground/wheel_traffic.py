@@ -1,4 +1,4 @@
-"""Wheel traffic: finished ground that wheels went over, off the headland and in all."""
+"""Wheel traffic: finished ground that wheels went over, off the headland and in all, and crops before they were cut."""
 
 from __future__ import annotations
 
@@ -53,6 +53,35 @@ def measure_finished_ground_traffic(
     return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground.area), float(off_headland.area))
 
 
+def measure_crop_traffic_m2(run: SimulationRun, context: PlanningContext, swept: SweptArea) -> float:
+    """Ground (m2) that was worked, and that wheels went over with the implement up while nothing had worked it yet.
+
+    Wheels on the strip that their own implement works next do not count, as those in front of a lowered one.
+    """
+    spans = _find_raised_driving_spans(run, SHORT_SPAN_ROWS)
+    marks, number, strip = _compute_strip_marks(run, context, swept, spans, np.arange(len(swept.ground)), wide=True)
+    row = spans[number, 1]
+    standing = (swept.last[strip] > row) & (strip != _find_next_strips(swept, spans)[number])
+    marks, row, strip = marks[standing], row[standing], strip[standing]
+    crossed = np.asarray(intersect(marks, swept.ground[strip]), dtype=np.object_)
+    mark, other = shapely.STRtree(swept.ground).query(crossed, predicate="intersects")
+    is_before = swept.first[other] < row[mark]
+    mark, other = mark[is_before], other[is_before]
+    worked = _compute_swept_before(run, context, swept, other, row[mark])
+    return float(_unite_in_field(_subtract_pairs(crossed, mark, worked), context).area)
+
+
+def _find_next_strips(swept: SweptArea, spans: Integers) -> Integers:
+    """The strip that the tractor of each span (n, 3) works next after it began; -1 for none."""
+    found = np.full(len(spans), -1)
+    for tractor in np.unique(spans[:, 0]):
+        own = np.flatnonzero(swept.tractor == tractor)
+        own = np.append(own[np.argsort(swept.first[own])], -1)
+        here = spans[:, 0] == tractor
+        found[here] = own[np.searchsorted(swept.first[own[:-1]], spans[here, 1])]
+    return found
+
+
 def find_driven_over_ground(
     run: SimulationRun, context: PlanningContext, swept: SweptArea
 ) -> tuple[shapely.Polygon, ...]:
@@ -72,12 +101,16 @@ def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Integers) -> Are
     is_later = swept.first[other] > swept.first[strip[mark]]
     mark, other = mark[is_later], other[is_later]
     order = np.lexsort((other, mark))
-    mark, other = mark[order], other[order]
+    return _subtract_pairs(marks, mark[order], swept.ground[other[order]])
+
+
+def _subtract_pairs(marks: Areas, mark: Integers, parts: Areas) -> Areas:
+    """The marks without parts (n,), each of which is taken from the mark of a number; the numbers ascend."""
     place = np.arange(len(mark)) - np.searchsorted(mark, mark)
     remaining = marks.copy()
     for number in range(int(place.max(initial=-1)) + 1):
         pairs = place == number
-        remaining[mark[pairs]] = subtract(remaining[mark[pairs]], swept.ground[other[pairs]])
+        remaining[mark[pairs]] = subtract(remaining[mark[pairs]], parts[pairs])
     return remaining
 
 
