@@ -76,18 +76,14 @@ class DoneWork:
     may_rest: bool = False
 
 
-class StoredMoves(Protocol):
-    """What a cache has of the moves of a site."""
-
-    def store(self, moves: SiteMoves) -> None:
-        """Store what is new of them."""
-
-
 class MoveStore(Protocol):
     """A cache of what is known of the moves of sites (planner.pipeline.move_cache)."""
 
-    def load(self, context: PlanningContext, moves: SiteMoves) -> StoredMoves:
-        """Let moves of a context know what is stored of them; what stores what is new."""
+    def load(self, context: PlanningContext, moves: SiteMoves) -> None:
+        """Let moves of a context know what is stored of them."""
+
+    def store(self, moves: SiteMoves) -> None:
+        """Store what is new of moves that were loaded."""
 
 
 @dataclass(frozen=True, repr=False)

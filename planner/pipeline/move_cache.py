@@ -34,27 +34,21 @@ class MoveCache:
 
     results: ResultCache
 
-    def load(self, context: PlanningContext, moves: SiteMoves) -> SiteFiles:
-        """Let moves of a context know what is stored of them; what stores what is new."""
+    def load(self, context: PlanningContext, moves: SiteMoves) -> None:
+        """Let moves of a context know what is stored of them."""
         name = _hash_site(context, moves)
         load_entries(moves, self.results.read_all(name))
-        return SiteFiles(self.results, name, count_entries(moves))
-
-
-@dataclass(eq=False)
-class SiteFiles:
-    """The files of a site, whose names begin alike, and how many entries of each table of its moves they have."""
-
-    results: ResultCache
-    name: str
-    counts: dict[str, int]
+        moves.stored = name, count_entries(moves)
 
     def store(self, moves: SiteMoves) -> None:
-        """Store what is new of the moves of the site."""
-        if new := describe_entries(moves, self.counts):
-            self.results.write(f"{self.name}-{secrets.token_hex(4)}", new)
+        """Store what is new of moves that were loaded."""
+        if moves.stored is None:
+            return
+        name, counts = moves.stored
+        if new := describe_entries(moves, counts):
+            self.results.write(f"{name}-{secrets.token_hex(4)}", new)
             self.results.remove_oldest()
-        self.counts = count_entries(moves)
+        moves.stored = name, count_entries(moves)
 
 
 def _hash_site(context: PlanningContext, moves: SiteMoves) -> str:

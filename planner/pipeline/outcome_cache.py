@@ -5,8 +5,10 @@ Figures and plans are kept. A plan is driven again where its run is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
+from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -39,19 +41,35 @@ def recall_outcomes(
     """
     if cache.folder is None:
         return compute()
-    name, adapter = _hash_question(context, candidates, prunes), TypeAdapter(list[PlanResult])
+    name = _hash_question(context, candidates, prunes)
     known = cache.read(name)
     if known is not None:
-        results = adapter.validate_python(known["results"])
+        results = unpack_results(known["results"])
         if not (with_pictures and any(one.time_s and not one.feasible for one in results)):
             plans = {int(number): parse_plan(text) for number, text in known["plans"].items()}
             return dict(enumerate(map(Outcome, results))), plans
     outcomes, plans = compute()
     results = [outcomes[number].result for number in range(len(candidates))]
     texts = {str(number): format_plan(one, indent=None) for number, one in plans.items()}
-    cache.write(name, {"results": adapter.dump_python(results, mode="json"), "plans": texts})
+    cache.write(name, {"results": pack_results(results), "plans": texts})
     cache.remove_oldest()
     return outcomes, plans
+
+
+def pack_results(results: Sequence[PlanResult]) -> list[dict[str, Any]]:
+    """The figures of plans as values of JSON, without those that a plan has by default."""
+    packed: list[dict[str, Any]] = _get_adapter().dump_python(list(results), mode="json", exclude_defaults=True)
+    return packed
+
+
+def unpack_results(packed: Sequence[Mapping[str, Any]]) -> list[PlanResult]:
+    """The figures of plans that were packed."""
+    return _get_adapter().validate_python(packed)
+
+
+@functools.cache
+def _get_adapter() -> TypeAdapter[list[PlanResult]]:
+    return TypeAdapter(list[PlanResult])
 
 
 def _hash_question(context: PlanningContext, candidates: Sequence[Candidate], prunes: bool) -> str:

@@ -8,13 +8,11 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
-
-from pydantic import TypeAdapter
 
 import reports.sweep.report  # noqa: F401  # how a sweep is shown
 from planner.errors import HeadlandError, RequestError, mark_parameter
@@ -23,6 +21,7 @@ from planner.evaluation.site import recall
 from planner.evaluation.work_order import FieldChoice, WorkOrder
 from planner.pipeline.executors import collect_answers, create_executor, iter_completed
 from planner.pipeline.many_fields import hash_order
+from planner.pipeline.outcome_cache import pack_results, unpack_results
 from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.pipeline.worker_tasks import Progress, pack_context, unpack_context
 from planner.request.option_texts import format_clock
@@ -45,8 +44,6 @@ _ADDED = (
     "fuel_l", "energy_kwh", "co2_kg",
 )  # fmt: skip
 _CLOCKS = ("start_s", "deadline_s")
-_PLANS = TypeAdapter(list[PlanResult])
-_DEFAULTS = {one.name: one.default for one in fields(PlanResult)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +119,7 @@ def iter_plans(
         if known is None:
             missing.append(place)
         else:
-            plans = _PLANS.validate_python(known["plans"])
+            plans = unpack_results(known["plans"])
             yield from ((place, number, plan) for number, plan in zip(task.numbers, plans, strict=True))
     grounds = [list(group) for _, group in groupby(missing, key=lambda place: id(tasks[place].reference))]
     for first in range(0, len(grounds), MOST_GROUNDS_AT_ONCE):
@@ -141,18 +138,11 @@ def iter_plans(
         arguments = [(tasks[place].orders, ground) for place, ground in laid_out]
         for number, plans in iter_completed(executor, estimate_task, arguments, from_both_ends=True):
             place, _ = laid_out[number]
-            cache.write(keys[place], {"plans": [_pack(plan) for plan in plans]})
+            cache.write(keys[place], {"plans": pack_results(plans)})
             numbers = tasks[place].numbers
             yield from ((place, combination, plan) for combination, plan in zip(numbers, plans, strict=True))
     if refusals and len(missing) == len(tasks) and len(refusals) == len(grounds):
         raise refusals[0]
-
-
-def _pack(plan: PlanResult) -> dict[str, Any]:
-    """What a plan has other than a plan has by default."""
-    values = {name: getattr(plan, name) for name in _DEFAULTS}
-    kept = {name: value for name, value in values.items() if name == "measured" or value != _DEFAULTS[name]}
-    return kept if plan.pull is None else {**kept, "pull": asdict(plan.pull)}
 
 
 @dataclass(eq=False)
