@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -20,7 +20,7 @@ from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import DoneWork, PlanningContext
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.preparation import prepare_context
-from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
+from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.evaluation.work_order import DoneSource, FieldChoice, WorkOrder
 from planner.farm.random_inputs import UncertaintySettings
 from planner.farm.settings import FarmTimes, Yard
@@ -34,7 +34,7 @@ from planner.pipeline.going_on import (
     list_sources,
 )
 from planner.pipeline.move_cache import MoveCache
-from planner.pipeline.outcome_cache import Outcomes, recall_outcomes
+from planner.pipeline.outcome_cache import Outcomes, collect_outcomes, recall_outcomes
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
@@ -46,7 +46,7 @@ from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
 from reports.common.language import mark_text
 from reports.common.plan_records import PlanDrive
-from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, choose_by_count
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.rendering import ResultView, ShownResult
 from reports.plan.figures import format_ranking_csv
 from reports.plan.map_figure import draw_plan_map, render_png
@@ -250,7 +250,7 @@ def plan_order(
         def compute() -> Outcomes:
             packed = pack_context(context)
             outcomes = iter_outcomes(executor, packed, candidates, report, prunes=prunes, with_pictures=with_pictures)
-            return _collect_outcomes(outcomes)
+            return collect_outcomes(outcomes)
 
         known = cache if time_share is NO_LIMIT else NO_CACHE
         found = recall_outcomes(known, context, candidates, prunes, compute, with_pictures=with_pictures)
@@ -259,24 +259,6 @@ def plan_order(
             return result
         parts = tuple(_iter_part_plans(result, order, executor, cache))
         return replace(result, ranking=replace(result.ranking, parts=parts))
-
-
-def _collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> Outcomes:
-    """The outcomes of all candidates that there is time for, and the plans that were driven well, by their number.
-
-    Only plans to take with some number of tractors keep their runs, which are large.
-    """
-    found, plans = dict[int, Outcome](), dict[int, Plan]()
-    with suppress(TimeSpentError):
-        for number, outcome in outcomes:
-            found[number] = outcome
-            if outcome.run is None:
-                continue
-            plans[number], count = outcome.run.plan, outcome.result.tractors
-            alike = {n: one for n, one in found.items() if one.result.feasible and one.result.tractors == count}
-            taken = choose_by_count([one.result for one in alike.values()])[count]
-            found |= {n: replace(one, run=None) for n, one in alike.items() if one.result is not taken}
-    return found, plans
 
 
 def _iter_part_plans(

@@ -8,6 +8,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
+from dataclasses import replace
 from threading import current_thread
 
 import numpy as np
@@ -51,12 +52,10 @@ def evaluate_task(
     context, outcomes = unpack_context(packed_context), list[tuple[int, Outcome]]()
     try:
         for number, one in simulate_candidates(context, candidates, prunes):
-            result, run = one.result, one.run
-            if run is None or run.outcome != DONE:
-                outcomes.append((number, Outcome(result)))
-                continue
-            picture = build_run_picture(context, run, result) if with_pictures else None
-            outcomes.append((number, Outcome(result, run if result.feasible else None, picture)))
+            result, run, picture = one.result, one.run, None
+            if run is not None and run.outcome == DONE and with_pictures:
+                picture = build_run_picture(context, run, result)
+            outcomes.append((number, replace(one, run=run if result.feasible else None, picture=picture)))
     except TimeSpentError:
         if not outcomes:
             raise

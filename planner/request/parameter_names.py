@@ -38,10 +38,9 @@ LABELS = {
 STRATEGY_LABELS = {name: f"{name}: {description}" for name, description in STRATEGY_DESCRIPTIONS.items()}
 WISHES = ("leave_out", "work_first", "give")
 """Parameters that name single tracks and headland passes."""
-UNLAID = frozenset(
-    ("tractors", "strategies", "price_per_hour", "price_per_tractor", "start_s", "deadline_s", "samples", "seed",
-     "budget", *WISHES)
-)  # fmt: skip
+APPRAISED = ("price_per_hour", "price_per_tractor", "start_s", "deadline_s", "samples", "budget", "rain", "objective")
+"""Parameters that change no drive, only what it is worth; an objective also says which drives are tried."""
+UNLAID = frozenset(("tractors", "strategies", "seed", *WISHES, *APPRAISED)) - {"rain", "objective"}
 """Parameters that the choice of a layout does not ask for: with any values of them tracks have the same numbers."""
 
 

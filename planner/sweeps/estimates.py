@@ -16,9 +16,8 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
-from planner.evaluation.candidates.energy_figures import list_energy_figures
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidates
-from planner.evaluation.candidates.figures import add_clock_times, compute_cost, name_headland_order
+from planner.evaluation.candidates.figures import appraise_times, name_headland_order
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, sort_sketches, weigh_order_s
 from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
@@ -349,8 +348,6 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
     missed_m2 = max(0.0, (1.0 - share) * due_m2 - left_out_m2)
     whole = 1.0 + missed_m2 / (share * due_m2)
     finish_s = float(times.tractor_s.max())
-    energy = _estimate_energy(context, times)
-    hourly, hiring = compute_cost(context, times, energy)
     pull = context.pull
     figures = PlanResult(
         strategy=STRATEGY.name,
@@ -359,20 +356,18 @@ def _build_result(context: PlanningContext, timed: _TimedTours) -> PlanResult:
         feasible=True,
         time_s=finish_s,
         tractor_time_s=float(times.tractor_s.sum()),
-        cost=hourly + hiring,
         worked_pct=100.0 * share,
         missed_m2=missed_m2,
         left_out_m2=left_out_m2 or None,
         finished_s=finish_s * whole,
-        finished_cost=hourly * whole + hiring,
         turning_s=times.turn_s,
         headland_passes=context.layout.headland_passes,
         headland_order=name_headland_order(context, timed.order),
         is_simulated=False,
         pull=pull if pull is not None and pull.is_questioned else None,
-        **list_energy_figures(context, times, energy),
     )
-    return add_clock_times(mark_worked_shares([figures], context)[0], context, finish_s, finish_s * whole)
+    marked = mark_worked_shares([figures], context)[0]
+    return appraise_times(context, marked, times, _estimate_energy(context, times), finish_s)
 
 
 def _estimate_energy(context: PlanningContext, times: DrivenTimes) -> tuple[float, ...] | None:

@@ -14,7 +14,7 @@ from fields import Field, read_field
 from planner.errors import RequestError
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_stops
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
-from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.candidates.figures import CandidateRun, appraise_drive, measure_candidate
 from planner.evaluation.context import DoneWork, PlanningContext, Stand
 from planner.evaluation.ground_sentences import describe_ground
 from planner.evaluation.preparation import prepare_context
@@ -195,7 +195,8 @@ def test_money_and_carbon_by_the_prices_of_a_farm() -> None:
     def measure(price: float) -> tuple[float, float, float]:
         prices = FarmPrices(electricity_per_kwh=price, grid_co2_kg_per_kwh=1.0, fuel_per_l=100.0)
         terms = CostTerms(prices, FarmTractor(name="t"), motor_efficiency=0.85)
-        plan = measure_candidate(replace(context, cost_terms=terms), "split-field", 1, run)
+        priced = replace(context, cost_terms=terms)
+        plan = appraise_drive(priced, measure_candidate(priced, "split-field", 1, run), run.run)
         assert plan.cost is not None and plan.energy_kwh is not None and plan.co2_kg is not None
         return plan.cost, plan.energy_kwh, plan.co2_kg
 

@@ -11,11 +11,14 @@ import shapely
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
 from planner.evaluation.work_order import WorkOrder
+from planner.farm.machines import FarmTractor
+from planner.farm.settings import FarmPrices
 from planner.pipeline import planning
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan_order
-from planner.pipeline.result_cache import ResultCache
+from planner.pipeline.result_cache import NO_CACHE, ResultCache
 from planner.request.plan_request import PlanRequest
+from planner.risk.costs import CostTerms
 from reports.plan.figures import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from vehicle.missions.plan_file import format_plan
@@ -76,8 +79,8 @@ def test_the_same_question_has_the_same_answer_and_is_not_computed(cache: Result
 @pytest.mark.parametrize(
     "order",
     [
-        replace(ORDER, request=replace(REQUEST, deadline_s=43260)),
         replace(ORDER, request=replace(REQUEST, seed=3)),
+        replace(ORDER, request=replace(REQUEST, deadline_s=None)),  # only then is a slower plan never the better one
         replace(ORDER, request=replace(REQUEST, tractors=(1,))),
         replace(ORDER, field=replace(FIELD, obstacles=())),
         replace(ORDER, implement=Implement(hitch_m=2.0)),
@@ -87,6 +90,30 @@ def test_the_same_question_has_the_same_answer_and_is_not_computed(cache: Result
 def test_another_question_is_computed(cache: ResultCache, computed: list[int], order: WorkOrder) -> None:
     answer(cache)
     answer(cache, order)
+    assert len(computed) == 2
+
+
+PRICES = FarmPrices(tractor_price=90_000.0, fuel_per_l=1.5)
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        replace(ORDER, request=replace(REQUEST, deadline_s=43260)),
+        replace(ORDER, request=replace(REQUEST, start_s=32400, price_per_hour=70.0, price_per_tractor=9.0)),
+        replace(ORDER, request=replace(REQUEST, rain="13:00", samples=500, budget=80.0)),
+        replace(ORDER, request=replace(REQUEST, objective="fastest")),
+        replace(ORDER, cost_terms=CostTerms(PRICES, FarmTractor(name="t"))),
+    ],
+)
+def test_what_a_drive_is_worth_is_told_without_planning_it_anew(
+    cache: ResultCache, computed: list[int], order: WorkOrder
+) -> None:
+    answer(cache)
+    found = answer(cache, order, with_pictures=True)
+    assert len(computed) == 1
+    assert write(found) == write(answer(NO_CACHE, order, with_pictures=True))
+    assert write(answer(cache, order, with_pictures=True)) == write(found)
     assert len(computed) == 2
 
 

@@ -11,7 +11,7 @@ import shapely
 from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateRun, run_candidate
-from planner.evaluation.candidates.figures import measure_candidate
+from planner.evaluation.candidates.figures import appraise_drive, measure_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -41,7 +41,8 @@ def drive(tractors: int = 1) -> tuple[PlanningContext, CandidateRun]:
 def measure(**changes: Any) -> Any:
     """The figures of the drive with other members of its context."""
     context, run = drive()
-    return measure_candidate(replace(context, **changes), "row-by-row", 1, run)
+    changed = replace(context, **changes)
+    return appraise_drive(changed, measure_candidate(changed, "row-by-row", 1, run), run.run)
 
 
 def test_litres_are_those_of_power_over_time() -> None:

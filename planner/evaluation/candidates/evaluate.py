@@ -14,7 +14,7 @@ import numpy as np
 from fields.units import MINUTE_S
 from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
-from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.candidates.figures import CandidateRun, appraise_drive, measure_candidate
 from planner.evaluation.candidates.fleet_drive import FleetDriver, compute_machine_gap_m, compute_nearness_m
 from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, SketchedPlan, sketch_plans
 from planner.evaluation.candidates.pruning import (
@@ -60,9 +60,11 @@ class Outcome:
     """What came of a candidate: its figures, the run that they are of and its picture.
 
     There is no run if its strategy refused the field or it was pruned, and no picture unless it was asked for.
+    `driven` are the figures without what prices, clock and samples make of them.
     """
 
     result: PlanResult
+    driven: PlanResult
     run: SimulationRun | None = None
     picture: PlanDrive | None = None
 
@@ -109,7 +111,8 @@ def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
 def _build_refusal(context: PlanningContext, candidate: Candidate, reason: str, **figures: Any) -> Outcome:
     """The outcome of a candidate that is not driven."""
     turn = context.request.turn
-    return Outcome(PlanResult(candidate.strategy, candidate.tractors, turn, False, reason, **figures))
+    refused = PlanResult(candidate.strategy, candidate.tractors, turn, False, reason, **figures)
+    return Outcome(refused, refused)
 
 
 def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan] | StrategyError:
@@ -215,12 +218,16 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
 
 
 def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun, is_shown: bool) -> Outcome:
-    """The figures of a run, with those of its samples."""
-    result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome, is_shown=is_shown)
+    driven = measure_candidate(context, candidate.strategy, candidate.tractors, outcome, is_shown=is_shown)
+    return appraise(context, driven, outcome.run)
+
+
+def appraise(context: PlanningContext, driven: PlanResult, run: SimulationRun) -> Outcome:
+    """The outcome of a drive by its figures: with what prices, clock and samples make of them."""
     area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
-        result,
-        outcome.run,
+        appraise_drive(context, driven, run),
+        run,
         context.tractor,
         context.implement,
         area_ha,
@@ -228,7 +235,7 @@ def _measure_run(context: PlanningContext, candidate: Candidate, outcome: Candid
         terrain=physics.terrain,
         fuel_load=physics.fuel_load,
     )
-    return Outcome(estimated, outcome.run)
+    return Outcome(estimated, driven, run)
 
 
 def _measure_begin_gap_m(context: PlanningContext, run: SimulationRun) -> float:

@@ -58,7 +58,8 @@ class CandidateRun:
 def measure_candidate(
     context: PlanningContext, strategy: str, tractors: int, candidate_run: CandidateRun, *, is_shown: bool = True
 ) -> PlanResult:
-    """The figures of a candidate's last run; where it is not shown without those by which nothing is chosen."""
+    """The figures of a candidate's last run without what prices and clock make of them (`appraise_drive`); where it is
+    not shown without those by which nothing is chosen, too."""
     run, reason, turn_names = candidate_run.run, candidate_run.reason, candidate_run.turns
     if run.outcome != DONE:
         return PlanResult(
@@ -77,23 +78,18 @@ def measure_candidate(
     if context.request.operation in STANDING_CROP_OPERATIONS:
         spoilt_m2 = measure_crop_traffic_m2(run, context, swept)
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2 or 0.0)
-    tractor_time = float(np.sum(run.finish_s))
-    times, energy = measure_driven_times(run), measure_energy(context, run)
-    hourly, hiring = compute_cost(context, times, energy)
     overhang = measure_overhang(run, context) if is_shown else None
     remarks = [*_list_missed_remarks(coverage.largest_piece, context), *candidate_run.remarks]
     remarks += [] if overhang is None else _list_overhang_remarks(overhang, context)
-    figures = PlanResult(
+    return PlanResult(
         strategy=strategy,
         tractors=tractors,
         turn=turn_names,
         feasible=reason is None,
         reason=reason,
         time_s=run.duration_s,
-        tractor_time_s=tractor_time,
-        cost=hourly + hiring,
+        tractor_time_s=float(np.sum(run.finish_s)),
         finished_s=coverage.extrapolate_to_field(run.duration_s),
-        finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
         spoilt_m2=spoilt_m2,
         outside_m=None if overhang is None else overhang.farthest_m,
         outside_along_m=None if overhang is None else overhang.beyond_m,
@@ -110,13 +106,40 @@ def measure_candidate(
         headland_s=measure_headland_phase_s(run),
         headland_order=name_headland_order(context, run.plan.notes.get("headland")),
         **_list_ground_figures(coverage, traffic),
-        **list_energy_figures(context, times, energy),
         **list_slope_figures(context, run),
         **list_service_figures(context, run),
         resting=(*run.plan.resting, *range(run.plan.tractors + 1, tractors + 1)),
         faults=candidate_run.faults,
     )
-    return add_clock_times(figures, context, run.work_finish_s, coverage.extrapolate_to_field(run.work_finish_s))
+
+
+def appraise_drive(context: PlanningContext, figures: PlanResult, run: SimulationRun) -> PlanResult:
+    """The figures of a drive with its cost, energy and clock times; those of one that did not end as they are."""
+    if figures.time_s is None:
+        return figures
+    return appraise_times(context, figures, measure_driven_times(run), measure_energy(context, run), run.work_finish_s)
+
+
+def appraise_times(
+    context: PlanningContext,
+    figures: PlanResult,
+    times: DrivenTimes,
+    energy: tuple[float, ...] | None,
+    work_finish_s: float,
+) -> PlanResult:
+    """The figures of a plan with its cost, energy and clock times.
+
+    `energy` are the litres or kilowatt-hours of every tractor, None where they are not known; field work takes
+    `work_finish_s`.
+    """
+    hourly, hiring = _compute_cost(context, times, energy)
+    figures = replace(
+        figures,
+        cost=hourly + hiring,
+        finished_cost=hourly * figures.left_factor + hiring,
+        **list_energy_figures(context, times, energy),
+    )
+    return _add_clock_times(figures, context, work_finish_s)
 
 
 def _list_ground_figures(coverage: Coverage, traffic: FinishedGroundTraffic | None) -> dict[str, Any]:
@@ -174,11 +197,10 @@ def name_main_turns(counts: Mapping[str, int]) -> str:
     return "+".join(sorted(counts, key=lambda kind: (-counts[kind], kind))[:2]) or "none"
 
 
-def compute_cost(context: PlanningContext, times: DrivenTimes, energy: tuple[float, ...] | None) -> tuple[float, float]:
-    """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price.
-
-    `energy` are the litres or kilowatt-hours of every tractor, None where they are not known.
-    """
+def _compute_cost(
+    context: PlanningContext, times: DrivenTimes, energy: tuple[float, ...] | None
+) -> tuple[float, float]:
+    """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price."""
     working, request = len(times.tractor_s), context.request
     if context.cost_terms is not None:
         travel_cost = working * compute_travel_cost(context.cost_terms)
@@ -190,14 +212,13 @@ def compute_cost(context: PlanningContext, times: DrivenTimes, energy: tuple[flo
     return hours * working * price_per_hour, brought * request.price_per_tractor
 
 
-def add_clock_times(
-    figures: PlanResult, context: PlanningContext, work_finish_s: float, field_finish_s: float
-) -> PlanResult:
+def _add_clock_times(figures: PlanResult, context: PlanningContext, work_finish_s: float) -> PlanResult:
     """The figures with the times when field work begins, ends, would end for the whole field, and all are home.
 
-    Field work takes `work_finish_s` as driven, and `field_finish_s` with all ground.
+    Field work takes `work_finish_s` as driven.
     """
     workday, time_limit_s = context.workday, context.request.time_limit_s
+    field_finish_s = work_finish_s * figures.left_factor
     if workday is None:
         timed_figures = replace(figures, done_s=work_finish_s, finished_done_s=field_finish_s)
     else:
