@@ -122,7 +122,7 @@ def _name_files(context: PlanningContext, candidates: Sequence[Candidate], prune
     }
     asked = {one.name: getattr(request, one.name) for one in fields(request)}
     how = list(candidates), prunes, hash_strategies(request.strategies)
-    decides = criteria is not None and criteria.decides_best  # which drives are tried
+    counts_use = criteria is not None and criteria.counts_use  # says which drives are tried
     drives = {name: value for name, value in rest.items() if name not in APPRAISES}
     wanted = {name: value for name, value in asked.items() if name not in APPRAISED}
-    return hash_content("drives", drives, wanted, how, decides), hash_content("answer", rest, asked, how)
+    return hash_content("drives", drives, wanted, how, counts_use), hash_content("answer", rest, asked, how)

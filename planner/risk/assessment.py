@@ -169,6 +169,11 @@ class DecisionCriteria:
         return self.has_limit or self.request.objective is not None or self.request.budget is not None
 
     @property
+    def counts_use(self) -> bool:
+        """Whether of as many tractors a slower plan may be the best: where machines are not paid from start to end."""
+        return self.decides_best and self.cost_terms.prices.per_hour is None
+
+    @property
     def limit_text(self) -> str:
         """When work must be done, such as "before 17:00"; "" without a limit."""
         request, rain = self.request, self.rain

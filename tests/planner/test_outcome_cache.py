@@ -30,6 +30,7 @@ POND = Obstacle("pond", shapely.box(55, 20, 65, 30), 0.0, "pond")
 FIELD = Field("bay", shapely.box(0, 0, 120, 70), obstacles=(POND,), entrance=(30.0, 0.0))
 REQUEST = PlanRequest(field="bay", width_m=6.0, tractors=(1, 2), operation="sow", start_s=36000, deadline_s=43200)
 ORDER = WorkOrder(REQUEST, FIELD)
+PRICES, HIRE = FarmPrices(tractor_price=90_000.0, fuel_per_l=1.5), FarmPrices(per_hour=30.0, late_per_ha=40.0)
 
 
 @pytest.fixture
@@ -80,7 +81,7 @@ def test_the_same_question_has_the_same_answer_and_is_not_computed(cache: Result
     "order",
     [
         replace(ORDER, request=replace(REQUEST, seed=3)),
-        replace(ORDER, request=replace(REQUEST, deadline_s=None)),  # only then is a slower plan never the better one
+        replace(ORDER, cost_terms=CostTerms(PRICES, FarmTractor(name="t"))),  # a slower plan may be cheaper
         replace(ORDER, request=replace(REQUEST, tractors=(1,))),
         replace(ORDER, field=replace(FIELD, obstacles=())),
         replace(ORDER, implement=Implement(hitch_m=2.0)),
@@ -93,9 +94,6 @@ def test_another_question_is_computed(cache: ResultCache, computed: list[int], o
     assert len(computed) == 2
 
 
-PRICES = FarmPrices(tractor_price=90_000.0, fuel_per_l=1.5)
-
-
 @pytest.mark.parametrize(
     "order",
     [
@@ -103,7 +101,8 @@ PRICES = FarmPrices(tractor_price=90_000.0, fuel_per_l=1.5)
         replace(ORDER, request=replace(REQUEST, start_s=32400, price_per_hour=70.0, price_per_tractor=9.0)),
         replace(ORDER, request=replace(REQUEST, rain="13:00", samples=500, budget=80.0)),
         replace(ORDER, request=replace(REQUEST, objective="fastest")),
-        replace(ORDER, cost_terms=CostTerms(PRICES, FarmTractor(name="t"))),
+        replace(ORDER, cost_terms=CostTerms(HIRE, FarmTractor(name="t"))),
+        replace(ORDER, request=replace(REQUEST, start_s=None, deadline_s=None)),
     ],
 )
 def test_what_a_drive_is_worth_is_told_without_planning_it_anew(

@@ -34,12 +34,12 @@ def find_incumbent(results: Iterable[PlanResult]) -> PlanResult | None:
 def estimate_loss_s(context: PlanningContext, tractor_s: Sequence[float], incumbent: PlanResult | None) -> float | None:
     """About the least seconds of a plan that is likely to lose, given those of its tractors; None if it might win.
 
-    It is taken to leave as much ground. Where risk or cost decides, less time of all tractors together may be enough.
+    It is taken to leave as much ground. Where the use of machines counts, less time of all together may be enough.
     """
     if incumbent is None or max(tractor_s) * incumbent.left_factor <= incumbent.finished_field_s:
         return None
-    uses_criteria = context.criteria is not None and context.criteria.decides_best
-    if uses_criteria and math.fsum(tractor_s) < (incumbent.tractor_time_s or 0.0):
+    counts_use = context.criteria is not None and context.criteria.counts_use
+    if counts_use and math.fsum(tractor_s) < (incumbent.tractor_time_s or 0.0):
         return None
     return max(tractor_s)
 
