@@ -50,12 +50,12 @@ def describe_hidden_strategies() -> list[str]:
 def list_source_files(names: Collection[str]) -> list[Path]:
     """The source files of those of the strategies that are of other packages."""
     modules = {one.module.partition(".")[0] for one in list_entry_points() if one.name in names}
-    places = [Path(spec.origin) for name in sorted(modules) if (spec := find_spec(name)) and spec.origin]
-    return [
-        file
-        for place in places
-        for file in (sorted(place.parent.rglob("*.py")) if place.name == "__init__.py" else [place])
-    ]
+    files = list[Path]()
+    for spec in filter(None, map(find_spec, sorted(modules))):
+        folders = spec.submodule_search_locations  # of a package, with or without a module of its own
+        files += [file for folder in folders or () for file in sorted(Path(folder).rglob("*.py"))]
+        files += [Path(spec.origin)] if folders is None and spec.origin else []
+    return files
 
 
 @cache

@@ -319,7 +319,7 @@ def _describe_unmet_wishes(request: PlanRequest, layout: Layout, needed_m: float
     passes = request.headland_passes
     if not layout.swaths and (request.bearing_deg is not None or request.cell_bearings):
         yield "No track fits inside the headland passes, so that the bearing asked for changes nothing."
-    if layout.headland_passes < count_passes(request, request.requested_headland_m or 0.0):
+    if not request.no_headland and layout.headland_passes < count_passes(request, request.requested_headland_m or 0.0):
         yield f"The field has no room for more headland passes than {layout.headland_passes}."
     elif layout.swaths and passes is not None and passes * request.width_m <= needed_m - GRID_M:
         subject = "One headland pass is" if passes == 1 else f"{passes} headland passes are"

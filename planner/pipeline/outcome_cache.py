@@ -6,9 +6,9 @@ Figures and plans are kept. A plan is driven again where its run is asked for, o
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -16,35 +16,37 @@ from pydantic import TypeAdapter
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, appraise, drive_plan
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.time_share import TimeSpentError
-from planner.pipeline.fingerprint import hash_content, hash_strategies
+from planner.pipeline.fingerprint import hash_content
 from planner.pipeline.result_cache import ResultCache
+from planner.pipeline.worker_tasks import group_candidates
 from planner.request.parameter_names import APPRAISED
 from reports.common.plan_results import PlanResult, choose_by_count
-from vehicle.missions.plan import Plan
+from strategies.names import STRATEGY_NAMES
 from vehicle.missions.plan_file import format_plan, parse_plan
 
-Outcomes = tuple[dict[int, Outcome], dict[int, Plan]]
-"""Outcomes of candidates and the plans that were driven well, by the numbers of the candidates."""
+Outcomes = dict[int, Outcome]
+"""Outcomes of candidates by their numbers."""
 HOW_COMPUTED = "time_share", "move_cache"  # of a context
 APPRAISES = "cost_terms", "workday", "criteria"  # of a context, beside parameters of its request
+GROUPED = "tractors", "strategies"  # parameters that say which candidates there are
 
 
 def collect_outcomes(outcomes: Iterable[tuple[int, Outcome]]) -> Outcomes:
-    """The outcomes of all candidates that there is time for, and the plans that were driven well, by their number.
+    """The outcomes of all candidates that there is time for.
 
     Only plans to take with some number of tractors keep their runs, which are large.
     """
-    found, plans = dict[int, Outcome](), dict[int, Plan]()
+    found = Outcomes()
     with suppress(TimeSpentError):
         for number, outcome in outcomes:
             found[number] = outcome
             if outcome.run is None:
                 continue
-            plans[number], count = outcome.run.plan, outcome.result.tractors
+            count = outcome.result.tractors
             alike = {n: one for n, one in found.items() if one.result.feasible and one.result.tractors == count}
-            taken = choose_by_count([one.result for one in alike.values()])[count]
-            found |= {n: replace(one, run=None) for n, one in alike.items() if one.result is not taken}
-    return found, plans
+            taken = choose_by_count([one.result for one in alike.values()]).get(count)
+            found |= {n: replace(found[n], run=None) for n in (*alike, number) if found[n].result is not taken}
+    return found
 
 
 def recall_outcomes(
@@ -52,50 +54,88 @@ def recall_outcomes(
     context: PlanningContext,
     candidates: Sequence[Candidate],
     prunes: bool,
-    compute: Callable[[], Outcomes],
-    *,
-    with_pictures: bool,
+    compute: Callable[[Sequence[int]], Outcomes],
 ) -> Outcomes:
-    """The outcomes of candidates as they were found for the same context before, without runs; else as computed.
+    """The outcomes of candidates, those of each number of tractors as they were found for the same context before,
+    without runs; where none were, as computed of the candidates of these numbers.
 
-    Where only prices, times or samples are others, the plans are driven again and appraised. Of plans that were driven,
-    but not well, neither plan nor run is kept: where they are to be appraised, or drawn, all is computed anew.
+    Where only prices, times or samples are others, the plans are driven again and appraised. What strategies of other
+    packages make may depend on more than is known: it is always computed.
     """
-    if cache.folder is None:
-        return compute()
-    drives_name, answer_name = _name_files(context, candidates, prunes)
-    drives, answer = cache.read(drives_name), cache.read(answer_name)
-    driven = [] if drives is None else unpack_results(drives["driven"])
-    is_whole = drives is not None and all(one.feasible or not one.time_s for one in driven)
-    if drives is not None and answer is not None and (is_whole or not with_pictures):
-        results = unpack_results(answer["results"])
-        return dict(enumerate(map(Outcome, results, driven))), _parse_plans(drives["plans"])
-    if drives is not None and is_whole:
-        outcomes, plans = collect_outcomes(_iter_appraised(context, candidates, driven, _parse_plans(drives["plans"])))
-    else:
-        outcomes, plans = compute()
-        packed = pack_results([outcomes[number].driven for number in range(len(candidates))])
-        texts = {str(number): format_plan(one, indent=None) for number, one in plans.items()}
-        cache.write(drives_name, {"driven": packed, "plans": texts})
-    results = [outcomes[number].result for number in range(len(candidates))]
-    cache.write(answer_name, {"results": pack_results(results)})
-    cache.remove_oldest()
-    return outcomes, plans
-
-
-def _iter_appraised(
-    context: PlanningContext, candidates: Sequence[Candidate], driven: Sequence[PlanResult], plans: Mapping[int, Plan]
-) -> Iterator[tuple[int, Outcome]]:
-    """The outcomes of candidates by figures and plans of their drives, which are driven again."""
-    for number, (candidate, figures) in enumerate(zip(candidates, driven, strict=True)):
-        if number in plans:
-            yield number, appraise(context, figures, drive_plan(context, candidate, plans[number]))
+    if cache.folder is None or not {one.strategy for one in candidates} <= {*STRATEGY_NAMES}:
+        return compute(range(len(candidates)))
+    drives, answer = _hash_context(context)
+    outcomes, missing = Outcomes(), list[_GroupFiles]()
+    for group in group_candidates(candidates):
+        some = [candidates[number] for number in group], prunes
+        files = _GroupFiles(cache, group, hash_content("drives", drives, some), hash_content("answer", answer, some))
+        known = files.recall(context, candidates)
+        if known is None:
+            missing.append(files)
         else:
-            yield number, Outcome(figures, figures)
+            outcomes |= known
+    if missing:
+        outcomes |= compute(sorted(number for files in missing for number in files.numbers))
+    for files in missing:
+        files.store(outcomes)
+    cache.remove_oldest()
+    return outcomes
 
 
-def _parse_plans(texts: Mapping[str, str]) -> dict[int, Plan]:
-    return {int(number): parse_plan(text) for number, text in texts.items()}
+@dataclass(frozen=True)
+class _GroupFiles:
+    """What is stored of the candidates of one number of tractors: their drives, and what these are worth."""
+
+    cache: ResultCache
+    numbers: Sequence[int]
+    drives_name: str
+    answer_name: str
+
+    def recall(self, context: PlanningContext, candidates: Sequence[Candidate]) -> Outcomes | None:
+        """The outcomes by what is stored; None where the drives are not."""
+        stored, answer = self.cache.read(self.drives_name), self.cache.read(self.answer_name)
+        if stored is None:
+            return None
+        plans = [text and parse_plan(text) for text in stored["plans"]]
+        drives = list(zip(self.numbers, unpack_results(stored["drives"]), plans, strict=True))
+        if answer is not None:
+            results = unpack_results(answer["results"])
+            known = zip(results, drives, strict=True)
+            return {number: Outcome(result, figures, plan) for result, (number, figures, plan) in known}
+        found = collect_outcomes(
+            (
+                number,
+                appraise(context, figures, drive_plan(context, candidates[number], plan))
+                if plan
+                else Outcome(figures, figures),
+            )
+            for number, figures, plan in drives
+        )
+        self._store_answer(found)
+        return found
+
+    def store(self, outcomes: Outcomes) -> None:
+        """Store what came of the candidates."""
+        found = [outcomes[number] for number in self.numbers]
+        texts = [one.plan and format_plan(one.plan, indent=None) for one in found]
+        self.cache.write(self.drives_name, {"drives": pack_results([one.driven for one in found]), "plans": texts})
+        self._store_answer(outcomes)
+
+    def _store_answer(self, outcomes: Outcomes) -> None:
+        results = pack_results([outcomes[number].result for number in self.numbers])
+        self.cache.write(self.answer_name, {"results": results})
+
+
+def _hash_context(context: PlanningContext) -> tuple[str, str]:
+    """Hashes of all that the drives of any candidates of a context depend on, and what these are worth."""
+    request, criteria, left_out = context.request, context.criteria, (*HOW_COMPUTED, "request")
+    rest = {one.name: getattr(context, one.name) for one in fields(context) if one.name not in left_out}
+    asked = {one.name: getattr(request, one.name) for one in fields(request) if one.name not in GROUPED}
+    asked["most_tractors"] = max(request.tractors) if request.give else None
+    counts_use = criteria is not None and criteria.counts_use  # says which drives are tried
+    drives = {name: value for name, value in rest.items() if name not in APPRAISES}
+    wanted = {name: value for name, value in asked.items() if name not in APPRAISED}
+    return hash_content(drives, wanted, counts_use), hash_content(rest, asked)
 
 
 def pack_results(results: Sequence[PlanResult]) -> list[dict[str, Any]]:
@@ -112,17 +152,3 @@ def unpack_results(packed: Sequence[Mapping[str, Any]]) -> list[PlanResult]:
 @functools.cache
 def _get_adapter() -> TypeAdapter[list[PlanResult]]:
     return TypeAdapter(list[PlanResult])
-
-
-def _name_files(context: PlanningContext, candidates: Sequence[Candidate], prunes: bool) -> tuple[str, str]:
-    """The names of the files of the drives and of the answer: hashes of all that each depends on."""
-    request, criteria = context.request, context.criteria
-    rest = {
-        one.name: getattr(context, one.name) for one in fields(context) if one.name not in (*HOW_COMPUTED, "request")
-    }
-    asked = {one.name: getattr(request, one.name) for one in fields(request)}
-    how = list(candidates), prunes, hash_strategies(request.strategies)
-    counts_use = criteria is not None and criteria.counts_use  # says which drives are tried
-    drives = {name: value for name, value in rest.items() if name not in APPRAISES}
-    wanted = {name: value for name, value in asked.items() if name not in APPRAISED}
-    return hash_content("drives", drives, wanted, how, counts_use), hash_content("answer", rest, asked, how)

@@ -247,14 +247,14 @@ def plan_order(
         report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
         prunes = not order.simulates_all and prunes_candidates(context)
 
-        def compute() -> Outcomes:
-            packed = pack_context(context)
-            outcomes = iter_outcomes(executor, packed, candidates, report, prunes=prunes, with_pictures=with_pictures)
-            return collect_outcomes(outcomes)
+        def compute(numbers: Sequence[int]) -> Outcomes:
+            some, packed = [candidates[number] for number in numbers], pack_context(context)
+            outcomes = iter_outcomes(executor, packed, some, report, prunes=prunes, with_pictures=with_pictures)
+            return collect_outcomes((numbers[place], outcome) for place, outcome in outcomes)
 
         known = cache if time_share is NO_LIMIT else NO_CACHE
-        found = recall_outcomes(known, context, candidates, prunes, compute, with_pictures=with_pictures)
-        result = _build_result(context, candidates, *found, with_pictures)
+        outcomes = recall_outcomes(known, context, candidates, prunes, compute)
+        result = _build_result(context, candidates, outcomes, with_pictures)
         if time_share is not NO_LIMIT:
             return result
         parts = tuple(_iter_part_plans(result, order, executor, cache))
@@ -321,7 +321,6 @@ def _build_result(
     context: PlanningContext,
     candidates: Sequence[Candidate],
     outcomes: Mapping[int, Outcome],
-    plans: Mapping[int, Plan],
     with_pictures: bool,
 ) -> PlanningResult:
     """The answer from the outcomes of all candidates; those that time does not suffice for are refused."""
@@ -340,19 +339,20 @@ def _build_result(
     if with_pictures:
         pictures = {
             number: outcome.picture
-            or build_run_picture(context, drive_plan(context, candidates[number], plans[number]), outcome.result)
+            or build_run_picture(context, drive_plan(context, candidates[number], outcome.plan), outcome.result)
             for number, outcome in sorted(outcomes.items())
-            if outcome.picture is not None or number in plans
+            if outcome.plan is not None and outcome.result.time_s is not None
         }
         driven_pictures = {keys[number]: picture for number, picture in pictures.items()}
-    plans_by_key = {keys[number]: plan for number, plan in sorted(plans.items())}
+    feasible = {number: one for number, one in sorted(outcomes.items()) if one.result.feasible}
+    plans = {keys[number]: one.plan for number, one in feasible.items() if one.plan is not None}
     if ranking.best is None:
-        return PlanningResult(context, ranking, None, driven_pictures, plans_by_key)
+        return PlanningResult(context, ranking, None, driven_pictures, plans)
     best = Candidate(ranking.best.strategy, ranking.best.tractors)
     number = candidates.index(best)
     run = outcomes[number].run
     if run is None:  # it was known before, or only the final comparison made it the best
-        run = drive_plan(context, best, plans[number])
+        run = drive_plan(context, best, plans[keys[number]])
     if context.criteria is not None:
         check_and_shares = check_best_plan(
             run,
@@ -363,7 +363,7 @@ def _build_result(
             load=context.physics.driven_load,
         )
         ranking = replace(ranking, check_sentences=describe_check(*check_and_shares))
-    return PlanningResult(context, ranking, run, driven_pictures, plans_by_key)
+    return PlanningResult(context, ranking, run, driven_pictures, plans)
 
 
 def add_machine_names(ranking: PlanRanking, cost_terms: CostTerms | None) -> PlanRanking:

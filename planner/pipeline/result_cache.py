@@ -49,10 +49,13 @@ class ResultCache:
         """A cached object, None if it is missing or damaged."""
         if self.folder is None:
             return None
+        path = self.folder / f"{name}.json"
         try:
-            digest, text = (self.folder / f"{name}.json").read_text(encoding="utf-8").split("\n")
+            digest, text = path.read_text(encoding="utf-8").split("\n")
         except (OSError, ValueError):
             return None
+        with suppress(OSError):  # of another user
+            os.utime(path)
         content: dict[str, Any] | None = json.loads(text) if digest == _hash_text(text) else None
         return content
 
@@ -85,7 +88,7 @@ class ResultCache:
         return True
 
     def remove_oldest(self, most_bytes: int = MOST_BYTES) -> None:
-        """Remove the files written first until the rest has no more than so many bytes."""
+        """Remove the files that were not used for the longest time until the rest has no more than so many bytes."""
         found = list[tuple[float, int, Path]]()
         for path in self._list_files():
             with suppress(OSError):  # another process may have removed it

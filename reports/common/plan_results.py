@@ -50,7 +50,7 @@ class PlanResult(ShownResult):
         over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
             headland passes included, and the ground under wheels there.
         spoilt_m2: ground that wheels spoilt, which counts as missed in `finished_s` and `finished_cost`: finished
-            ground when sowing and spraying, and a crop before it is harvested or mown; None where they spoil nothing.
+            ground when sowing and spraying, and a crop before it is harvested or mown; None for other work.
         outside_m, outside_along_m: the farthest that tractor or implement, lifted or not, reach beyond the outline of
             the field outside the gate of its entrance, and the length driven with more than is allowed.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy

@@ -82,7 +82,6 @@ def test_the_same_question_has_the_same_answer_and_is_not_computed(cache: Result
     [
         replace(ORDER, request=replace(REQUEST, seed=3)),
         replace(ORDER, cost_terms=CostTerms(PRICES, FarmTractor(name="t"))),  # a slower plan may be cheaper
-        replace(ORDER, request=replace(REQUEST, tractors=(1,))),
         replace(ORDER, field=replace(FIELD, obstacles=())),
         replace(ORDER, implement=Implement(hitch_m=2.0)),
         replace(ORDER, simulates_all=True),
@@ -114,6 +113,17 @@ def test_what_a_drive_is_worth_is_told_without_planning_it_anew(
     assert write(found) == write(answer(NO_CACHE, order, with_pictures=True))
     assert write(answer(cache, order, with_pictures=True)) == write(found)
     assert len(computed) == 2
+
+
+@pytest.mark.parametrize(("tractors", "groups"), [((2,), 0), ((1,), 0), ((1, 2, 3), 1)])
+def test_only_other_numbers_of_tractors_are_computed(
+    cache: ResultCache, computed: list[int], tractors: tuple[int, ...], groups: int
+) -> None:
+    answer(cache)
+    order = replace(ORDER, request=replace(REQUEST, tractors=tractors, price_per_hour=70.0))
+    found = answer(cache, order)
+    assert len(computed) == 1 + groups and not any(one.run is None for one in [found])
+    assert write(found) == write(answer(NO_CACHE, order))
 
 
 def test_a_damaged_answer_is_computed_again(cache: ResultCache, computed: list[int]) -> None:

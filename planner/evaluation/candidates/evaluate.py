@@ -59,12 +59,13 @@ class Candidate:
 class Outcome:
     """What came of a candidate: its figures, the run that they are of and its picture.
 
-    There is no run if its strategy refused the field or it was pruned, and no picture unless it was asked for.
+    There is no plan if its strategy refused the field or it was pruned, and no picture unless it was asked for.
     `driven` are the figures without what prices, clock and samples make of them.
     """
 
     result: PlanResult
     driven: PlanResult
+    plan: Plan | None = None
     run: SimulationRun | None = None
     picture: PlanDrive | None = None
 
@@ -168,7 +169,7 @@ def run_candidate(
 
 
 def drive_plan(context: PlanningContext, candidate: Candidate, plan: Plan) -> SimulationRun:
-    """The run of a candidate's plan that was driven well before."""
+    """The run of a candidate's plan that was driven before."""
     return FleetDriver(context, get_strategy(candidate.strategy).beside).simulate(plan)
 
 
@@ -235,7 +236,7 @@ def appraise(context: PlanningContext, driven: PlanResult, run: SimulationRun) -
         terrain=physics.terrain,
         fuel_load=physics.fuel_load,
     )
-    return Outcome(estimated, driven, run)
+    return Outcome(estimated, driven, run.plan, run)
 
 
 def _measure_begin_gap_m(context: PlanningContext, run: SimulationRun) -> float:

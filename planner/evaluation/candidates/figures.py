@@ -72,11 +72,13 @@ def measure_candidate(
             faults=candidate_run.faults,
         )
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
-    is_kept = keeps_ground(context.request.operation, context.request.find_draft_rule())
+    operation, spoilt_m2 = context.request.operation, None
+    is_kept = keeps_ground(operation, context.request.find_draft_rule())
     traffic = measure_finished_ground_traffic(run, context, swept) if is_shown or is_kept else None
-    spoilt_m2 = traffic.area_m2 if traffic and is_kept else None
-    if context.request.operation in STANDING_CROP_OPERATIONS:
+    if operation in STANDING_CROP_OPERATIONS:
         spoilt_m2 = measure_crop_traffic_m2(run, context, swept)
+    elif traffic is not None and is_kept:
+        spoilt_m2 = traffic.area_m2
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2 or 0.0)
     overhang = measure_overhang(run, context) if is_shown else None
     remarks = [*_list_missed_remarks(coverage.largest_piece, context), *candidate_run.remarks]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.arrays import Integers, build_directions, find_true_spans
+from fields.arrays import Floats, Integers, build_directions, find_true_spans, measure_along
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import Areas, clip_area, intersect, subtract, subtract_area, unite_areas
 from planner.evaluation.context import PlanningContext
@@ -56,30 +56,29 @@ def measure_finished_ground_traffic(
 def measure_crop_traffic_m2(run: SimulationRun, context: PlanningContext, swept: SweptArea) -> float:
     """Ground (m2) that was worked, and that wheels went over with the implement up while nothing had worked it yet.
 
-    Wheels on the strip that their own implement works next do not count, as those in front of a lowered one.
+    Wheels in front of an implement that is lowered behind them do not count, as those in front of a lowered one.
     """
     spans = _find_raised_driving_spans(run, SHORT_SPAN_ROWS)
     marks, number, strip = _compute_strip_marks(run, context, swept, spans, np.arange(len(swept.ground)), wide=True)
-    row = spans[number, 1]
-    standing = (swept.last[strip] > row) & (strip != _find_next_strips(swept, spans)[number])
+    row, ahead_m = spans[number, 1], _measure_ways_on(run, swept, spans[number], strip)
+    machine_m = context.tractor.front_axle_m + context.tractor.rear_axle_m + context.implement.hitch_m
+    standing = (swept.last[strip] > row) & ((ahead_m < 0.0) | (ahead_m > machine_m))
     marks, row, strip = marks[standing], row[standing], strip[standing]
     crossed = np.asarray(intersect(marks, swept.ground[strip]), dtype=np.object_)
     mark, other = shapely.STRtree(swept.ground).query(crossed, predicate="intersects")
     is_before = swept.first[other] < row[mark]
     mark, other = mark[is_before], other[is_before]
     worked = _compute_swept_before(run, context, swept, other, row[mark])
-    return float(_unite_in_field(_subtract_pairs(crossed, mark, worked), context).area)
+    left = unite_areas(_subtract_pairs(crossed, mark, worked))
+    return float(clip_area(left, context.layout.field.due_region).area)
 
 
-def _find_next_strips(swept: SweptArea, spans: Integers) -> Integers:
-    """The strip that the tractor of each span (n, 3) works next after it began; -1 for none."""
-    found = np.full(len(spans), -1)
-    for tractor in np.unique(spans[:, 0]):
-        own = np.flatnonzero(swept.tractor == tractor)
-        own = np.append(own[np.argsort(swept.first[own])], -1)
-        here = spans[:, 0] == tractor
-        found[here] = own[np.searchsorted(swept.first[own[:-1]], spans[here, 1])]
-    return found
+def _measure_ways_on(run: SimulationRun, swept: SweptArea, spans: Integers, strip: Integers) -> Floats:
+    """Metres (n,) that the tractors of spans (n, 3) drive from their ends until they work strips; -1 on other ways."""
+    driven_m = np.stack([measure_along(run.get_poses(number)[:, :2]) for number in range(run.plan.tractors)])
+    tractor, _, last = spans.T
+    ways_m = driven_m[tractor, swept.first[strip]] - driven_m[tractor, last]
+    return np.where(swept.tractor[strip] == tractor, ways_m, -1.0)
 
 
 def find_driven_over_ground(
