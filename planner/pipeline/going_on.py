@@ -390,7 +390,9 @@ def _find_time(
     elapsed_s, later_s = day.compute_work_s(np.array([since_start_s, day_later_s])) - day.before_field_s
     if not 0.0 <= elapsed_s <= round_up_to_minute(duration_s):
         raise RequestError(
-            f"The plan {name} {span}, and {time} is not within that; give a time within it.", parameter="done"
+            f"The plan {name} {span}, as simulated without late starts, stops and breakdowns, and {time} is not within "
+            "that; give a time within it.",
+            parameter="done",
         )
     if request.start_s is None or 3600 * int(match["hours"]) >= DAY_S or later_s >= duration_s:
         return since_start_s, float(elapsed_s), ()

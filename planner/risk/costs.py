@@ -250,7 +250,7 @@ def describe_prices(terms: CostTerms) -> str:
         parts = [mark_text("machines")]
         parts.append(mark_text("fuel") if terms.motor_efficiency is None else mark_text("electricity"))
     else:
-        parts = [f"{per_hour:.2f} for each tractor and hour"]
+        parts = [f"{per_hour:.2f} for each tractor and hour from its actual start"]
     if prices.supervision_share * prices.supervision_per_hour > 0.0:
         parts.append(mark_text("people"))
     if prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0:

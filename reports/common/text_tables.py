@@ -206,11 +206,11 @@ class WrappedSentence:
 
 @dataclass(frozen=True)
 class AnswerLines:
-    """An answer before its table, in at most five lines where the console has 80 columns.
+    """An answer before its table, in at most five lines below its title where the console has 80 columns.
 
-    `sentences` always stand there, the first in bold, shortened with dots if need be. Where lines are lacking, the
-    title goes, then all remarks (`faults`) but the first, then the `alternatives` from the last on, then the first
-    remark too. One that `is_whole` has as many lines as it takes.
+    The title and `sentences` always stand there, the first of these in bold, shortened with dots if need be. Where
+    lines are lacking, remarks (`faults`) are counted instead, all but the first and then this one too, and then
+    `alternatives` go, the last first. One that `is_whole` has as many lines as it takes.
     """
 
     sentences: tuple[str, ...]
@@ -232,15 +232,15 @@ class AnswerLines:
         if count > 1:
             more = translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count - 1)
             notes += [more, self.faults[0]]
-        counted = translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count) if count else ""
+        if count:
+            notes.append(translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count))
         first_ones = [self.alternatives[:count] for count in range(len(self.alternatives), -1, -1)]
         choices = [(alternatives, note) for alternatives in first_ones for note in notes]
-        choices += [(self.alternatives, counted)] if count and room > 0 else []
         alternatives, note = next(
             ((some, note) for some, note in choices if count_lines([*some, note], width) <= room),
-            ((), counted if room > 0 else ""),
+            ((), notes[-1] if room > 0 else ""),
         )
-        if self.title and count_lines([*sentences, *alternatives, note], width) < most:
+        if self.title:
             yield format_title(self.title)
         for place, text in enumerate(filter(None, (*sentences, *alternatives))):
             yield format_sentence(text, style="" if place else "bold")

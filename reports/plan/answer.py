@@ -26,6 +26,7 @@ from reports.common.wording import (
     format_time_span,
     format_tractor_count,
     has_start_time,
+    join_list,
 )
 from reports.plan.plan_wording import (
     count_service_stops,
@@ -147,16 +148,13 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     parts = []
     if plan.worked_pct is not None:
         rest = ""
-        if format_unworked(plan) is not None and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
-            area, spoilt_m2 = format_area(plan.due_missed_m2), get_spoilt_m2(plan)
-            ground = translate("{area} left", area=area)
-            if spoilt_m2 is not None:
-                ground = translate(
-                    "{area} left and {spoilt} spoilt by wheels", area=area, spoilt=format_area(spoilt_m2)
-                )
+        is_left, spoilt_m2 = format_unworked(plan) is not None, get_spoilt_m2(plan)
+        if (is_left or spoilt_m2) and plan.finishing_s >= MODEL_ERROR_SHARE * (plan.time_s or 0.0):
+            grounds = [translate("{area} left", area=format_area(plan.due_missed_m2))] if is_left else []
+            grounds += [translate("{area} spoilt by wheels", area=format_area(spoilt_m2))] if spoilt_m2 else []
             rest = translate(
                 " ({ground}: {time} and {money} of work, without ways there)",
-                ground=ground,
+                ground=join_list(grounds),
                 time=format_time_span(plan.finishing_s),
                 money=format_money(plan.finishing_cost, ranking.currency),
             )

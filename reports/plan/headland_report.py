@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
+from reports.common.plan_results import MODEL_ERROR_SHARE
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     format_entries_csv,
@@ -42,7 +43,6 @@ from reports.plan.comparison import (
 from reports.plan.figures import HEADLAND_CSV_KEYS, build_part_entry, build_plan_entry
 from reports.plan.plan_wording import describe_machines
 
-ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 LEAST_ROUNDED_HOURS = 10.0  # fewer have two decimals, as half a minute counts
 MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
 TOTAL_KEYS = (
@@ -112,12 +112,12 @@ def _describe_worth(comparison: Comparison, best: ComparisonTotals) -> str:
             return translate("Only this way works: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
         return translate("One way was compared: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
     dearest = others[-1]
-    if compute_extra_cost(dearest, best) <= ALIKE_SHARE * best.charged_cost_per_year:
+    if compute_extra_cost(dearest, best) <= MODEL_ERROR_SHARE * best.charged_cost_per_year:
         extra = format_money(compute_extra_cost(dearest, best), comparison.currency)
         return translate(
             "All ways cost the same within {extra} on {fields}; the least: {way}.", extra=extra, fields=where, way=way
         )
-    alike = [one for one in others if compute_extra_cost(one, best) <= ALIKE_SHARE * best.charged_cost_per_year]
+    alike = [one for one in others if compute_extra_cost(one, best) <= MODEL_ERROR_SHARE * best.charged_cost_per_year]
     if alike:
         least = format_money(compute_extra_cost(alike[-1], best), comparison.currency)
         others_alike = (
@@ -185,7 +185,7 @@ def _describe_places(comparison: Comparison, best: ComparisonTotals) -> Iterator
         if same is None:
             continue
         name = comparison.field_names[field]
-        is_dearer = compute_extra_cost(same, driven[0]) > ALIKE_SHARE * same.charged_cost_per_year
+        is_dearer = compute_extra_cost(same, driven[0]) > MODEL_ERROR_SHARE * same.charged_cost_per_year
         if driven[0].way != best.way and is_dearer:
             losses[name] = same, driven[0]
         elif len(driven) > 1:

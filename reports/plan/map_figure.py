@@ -323,8 +323,7 @@ def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
     track_count = count_tracks(drive)
     tracks = f"{track_count} track{'' if track_count == 1 else 's'}"
     second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
-    if drive.headland_passes:
-        passes = max(headland_pass.number for headland_pass in drive.headland_passes)
+    if passes := max((headland_pass.number for headland_pass in drive.headland_passes), default=0):
         order = "" if drive.headland_order is None else f" {drive.headland_order}"
         second.append(f"{passes} headland pass{'es' if passes > 1 else ''}{order}")
     if count:

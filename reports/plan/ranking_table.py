@@ -1,7 +1,7 @@
 """A ranking for a terminal: its first screen (the answer, a short table, what to type next), then all of its plans; and
 tables of the study. Plain text survives a pipe and an ASCII console.
 
-At 80 columns the first screen has at most 20 lines, of which at most five stand before the table.
+At 80 columns the first screen has at most 20 lines below its title, of which at most five stand before the table.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     answer, name = write_answer(ranking), shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
     title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
     certainty = " ".join(filter(None, (answer.work, answer.certainty)))
-    must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
+    must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, answer.question, certainty)
     others = tuple(filter(None, (certainty if answer.verdict else "", answer.counting, answer.alternatives)))
-    faults = (answer.question, *answer.faults) if answer.question else answer.faults
+    faults = (answer.question, *answer.faults) if answer.question and answer.verdict else answer.faults
     lines = AnswerLines(tuple(filter(None, must)), others, faults, title, is_whole=not with_next)
     parts: list[RenderableType] = [lines]
     if plans:

@@ -222,7 +222,7 @@ def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, 
         (
             request,
             f"{folder}/plan.json@9:00",
-            r"from 0:00 h to 0:\d\d h, and 9:00 is not within that; give a time within it",
+            r"from 0:00 h to 0:\d\d h, as simulated .*, and 9:00 is not within that; give a time within it",
         ),
         (request, f"{folder}/plan.json", r"say up to when it was driven, such as plan.json@13:20"),
         (request, f"{folder}/plan.json@0:75", "is left at 0:75, which is no time, as minutes and seconds go to 59"),
@@ -243,7 +243,7 @@ def test_what_does_not_belong_together_is_refused_with_what_helps(folder: Path, 
     with pytest.raises(HeadlandError, match="without leaves machines out of a saved plan, and there is none in done"):
         plan(request, without=1, executor=SerialExecutor())
     (folder / "garbled.json").write_text("{", encoding="utf-8")
-    with pytest.raises(HeadlandError, match=r"garbled.json' cannot be gone on with\. The plan is not JSON"):
+    with pytest.raises(HeadlandError, match=r"garbled.json' cannot be gone on with\. This is no saved plan"):
         read_continued_order([f"{folder}/garbled.json@0:05"])
 
 
@@ -263,7 +263,7 @@ def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, wh
     assert whole.run.duration_s > 300.0
     with pytest.raises(HeadlandError, match=r"late.json', 13:04, has passed at 13:05; give another deadline_s"):
         go_on(folder, f"{late}@13:05")
-    with pytest.raises(HeadlandError, match=r"is in the field from 13:00 to 13:\d\d, and 12:59 is not within that"):
+    with pytest.raises(HeadlandError, match=r"is in the field from 13:00 to 13:\d\d, as .*, and 12:59 is not within that"):
         go_on(folder, f"{late}@12:59")
     assert go_on(folder, f"{late}@13:05", deadline_s=46800 + 1200).ranking.best is not None
 

@@ -102,8 +102,8 @@ def test_another_version_is_refused(data: dict[str, Any], version: Any, sentence
 
 
 @pytest.mark.parametrize(("text", "sentence"), [
-    ("", "The plan is not JSON"),
-    ("{", "The plan is not JSON"),
+    ("", "is no saved plan, as it is not JSON"),
+    ("{", "is no saved plan, as it is not JSON"),
     ("[]", "plan is \\[\\], not an object"),
     ("3", "plan is 3, not an object"),
     ("1" * 5000, "too many digits"),

@@ -109,7 +109,9 @@ def parse_saved_plan(text: str) -> SavedPlan:
     try:
         saved = _build_saved_plan(json.loads(text))
     except json.JSONDecodeError as error:
-        raise MissionError(f"The plan is not JSON: {error}.") from None
+        raise MissionError(
+            f"This is no saved plan, as it is not JSON ({error}); headland plan --save writes one."
+        ) from None
     except MissionError:
         raise
     except RecursionError:

@@ -62,6 +62,7 @@ MISUSES = (
     mark_text("Invalid value for '{option}': {reason}"),
     mark_text("'{value}' is not a valid integer"),
     mark_text("'{value}' is not a valid float"),
+    mark_text("'{value}' is not a valid {kind} (write {number})"),
     mark_text("Got unexpected extra argument ({argument})"),
 )
 """Sentences of typer on arguments that it cannot use, for the catalogues."""

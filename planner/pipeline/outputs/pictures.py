@@ -74,7 +74,7 @@ def build_field_picture(context: PlanningContext, title: str, lines: Sequence[Wo
                 )
                 for one in context.headland_passes
             ),
-            *(HeadlandPassLine(line.task.number or 0, line.tool_path) for line in lines if line.group[0] == LEFTOVER),
+            *(HeadlandPassLine(0, line.tool_path) for line in lines if line.group[0] == LEFTOVER),  # of no pass
         ),
         headland_sides=tuple(
             HeadlandPassLine(line.task.number or 0, line.tool_path, name_line(line.task))
