@@ -19,7 +19,7 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 466, 500, 80, 8, 3375
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 466, 500, 80, 8, 3383
 # Modules: five more than there are. Imports of own modules: all of them, types of arrays too, as the fewer modules, the
 # more each imports.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
