@@ -263,9 +263,7 @@ def test_a_deadline_that_has_passed_is_not_that_of_the_next_day(folder: Path, wh
     assert whole.run.duration_s > 300.0
     with pytest.raises(HeadlandError, match=r"late.json', 13:04, has passed at 13:05; give another deadline_s"):
         go_on(folder, f"{late}@13:05")
-    with pytest.raises(
-        HeadlandError, match=r"from 13:00 to 13:\d\d, as .*, and 12:59 is not within that"
-    ):
+    with pytest.raises(HeadlandError, match=r"from 13:00 to 13:\d\d, as .*, and 12:59 is not within that"):
         go_on(folder, f"{late}@12:59")
     assert go_on(folder, f"{late}@13:05", deadline_s=46800 + 1200).ranking.best is not None
 

@@ -126,6 +126,21 @@ def test_only_other_numbers_of_tractors_are_computed(
     assert write(found) == write(answer(NO_CACHE, order))
 
 
+def test_what_was_driven_and_failed_is_driven_again_too(
+    cache: ResultCache, computed: list[int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def find_fault(context: Any, run: Any, places: Any) -> str | None:
+        return "the second one sinks" if run.plan.tractors == 2 else None
+
+    monkeypatch.setattr("planner.evaluation.candidates.evaluate._find_fault", find_fault)
+    dear = replace(ORDER, request=replace(REQUEST, price_per_hour=70.0))
+    first = write(answer(cache))
+    assert write(answer(cache, with_pictures=True))[:2] == first[:2]
+    found = answer(cache, dear, with_pictures=True)
+    assert len(computed) == 1 and any(two == 2 for _, two in found.pictures)
+    assert write(found) == write(answer(NO_CACHE, dear, with_pictures=True))
+
+
 def test_a_damaged_answer_is_computed_again(cache: ResultCache, computed: list[int]) -> None:
     first = answer(cache)
     assert cache.folder is not None
