@@ -200,6 +200,9 @@ class TestNumberOfPasses:
         assert context.layout.field.remarks == told and context.layout.headland_passes == 1
         assert describe_field(context)["turns"]["turn_s_by_swaths"] == {}
 
+    def test_a_headland_that_is_not_worked_lacks_no_room(self) -> None:
+        assert self.prepare(headland_m=12.0, no_headland=True).layout.field.remarks == ()
+
     @pytest.mark.slow
     def test_one_pass_is_worked_line_by_line(self) -> None:
         """Its corners have no path by passes and turns; no pass is added unasked."""

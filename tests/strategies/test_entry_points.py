@@ -1,5 +1,6 @@
 """Strategies of other packages: the one of the guide runs, and broken ones are refused only where they are named."""
 
+import importlib
 import os
 import re
 import subprocess
@@ -112,6 +113,14 @@ def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
     (blocks / "headland_blocks.py").write_text("# changed")
     assert hash_order(question) != before
     assert hash_order(WorkOrder(PlanRequest())) == own
+
+
+def test_a_package_without_a_module_of_its_own_has_sources_too(install: Install) -> None:
+    folder = install("loosely", "", {"loose": "loose.rule:STRATEGY"}) / "loose"
+    folder.mkdir()
+    (folder / "rule.py").write_text("STRATEGY = None")
+    importlib.invalidate_caches()
+    assert registry.list_source_files(["loose"]) == [folder / "rule.py"]
 
 
 @pytest.mark.parametrize(
