@@ -313,8 +313,8 @@ def test_names_that_terminals_take() -> None:
 
 
 def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
-    """By hand: legs of 30, 40 and 20 m with corners; the lines lie on the curve and stand in its order."""
-    corners = np.array([[3.0, 3.0], [33.0, 3.0], [73.0, 6.0], [93.0, 6.0]])
+    """By hand: legs of 30, 40, 20 and 10 m with corners; the lines lie on the curve and stand in its order."""
+    corners = np.array([[3.0, 3.0], [33.0, 3.0], [73.0, 6.0], [93.0, 6.0], [103.0, 9.0]])
     one = saved()
     first, *rest = one.plan.missions[0].legs
     mission = replace(one.plan.missions[0], legs=(replace(first, points=corners), *rest))
@@ -323,12 +323,12 @@ def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
     guidance = build_guidance(one)
     made = write_guidance(guidance, form)
     names = [line.name for line in made.lines]
-    assert names[:3] == [f"T1 01{letter} round 1 side 1" for letter in "abc"] and len(set(names)) == len(names)
+    assert names[:4] == [f"T1 01{letter} round 1 side 1" for letter in "abcd"] and len(set(names)) == len(names)
     assert made.unwritten_curves == () and [line.name for line in made.cut_lines] == ["T1 01 round 1 side 1"]
-    for line, ends in zip(made.lines[:3], (corners[:2], corners[1:3], corners[2:]), strict=True):
+    for line, ends in zip(made.lines[:4], (corners[k : k + 2] for k in range(4)), strict=True):
         assert np.abs(in_metres(one, line.points) - ends).max() < CLOSE_M
         assert line.length_m == pytest.approx(float(np.hypot(*(ends[1] - ends[0]))), rel=1e-3)
-    assert "Curves cut into straight lines: 1, into 3 lines" in collect_remarks(guidance, made)[0]
+    assert "Curves cut into straight lines: 1, into 4 lines" in collect_remarks(guidance, made)[0]
     assert write_guidance(guidance, form, include_curves=True).cut_lines == ()
 
 

@@ -1,5 +1,6 @@
 """Work lines of a field that is worked in part: which leave, which are cut, and where standing tractors begin."""
 
+import dataclasses
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -178,6 +179,7 @@ def test_the_order_of_before_is_found_again_line_by_line() -> None:
         Leg(np.array([[98.0, 8.0], [-2.0, 8.0]]), 1.0, implement=True, task=LegTask(SWATH, 2)),
         Leg(np.array([[2.0, 4.0], [102.0, 4.0]]), 1.0, implement=True, task=LegTask(SWATH, 1)),
     )
-    ahead = list_places_ahead([rest, turn, second, first])
+    round_corner, raised = bend(6.0, 3.0), dataclasses.replace(second, implement=False)
+    ahead = list_places_ahead([rest, turn, round_corner, second, raised, first])
     assert len(ahead) == 3 and ahead[1] == pytest.approx((48.0, 8.0, math.pi))
     assert find_orders(site, lines, starts, [ahead]) == ((0, 5, 2),)
