@@ -28,7 +28,6 @@ MOST_FORMS, MOST_OPTIONS = 60, 6  # closed forms tried for a pair, and those wit
 MOST_POSES = 1500  # expanded by a search
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
 PLAIN_LEADS = 3  # of the leads are tried first, and the others where none of these has room
-KEPT_GOALS = 8
 
 
 @dataclass(eq=False)
@@ -43,7 +42,6 @@ class MoveFinder:
     radii: Floats = field(init=False)
     _forms: dict[tuple[float, float, float, int], tuple[Floats, Integers]] = field(default_factory=dict)
     _ways: dict[tuple[Pose, bool], bool] = field(default_factory=dict)
-    _remaining: dict[tuple[float, float, int | None], Floats] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         radius = self.site.rules.radius_m
@@ -119,7 +117,10 @@ class MoveFinder:
         start, goal, max_reverse_m = np.array(a), np.array(b), self.site.rules.max_reverse_m
         how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
         body, kept = self._get_body(is_folded), self.site.get_kept(passes)
-        far_s_per_m, remaining = CURVED_REVERSE_S / max_reverse_m, self._get_remaining_m(b, passes)
+        least_m = min(half for _, _, half in self.site.rules.boxes)  # no machine gets through less
+        ground, radius_m, speed_mps = self.site.ground, float(self.radii[0]), float(self.site.speeds[0])
+        remaining = measure_remaining_m(start, goal, least_m, radius_m, speed_mps, kept, ground.grid, ground.frame)
+        far_s_per_m = CURVED_REVERSE_S / max_reverse_m
         rows = search_move(start, goal, remaining, *how, far_s_per_m, kept, MOST_POSES, body)
         if not len(rows):
             return None
@@ -134,18 +135,6 @@ class MoveFinder:
             radius_m = float(self.radii[0])
             self._ways[key] = bool(has_way_on(np.array(pose), gears, radius_m, POCKET_POSES, *self._get_body()))
         return self._ways[key]
-
-    def _get_remaining_m(self, goal: Pose, passes: int | None) -> Floats:
-        """The way that remains to a goal; kept for the last few goals, as it is as large as the field."""
-        key, site = (*goal[:2], passes), self.site
-        if key not in self._remaining:
-            while len(self._remaining) >= KEPT_GOALS:
-                del self._remaining[next(iter(self._remaining))]
-            least_m = min(half for _, _, half in site.rules.boxes)  # no machine gets through less
-            speed_mps, kept = float(site.speeds[0]), site.get_kept(passes)
-            remaining = measure_remaining_m(*goal[:2], least_m, speed_mps, kept, site.ground.grid, site.ground.frame)
-            self._remaining[key] = remaining
-        return self._remaining[key]
 
     def _get_forms(self, place: tuple[float, float, float], leads: int) -> tuple[Floats, Integers]:
         """The closed forms to a place with the first so many leads, none but zero for one."""

@@ -26,6 +26,7 @@ LEAST_STEP_M, STEP_RADII = 1.25, 0.28  # a step of the search, by the turning ra
 CELL_SHARE = 0.64  # of a step: it leads to another cell
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
+MANOEUVRE_RADII = 12.0  # beyond so much of the way from its start, and this for turns, no search looks
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
 SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 10, 25  # how often closed forms are tried, near the goal and far from it
@@ -33,24 +34,30 @@ SHOT_OUT_M, SHOT_IN_M = np.array([0.0]), np.array([2.5, 0.0, -4.0])
 
 
 @compile_function
-def measure_remaining_m(x, y, half, speed, kept, grid, frame):  # type: ignore[no-untyped-def]
-    """Metres (ny, nx) to a place over coarse cells whose middle has at least `half` metres of room; else infinite.
+def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: ignore[no-untyped-def]
+    """Metres (ny, nx) to pose b over coarse cells whose middle has at least `half` metres of room; else infinite.
 
     On kept ground (Site.get_kept) they are as many as are driven at `speed` in the time, with what wheels are charged.
+    They are measured as far as a search from pose a looks, with turns of `radius`.
     """
     kept_grid, kept_frame, depth, wheels_s_per_m = kept
     rows, columns = grid.shape[0] // COARSE, grid.shape[1] // COARSE
     cell = COARSE * frame[2]
     remaining = np.full((rows, columns), np.inf)
-    j, i = int((y - frame[1]) / cell), int((x - frame[0]) / cell)
+    j, i = int((b[1] - frame[1]) / cell), int((b[0] - frame[0]) / cell)
     if j < 0 or i < 0 or j >= rows or i >= columns:
         return remaining
     remaining[j, i] = 0.0
-    heap = [(0.0, j, i)]
+    heap, farthest = [(0.0, j, i)], np.inf
+    start_row, start_column = int((a[1] - frame[1]) / cell), int((a[0] - frame[0]) / cell)
     while len(heap) > 0:
         distance, j, i = heapq.heappop(heap)
+        if distance > farthest:
+            break
         if distance > remaining[j, i]:
             continue
+        if abs(j - start_row) <= 1 and abs(i - start_column) <= 1:
+            farthest = min(farthest, GREED * distance + MANOEUVRE_RADII * radius)
         east, north = frame[0] + i * cell + COARSE // 2 * frame[2], frame[1] + j * cell + COARSE // 2 * frame[2]
         is_kept = get_distance(east, north, kept_grid, kept_frame) > depth
         factor = 1.0 + speed * wheels_s_per_m if is_kept else 1.0

@@ -127,7 +127,7 @@ def test_a_search_leads_round_a_wall() -> None:
     ground = build_ground(shapely.box(0.0, 0.0, 80.0, 60.0) - shapely.box(38.0, 0.0, 42.0, 40.0), 6.0)
     start, goal = np.array([15.0, 15.0, 0.0]), np.array([65.0, 15.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
-    remaining = measure_remaining_m(65.0, 15.0, 1.1, 2.0, NO_KEPT, ground.grid, ground.frame)
+    remaining = measure_remaining_m(start, goal, 1.1, RADIUS_M, 2.0, NO_KEPT, ground.grid, ground.frame)
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
     rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
     assert len(rows)
@@ -146,7 +146,7 @@ def test_a_search_leads_round_ground_where_wheels_are_dear(wheels_s_per_m: float
     ground, kept = build_ground(shapely.box(0.0, 0.0, 80.0, 60.0), 6.0), (CROP.grid, CROP.frame, 0.5, wheels_s_per_m)
     start, goal = np.array([8.0, 30.0, 0.0]), np.array([72.0, 30.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
-    remaining = measure_remaining_m(72.0, 30.0, 1.1, COSTS[0], kept, ground.grid, ground.frame)
+    remaining = measure_remaining_m(start, goal, 1.1, RADIUS_M, COSTS[0], kept, ground.grid, ground.frame)
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
     rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, kept, MOST_POSES, body)
     shorter = shorten_rows(start, rows, *how, kept, *body)
@@ -162,7 +162,7 @@ def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: f
     start, goal = np.array([20.0 + behind_m, 0.0, 0.0]), np.array([20.0, 0.0, 0.0])
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
     remaining, how = (
-        measure_remaining_m(20.0, 0.0, 1.1, 2.0, NO_KEPT, ground.grid, ground.frame),
+        measure_remaining_m(start, goal, 1.1, RADIUS_M, 2.0, NO_KEPT, ground.grid, ground.frame),
         (RADII[:1], COSTS, SETTLING),
     )
     rows = search_move(start, goal, remaining, *how, ALL_KINDS, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
