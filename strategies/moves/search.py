@@ -26,7 +26,7 @@ LEAST_STEP_M, STEP_RADII = 1.25, 0.28  # a step of the search, by the turning ra
 CELL_SHARE = 0.64  # of a step: it leads to another cell
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
-MANOEUVRE_RADII = 12.0  # beyond so much of the way from its start, and this for turns, no search looks
+MANOEUVRE_RADII = 12.0  # no search looks where the way is so much longer, and by this for turns
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
 SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 10, 25  # how often closed forms are tried, near the goal and far from it
@@ -38,7 +38,7 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
     """Metres (ny, nx) to pose b over coarse cells whose middle has at least `half` metres of room; else infinite.
 
     On kept ground (Site.get_kept) they are as many as are driven at `speed` in the time, with what wheels are charged.
-    They are measured as far as a search from pose a looks, with turns of `radius`.
+    They are measured where a search from pose a looks, with turns of `radius`: not where the way is much longer.
     """
     kept_grid, kept_frame, depth, wheels_s_per_m = kept
     rows, columns = grid.shape[0] // COARSE, grid.shape[1] // COARSE
@@ -48,16 +48,17 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
     if j < 0 or i < 0 or j >= rows or i >= columns:
         return remaining
     remaining[j, i] = 0.0
-    heap, farthest = [(0.0, j, i)], np.inf
-    start_row, start_column = int((a[1] - frame[1]) / cell), int((a[0] - frame[0]) / cell)
+    row, column, longest = (a[1] - frame[1]) / cell - 0.5, (a[0] - frame[0]) / cell - 0.5, np.inf
+    heap = [(cell * math.hypot(i - column, j - row), j, i)]  # by the length of the way from a by straight lines
     while len(heap) > 0:
-        distance, j, i = heapq.heappop(heap)
-        if distance > farthest:
+        length, j, i = heapq.heappop(heap)
+        if length > longest:
             break
-        if distance > remaining[j, i]:
+        distance, left = remaining[j, i], cell * math.hypot(i - column, j - row)
+        if length > distance + left + 1e-6:
             continue
-        if abs(j - start_row) <= 1 and abs(i - start_column) <= 1:
-            farthest = min(farthest, GREED * distance + MANOEUVRE_RADII * radius)
+        if left < 2.0 * cell:
+            longest = min(longest, GREED * distance + MANOEUVRE_RADII * radius)
         east, north = frame[0] + i * cell + COARSE // 2 * frame[2], frame[1] + j * cell + COARSE // 2 * frame[2]
         is_kept = get_distance(east, north, kept_grid, kept_frame) > depth
         factor = 1.0 + speed * wheels_s_per_m if is_kept else 1.0
@@ -71,7 +72,7 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
                 longer = distance + factor * cell * math.sqrt(float(di * di + dj * dj))
                 if longer < remaining[q, p] - 1e-9:
                     remaining[q, p] = longer
-                    heapq.heappush(heap, (longer, q, p))
+                    heapq.heappush(heap, (longer + cell * math.hypot(p - column, q - row), q, p))
     return remaining
 
 
