@@ -176,7 +176,9 @@ class MoveTable:
         a crop or a seedbed, is dearer than what searches usually find; else by a search and with the implement folded.
         """
         if (u, v) not in self._options:
-            self._options[u, v] = self._search_if_dear(u, v, list(self.moves.list_options(u, v)))
+            options = list(self.moves.list_options(u, v))
+            is_spoilt = self.site.crop_stands or self.site.keeps_ground  # by wheels: there may be a way round
+            self._options[u, v] = self._search_if_dear(u, v, options) if is_spoilt else options
         if not self._options[u, v]:
             self._options[u, v] = self._cut_back(u, v)
         if not self._options[u, v]:

@@ -127,7 +127,7 @@ class TestRanking:
         assert told.best is self.plans[0]
         assert (told.currency, told.samples, told.missed_by_s) == ("EUR", 500, None)
         assert told.money_sentences == (
-            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour.",
+            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour from its actual start.",
             "The cost includes 80 for each hectare that is not done before 09:00.",
         )
 

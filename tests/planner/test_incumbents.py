@@ -19,8 +19,10 @@ from planner.evaluation.candidates.pruning import (
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
+from planner.farm.settings import FarmPrices
 from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
+from planner.risk.costs import CostTerms
 from reports.common.plan_results import PlanResult, choose_by_count
 from strategies.registry import STRATEGIES
 
@@ -106,10 +108,13 @@ def test_a_formation_is_sketched_as_it_is_driven(
     assert max(sketch.compose().least_s) <= run.duration_s
 
 
-def test_where_money_decides_all_tractors_together_must_take_longer(round_site: PlanningContext) -> None:
+def test_where_machines_are_paid_by_use_all_together_must_take_longer(round_site: PlanningContext) -> None:
+    """Hired by the hour from start to end the quickest of as many tractors is the cheapest."""
     cheapest = replace(round_site.request, objective="cheapest")
-    site = replace(round_site, request=cheapest, criteria=build_decision_criteria(cheapest))
-    seconds = [130.0, 90.0]
+    terms = [CostTerms(FarmPrices(per_hour=one)) for one in (None, 40.0)]
+    own, hired = (build_decision_criteria(cheapest, cost_terms=one) for one in terms)
+    site, seconds = replace(round_site, request=cheapest, criteria=own), [130.0, 90.0]
+    assert estimate_loss_s(replace(site, criteria=hired), seconds, make_incumbent(120.0, 221.0)) is not None
     for tractor_s, is_pruned in ((219.0, True), (221.0, False)):
         rival = make_incumbent(120.0, tractor_s)
         assert (estimate_loss_s(site, seconds, rival) is not None) is is_pruned

@@ -93,7 +93,7 @@ def test_all_that_is_left_is_planned_anew_and_what_is_released_stays(plan: Fleet
 
 
 def test_who_stands_where_and_how_much_is_left_is_told(plan: FleetPlan) -> None:
-    remaining, proposal, _ = stop_and_go_on(plan, 0.35, [1])
+    remaining, proposal, _ = stop_and_go_on(plan, 0.4, [1])
     driven = [
         cut_line(leg.points, 0.0, min(leg.length_m, state.leg_m if number == state.leg else math.inf))
         for state in remaining.states

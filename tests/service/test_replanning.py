@@ -145,7 +145,7 @@ def start_live(plan: FleetPlan) -> LiveFleet:
 
 @pytest.fixture(scope="module")
 def half(plan: FleetPlan) -> tuple[FleetManager, ReplanProposal]:
-    manager = at(plan, 0.35)
+    manager = at(plan, 0.4)
     manager.operators.mark_failed("anna", 1, 1.0)
     return manager, continue_remaining_work(extract_remaining_work(manager, [], 100.0))
 
