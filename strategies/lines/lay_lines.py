@@ -241,7 +241,7 @@ def _settle(site: Site, line: WorkLine) -> WorkLine | None:
     """The line pulled back from where a drive of it alone leaves the ground; None if little is left."""
     for direction in (0, 1) if line.both_ways else (0,):
         path = line.paths[direction]
-        if _has_ample_room(site, path):
+        if _is_driven_true(site, path):
             continue
         kept = _find_driven_span(site, line, direction)
         if kept is None:
@@ -251,12 +251,15 @@ def _settle(site: Site, line: WorkLine) -> WorkLine | None:
     return line
 
 
-def _has_ample_room(site: Site, path: Floats) -> bool:
+def _is_driven_true(site: Site, path: Floats) -> bool:
+    """Whether a drive of a path shows no more than its stations: it is straight, on level ground or far from edges."""
+    if len(path) > 2 or site.is_alike:
+        return len(path) == 2
     along = measure_along(path)
     stations = np.arange(0.0, along[-1], 4.0 * PATH_STEP_M)
     ahead = locate_at(path, along, np.minimum(stations + 0.5, along[-1]))
     behind = locate_at(path, along, np.maximum(np.minimum(stations, along[-1] - 0.5), 0.0))
-    return len(path) == 2 and bool((_measure_rooms_at(site, behind, ahead) >= SCARCE_M).all())
+    return bool((_measure_rooms_at(site, behind, ahead) >= SCARCE_M).all())
 
 
 def _find_driven_span(site: Site, line: WorkLine, direction: int) -> Span | None:

@@ -194,27 +194,6 @@ def measure_length_inside(a, rows, grid, frame, depth) -> float:  # type: ignore
     return inside
 
 
-@compile_function
-def label_parts(grid, least):  # type: ignore[no-untyped-def]
-    """Numbers from 1 (ny, nx) of the parts of a grid where distances are `least` or more, 0 where they are not."""
-    rows, columns = grid.shape
-    parts, waiting, number = np.zeros(grid.shape, np.int32), np.empty(grid.size, np.int32), 0
-    for first in range(grid.size):
-        if parts[first // columns, first % columns] or grid[first // columns, first % columns] < least:
-            continue
-        number += 1
-        parts[first // columns, first % columns], waiting[0], count = number, first, 1
-        while count > 0:
-            count -= 1
-            row, column = waiting[count] // columns, waiting[count] % columns
-            for j in range(max(0, row - 1), min(rows, row + 2)):
-                for i in range(max(0, column - 1), min(columns, column + 2)):
-                    if not parts[j, i] and grid[j, i] >= least:
-                        parts[j, i], waiting[count] = number, j * columns + i
-                        count += 1
-    return parts
-
-
 @dataclass(frozen=True, eq=False)
 class Ground:
     """Ground that bodies may touch, with signed distances known up to a cap.
@@ -222,28 +201,30 @@ class Ground:
     Attributes:
         grid: (ny, nx) signed distances, metres, positive inside.
         frame: (4,) west and south end of the grid, its cell and the cap, metres.
+        region: the ground that it is of.
     """
 
     grid: npt.NDArray[np.float32]
     frame: Floats
+    region: shapely.Geometry
 
     def number_parts(self, half_m: float, places: Floats) -> Integers:
         """In which part of the ground places (n, 2) lie, where parts are joined by passages that a machine of half that
         width gets through; 0 for a place that has less room to an edge, or lies outside.
 
-        Half a cell by which places are rounded is no reason to hold parts for apart.
+        To half a cell of the grid, as near as room is known, parts are not held for apart.
         """
-        cells = np.rint((places[:, ::-1] - self.frame[1::-1]) / CELL_M).astype(int)
-        is_known = ((cells >= 0) & (cells < self.grid.shape)).all(axis=1)
+        parts = shapely.get_parts(self.region.buffer(0.5 * CELL_M - half_m))
+        found, number = shapely.STRtree(parts).query(shapely.points(places), predicate="intersects")
         numbers = np.zeros(len(places), np.int64)
-        numbers[is_known] = label_parts(self.grid, half_m - 0.5 * CELL_M)[tuple(cells[is_known].T)]
+        numbers[found] = number + 1
         return numbers
 
 
 def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:
     """The ground of a region, with distances up to `cap_m`; nowhere where the region is empty."""
     if allowed.is_empty:
-        return Ground(np.full((2, 2), -cap_m, np.float32), np.array([0.0, 0.0, CELL_M, cap_m]))
+        return Ground(np.full((2, 2), -cap_m, np.float32), np.array([0.0, 0.0, CELL_M, cap_m]), allowed)
     west, south, east, north = allowed.bounds
     west, south = west - BORDER_CELLS * CELL_M, south - BORDER_CELLS * CELL_M
     columns, rows = (int(span / CELL_M) + 2 * BORDER_CELLS + 2 for span in (east - west, north - south))
@@ -251,7 +232,7 @@ def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:
     grid = np.full((rows, columns), cap_m, np.float32)
     fill_distances(edges, west, south, CELL_M, cap_m, grid)
     negate_outside(edges, west, south, CELL_M, grid)
-    return Ground(grid, np.array([west, south, CELL_M, cap_m]))
+    return Ground(grid, np.array([west, south, CELL_M, cap_m]), allowed)
 
 
 def list_edges(region: shapely.Geometry) -> Floats:

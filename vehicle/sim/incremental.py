@@ -77,15 +77,7 @@ class IncrementalSimulator:
             if earlier is not None
         ]
         current = SimulatedPlan(plan, world.leg_ends_m, max(candidates, key=_get_last_time_s, default=[]))
-        start = self._find_solo_start(plan, max_time_s, world.models)
-        if start is not None and start.time_s > _get_last_time_s(current.snapshots):
-            current.snapshots = []
-        else:
-            start = current.snapshots[-1] if current.snapshots else None
-        self.resumed_at_s = 0.0
-        if start is not None:
-            world.restore(start)
-            self.resumed_at_s = start.time_s
+        self.resumed_at_s = self._resume(world, current, max_time_s)
 
         def keep_snapshot(_: float) -> None:
             snapshot = world.take_snapshot()
@@ -104,6 +96,21 @@ class IncrementalSimulator:
         if run.outcome == DONE:
             self._last_finished_plan = current
         return run
+
+    def _resume(self, world: World, current: SimulatedPlan, max_time_s: float) -> float:
+        """Let a world go on from the last snapshot known of its plan, and the time of it (s); 0 at the start.
+
+        What was driven alone is no snapshot of the fleet: it takes the place of those that it is later than.
+        """
+        start = self._find_solo_start(current.plan, max_time_s, world.models)
+        if start is not None and start.time_s > _get_last_time_s(current.snapshots):
+            current.snapshots = []
+        else:
+            start = current.snapshots[-1] if current.snapshots else None
+        if start is None:
+            return 0.0
+        world.restore(start)
+        return start.time_s
 
     def simulate_alone(self, plan: Plan, tractors: Sequence[int], max_times_s: Sequence[float]) -> list[SimulationRun]:
         """Runs of some tractors of a plan without waiting, each alone on the field and for `max_times_s` at most.

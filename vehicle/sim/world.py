@@ -304,7 +304,7 @@ class World:
         self.boxes.update_space()
         self.rows, self._record = 0, np.empty((0, *self._record.shape[1:]))
         for part in snapshot.list_record_parts():
-            self._reserve_rows(len(part))[:] = part
+            self._reserve_rows(len(part), self._expected_s)[:] = part
             self.rows += len(part)
 
     def _reserve_rows(self, rows: int, expected_s: float = 0.0) -> Records:
