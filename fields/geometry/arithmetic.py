@@ -1,4 +1,5 @@
-"""Arithmetic of geometry: a tolerance for each kind of error, and sums that are the same on every processor."""
+"""Arithmetic of geometry: a tolerance for each kind of error, the smallest sizes that count in a field, and sums that
+are the same on every processor."""
 
 from __future__ import annotations
 

@@ -33,7 +33,8 @@ class LineDeal:
     Attributes:
         allowed: (tractors, lines) whether a tractor may work a line.
         stagger_m: each begins when the one before has worked so far; 0 where all begin at once.
-        places: (lines,) the places that lines have in its order; None where they have none.
+        places: (lines,) by which every tractor works its lines, the lowest first, unless only another order can be
+            driven; None where any order will do.
     """
 
     allowed: Flags

@@ -62,7 +62,8 @@ class Effect:
     the plot that shows it. `is_stand_in` marks effects that would fit any difference between runs. `kind` says how the
     values become coordinates of a fit. `starts` are coordinates to try first, because a limit leaves no trace where it
     does not act. `optional_params` are values that are given only where more was measured. Effects with
-    `is_of_log_alone` are in what a log holds, and not in what guidance gets.
+    `is_of_log_alone` are in what a log holds, and not in what guidance gets. `same_law` is the law of another effect
+    that says the same, as effect@basis: it is not tried beside this one.
     """
 
     id: str
@@ -79,6 +80,7 @@ class Effect:
     starts: tuple[float, ...] = ()
     optional_params: tuple[EffectParameter, ...] = ()
     is_of_log_alone: bool = False
+    same_law: str = ""
 
     @property
     def size(self) -> EffectParameter:
@@ -166,7 +168,7 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: {"bend_left": v["ratio"]},
         lambda v: f"Left turns are {_describe_turn_gain(v['ratio'])} than the file says, right turns are as it says.",
         "wheel angle to the left", "the same circles to the right and to the left",
-        plot=(TURN, ANGLE),
+        plot=(TURN, ANGLE), same_law="steering_gain@by_side:left",
     ),
     Effect(
         "steering_dead_time", STEERING, (EffectParameter("time_s", "s", 0.0, 0.2, 0.05, 0.0, 1.2),),
@@ -237,7 +239,7 @@ CATALOGUE: tuple[Effect, ...] = (
                   f"tractor to the {_name_left_or_right(v['curvature_per_m'])}, as if on a "
                   f"curve of {1 / max(abs(v['curvature_per_m']), 1e-9):.0f} m.",
         "implement working", "straight ahead, implement down and up in turn",
-        plot=(TURN, TOOL),
+        plot=(TURN, TOOL), same_law="steering_offset@by_implement",
     ),
     Effect(
         "wheel_slip", SPEED, (EffectParameter("ratio", "", 0.0, 0.08, 0.015, -0.5, 0.9),),
@@ -254,7 +256,7 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"With the implement working the tractor {'loses' if v['ratio'] >= 0.0 else 'gains'} "
                   f"{100 * abs(v['ratio']):.0f} % of its speed.",
         "implement working", "straight ahead, implement down and up in turn",
-        plot=(PACE, TOOL),
+        plot=(PACE, TOOL), same_law="wheel_slip@by_implement",
     ),
     Effect(
         "speed_lag", SPEED, (EffectParameter("time_s", "s", 0.0, 1.0, 0.65, 0.0, 5.0),),
@@ -345,7 +347,7 @@ CATALOGUE: tuple[Effect, ...] = (
         lambda v: f"Turns become {100 * abs(v['per_minute']):.0f} % {'tighter' if v['per_minute'] > 0 else 'wider'} "
                   "per minute since the start of the run.",
         "time since the start", "a long circle",
-        plot=(TURN, TIME), is_stand_in=True,
+        plot=(TURN, TIME), is_stand_in=True, same_law="steering_gain@over_minutes",
     ),
 )  # fmt: skip
 EFFECTS_BY_ID = {effect.id: effect for effect in CATALOGUE}

@@ -1,4 +1,7 @@
-"""Turns tractor, grounds and plan into the arrays of vehicle.records, and joins legs to the paths of guidance."""
+"""The records that the compiled loop reads, made of tractor, grounds and plan, and legs joined to paths of guidance.
+
+No code is compiled here: that is vehicle.jit.
+"""
 
 from __future__ import annotations
 

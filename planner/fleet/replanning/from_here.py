@@ -25,7 +25,7 @@ from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import is_passed
 from strategies.rules.legs import MIN_LEG_M
-from strategies.service_stops.stop_plan import add_service_gates, build_stop_notes, list_stops
+from strategies.service_stops.service_gates import add_service_gates, build_stop_notes, list_stops
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 

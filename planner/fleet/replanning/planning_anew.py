@@ -35,7 +35,7 @@ from strategies.lines.work_line import build_tool_strip
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.site_moves import SiteMoves
 from strategies.rules.supply import HEADLAND, SERVICE_VEHICLE, Supply
-from strategies.service_stops.stop_plan import infer_supply
+from strategies.service_stops.service_gates import infer_supply
 from strategies.split_field import STRATEGY
 from vehicle.missions.plan import ENTER, LEAVE, SWATH, Leg, LegGate, Mission
 from vehicle.missions.run import SimulationRun

@@ -44,6 +44,8 @@ def test_the_headline_says_the_most_that_is_known() -> None:
     )
     assert answer(named, one, depends_on=("speed",)).headline == "It slips."
     assert answer(one, other).headline == "Several causes fit these logs equally well: This. Or: That."
+    lone = replace(one, exchange="these logs cannot tell it from steering gain")
+    assert answer(lone).headline == "It may be, though these logs cannot tell it from steering gain: This."
     assert answer(depends_on=("a", "b", "c")).headline.endswith("the simulation misses a; b; and c.")
     assert answer(unexplained_share=0.4).headline.endswith("depends on none of the quantities examined.")
     hint = Hint("speed", "heading", None, "Errors of the headings go together with speed.")

@@ -37,9 +37,6 @@ WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation o
 PENALTIES = {"catalogue": 0.0, "law": 4.0, "place": 5.0}
 STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
 PATCH_RADII_M = (8.0, 14.0)
-# Laws that are effects of the catalogue: the grip over the time, the left side, the draft and the slip at work.
-SYNONYMS = ("steering_gain@over_minutes", "steering_gain@by_side:left", "steering_offset@by_implement",
-            "wheel_slip@by_implement")  # fmt: skip
 LAW_WORDS = {
     "by_speed": "speed",
     "by_angle": "the size of the wheel angle",
@@ -246,6 +243,7 @@ def build_scope(parent: Hypothesis, law: str, keys: Sequence[str] = (), scale: f
 def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
     """All laws of an effect that these logs can show."""
     runs, laws = bases.data.runs, list[Hypothesis]()
+    in_catalogue = {effect.same_law for effect in CATALOGUE}
     if runs > 1 and parent.size == 1:
         laws.append(build_scope(parent, BY_RUN, [f"{BY_RUN}:{run}" for run in range(runs)]))
     if parent.size == 1 and ("path" in parent.chains or parent.id == "heading_bias"):
@@ -261,7 +259,7 @@ def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
             is_for_it = parent.chains == frozenset({"path"})
         else:
             is_for_it = "instruments" not in parent.chains or key == "over_minutes"
-        if is_varied and is_for_it and f"{parent.id}@{key}" not in SYNONYMS:
+        if is_varied and is_for_it and f"{parent.id}@{key}" not in in_catalogue:
             scale = float(np.sqrt(np.mean(values * values))) if ":" not in key else 1.0
             laws.append(build_scope(parent, key, scale=max(scale, 1e-6)))
     return laws

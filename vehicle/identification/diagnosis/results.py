@@ -356,13 +356,14 @@ class Diagnosis:
         if self.undiagnosed_reason:
             return self.undiagnosed_reason
         by_id = {finding.id: finding for finding in self.findings}
-        sets, likely = (
-            [one.sentence for one in self.findings if one.status == status] for status in (EQUIVALENT, LIKELY)
-        )
+        sets = [one for one in self.findings if one.status == EQUIVALENT]
+        likely = [one.sentence for one in self.findings if one.status == LIKELY]
         if self.named:
             causes = " ".join(by_id[name].sentence for name in self.named)
+        elif len(sets) == 1 and sets[0].exchange:
+            causes = f"It may be, though {sets[0].exchange}: {sets[0].sentence}"
         elif sets:
-            causes = "Several causes fit these logs equally well: " + " Or: ".join(sets)
+            causes = "Several causes fit these logs equally well: " + " Or: ".join(one.sentence for one in sets)
         elif likely:
             causes = "No cause is certain. Likely: " + " ".join(likely)
         else:

@@ -1,4 +1,5 @@
-"""Who is served first if only one is served at a time, and what the notes of a plan hold of its stops.
+"""Gates that let one tractor at a time be served, what the notes of a plan hold of its stops, and what its tractors
+carry.
 
 Of a plan that does not say what a tractor carries, the most work that any of its tractors does with one load is taken
 as a load.
