@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Protocol
@@ -82,8 +83,16 @@ class MoveStore(Protocol):
     def load(self, context: PlanningContext, moves: SiteMoves) -> None:
         """Let moves of a context know what is stored of them."""
 
-    def store(self, moves: SiteMoves) -> None:
-        """Store what is new of moves that were loaded."""
+    def store(self, context: PlanningContext) -> None:
+        """Store what is new of the moves of a context that were loaded."""
+
+
+@dataclass(frozen=True)
+class StoredMoves:
+    """What a cache has of the moves of a context: the name of their files, and how many entries of each table."""
+
+    name: str
+    counts: Mapping[str, int]
 
 
 @dataclass(frozen=True, repr=False)

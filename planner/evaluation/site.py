@@ -13,7 +13,7 @@ import shapely
 from fields.geometry.arithmetic import EDGE_M
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from fields.geometry.overlays import intersect, subtract, unite
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import PlanningContext, StoredMoves
 from planner.evaluation.machine_outlines import build_body, folds_at_gate, measure_half_m
 from planner.request.implement_choice import keeps_ground
 from planner.request.plan_request import STANDING_CROP_OPERATIONS
@@ -113,7 +113,7 @@ def get_site_moves(context: PlanningContext, headland_lines: dict[int, list[Work
 def store_moves(context: PlanningContext) -> None:
     """Store what is known of the moves of a context in its cache."""
     if context.move_cache is not None and SiteMoves in context.site_cache:
-        context.move_cache.store(context.site_cache[SiteMoves])
+        context.move_cache.store(context)
 
 
 def build_site_moves(
@@ -142,14 +142,14 @@ def tell_moves(context: PlanningContext) -> tuple[Any, ...] | None:
     if moves is None:
         return None
     laid = moves.lines, moves.starts, moves.used, moves.orders, moves.folded
-    return *laid, moves.tables, moves.stored
+    return *laid, moves.tables, context.site_cache.get(StoredMoves)
 
 
 def take_moves(context: PlanningContext, state: tuple[Any, ...]) -> None:
     """Let a context have the lines, and what is known of the moves between them, that `tell_moves` gave of it."""
     *laid, tables, stored = state
     moves = context.site_cache[SiteMoves] = SiteMoves(build_site(context), *laid)
-    moves.stored = stored
+    context.site_cache[StoredMoves] = stored
     for name, table in moves.tables.items():
         table.update(tables[name])
 

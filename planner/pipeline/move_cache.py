@@ -10,13 +10,13 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from planner.evaluation.context import PlanningContext
+from planner.evaluation.context import PlanningContext, StoredMoves
 from planner.pipeline.fingerprint import hash_content
 from planner.pipeline.result_cache import ResultCache
 from strategies.moves.move import Move
@@ -38,17 +38,17 @@ class MoveCache:
         """Let moves of a context know what is stored of them."""
         name = _hash_site(context, moves)
         load_entries(moves, self.results.read_all(name))
-        moves.stored = name, count_entries(moves)
+        context.site_cache[StoredMoves] = StoredMoves(name, count_entries(moves))
 
-    def store(self, moves: SiteMoves) -> None:
-        """Store what is new of moves that were loaded."""
-        if moves.stored is None:
+    def store(self, context: PlanningContext) -> None:
+        """Store what is new of the moves of a context that were loaded."""
+        moves, stored = context.site_cache[SiteMoves], context.site_cache.get(StoredMoves)
+        if stored is None:
             return
-        name, counts = moves.stored
-        if new := describe_entries(moves, counts):
-            self.results.write(f"{name}-{secrets.token_hex(4)}", new)
+        if new := describe_entries(moves, stored.counts):
+            self.results.write(f"{stored.name}-{secrets.token_hex(4)}", new)
             self.results.remove_oldest()
-        moves.stored = name, count_entries(moves)
+        context.site_cache[StoredMoves] = replace(stored, counts=count_entries(moves))
 
 
 def _hash_site(context: PlanningContext, moves: SiteMoves) -> str:

@@ -281,7 +281,7 @@ def _lay_poses(site: Site, path: Floats, overrun_m: float) -> Floats:
     length_m = float(measure_along(path)[-1])
     ahead = (path[1] - path[0]) / length_m
     stations = np.append(np.arange(0.0, length_m + overrun_m, 0.5 * PATH_STEP_M), length_m + overrun_m)
-    places = path[0] + (stations + site.axle_m - site.body.guide_m)[:, None] * ahead
+    places = path[0] + (stations - site.back_m)[:, None] * ahead
     return np.column_stack([places, np.full(len(places), math.atan2(ahead[1], ahead[0]))])
 
 

@@ -55,7 +55,6 @@ class SiteMoves:
         legs: by nodes, moves and what is cut off, the legs of a tour.
         options, cut_moves, folded_moves, searched_moves: the moves found between nodes.
         driven: by the moves found, what a drive made of them; None where it refused them.
-        stored: the name that its files have in a cache, and how many entries of each table are in them.
     """
 
     site: Site
@@ -76,7 +75,6 @@ class SiteMoves:
     folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     searched_moves: dict[tuple[int, int], Move | None] = field(default_factory=dict)
     driven: dict[Move, Move | None] = field(default_factory=dict)
-    stored: tuple[str, dict[str, int]] | None = None
 
     def __post_init__(self) -> None:
         settling = measure_settling(self.site)
