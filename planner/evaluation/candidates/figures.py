@@ -31,7 +31,7 @@ from planner.risk.costs import (
     get_price_per_hour,
     measure_driven_times,
 )
-from reports.common.plan_records import PlanFault, Remark, Stake, UnworkedPiece
+from reports.common.plan_records import PlanFault, Remark, Stake
 from reports.common.plan_results import PlanResult
 from reports.plan.figures import MEASURES
 from vehicle.missions.plan import HEADLAND_PASS
@@ -81,7 +81,7 @@ def measure_candidate(
         spoilt_m2 = traffic.area_m2
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2 or 0.0)
     overhang = measure_overhang(run, context) if is_shown else None
-    remarks = [*_list_missed_remarks(coverage.largest_piece, context), *candidate_run.remarks]
+    remarks = [*_list_missed_remarks(coverage, context), *candidate_run.remarks]
     remarks += [] if overhang is None else _list_overhang_remarks(overhang, context)
     return PlanResult(
         strategy=strategy,
@@ -177,9 +177,9 @@ def measure_headland_phase_s(run: SimulationRun) -> float | None:
     return max(times) - min(times) if times else None
 
 
-def _list_missed_remarks(largest: UnworkedPiece | None, context: PlanningContext) -> list[Remark]:
+def _list_missed_remarks(coverage: Coverage, context: PlanningContext) -> list[Remark]:
     """A remark on the largest piece that is left, where it is worth one."""
-    text = describe_largest_piece(context, largest)
+    text = describe_largest_piece(context, coverage)
     return [] if text is None else [Remark(Stake.WORK, text)]
 
 

@@ -22,11 +22,11 @@ from fields.geometry.overlays import (
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
+from planner.evaluation.ground.coverage import Coverage
 from planner.evaluation.ground.left_out import find_left_out_ground, measure_left_out_m2
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.site import get_site_moves, recall
 from reports.common.language import mark_text
-from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
 from reports.common.wording import LEAST_HA_M2
 
@@ -79,14 +79,17 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     return tuple(one for one in areas if one.area_m2 >= MIN_REPORTED_M2)
 
 
-def describe_largest_piece(context: PlanningContext, piece: UnworkedPiece | None) -> str | None:
-    """Area, place and reason of the largest piece that a plan leaves; None where it is small or left as asked for."""
+def describe_largest_piece(context: PlanningContext, coverage: Coverage) -> str | None:
+    """Area, place and main reason of the largest piece that a plan leaves; None where it is small or left as asked."""
+    piece = coverage.largest_piece
     if piece is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
         return None
     place = shapely.Point(piece.x_m, piece.y_m)
-    reason = next(
-        (one.reason for one in find_unworked_areas(context) if shapely.dwithin(one.pieces, place, SLIVER_M).any()), ""
-    )
+    ground = next((one for one in coverage.unworked_pieces if one.intersects(place)), place.buffer(SLIVER_M))
+    areas = find_unworked_areas(context)
+    shares_m2 = [float(intersect(shapely.multipolygons(one.pieces), ground).area) for one in areas]
+    largest = int(np.argmax([0.0, *shares_m2]))
+    reason = areas[largest - 1].reason if largest else ""
     if not reason:  # a plan may work another room than the largest, and leave that
         left_whole = [one for one in _list_rooms(context) if one.intersects(place) and 2.0 * piece.m2 > one.area]
         reason = _describe_cut_off(context) if left_whole else "reached by no pass of this plan"
