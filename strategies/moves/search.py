@@ -15,7 +15,7 @@ import math
 
 import numpy as np
 
-from strategies.moves.closed_forms import FEW_FORMS, back_up, list_closed_forms, measure_backing_up, pick_with_room
+from strategies.moves.closed_forms import back_up, list_closed_forms, measure_backing_up, pick_with_room
 from strategies.path_planning.primitives import TAU, advance_pose
 from strategies.site.ground import AMPLE_M, get_distance, has_room_on_path, measure_length_inside, measure_path_room
 from vehicle.copying import copy_table
@@ -29,7 +29,7 @@ GREED = 1.5  # weight of the way that remains: a path a little longer is found m
 MANOEUVRE_RADII = 12.0  # no search looks where the way is so much longer, and by this for turns
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
-SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 10, 25  # how often closed forms are tried, near the goal and far from it
+SHOT_EVERY, SHOT_FORMS = 15, 30  # how often closed forms to the goal are tried, and how many of the quickest
 SHOT_OUT_M, SHOT_IN_M = np.array([0.0]), np.array([2.5, 0.0, -4.0])
 
 
@@ -96,20 +96,6 @@ def _find_cell(x, y, heading, way, step):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def _find_shot(pose, b, radii, costs, settling, kinds, backed, max_reverse, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
-    """The quickest closed form (ROWS, 3) from a pose to pose b with room, and its seconds; infinite for none."""
-    dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
-    goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
-    forms, seconds, _ = list_closed_forms(
-        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, max_reverse, FEW_FORMS
-    )
-    numbers = pick_with_room(pose, forms, 1, guide, points, reach, grid, frame, margin)
-    if len(numbers) == 0:
-        return np.empty((0, 3)), np.inf
-    return forms[numbers[0]], seconds[numbers[0]]
-
-
-@compile_function
 def _add_step_s(spent_s, step, bend_before, gear_before, slow, costs, tightness, far) -> float:  # type: ignore[no-untyped-def]
     """Seconds spent up to the end of a step (1, 3: length, curvature, gear), arcs at the speed `slow`, with what a
     change of either costs; a step takes `tightness` times as long and is charged `far` s/m."""
@@ -136,14 +122,22 @@ def _find_end(  # type: ignore[no-untyped-def]
 ):
     """A closed form (ROWS, 3) from a pose to pose b with room, its seconds, infinite for none, and what it is charged.
 
-    One that backs up too far is taken where there is no other.
+    One that backs up too far is charged for it.
     """
-    how, body = (radii, costs, settling, kinds, backed), (guide, points, reach, grid, frame, margin)
-    link, link_s = _find_shot(pose, b, *how, max_reverse, *body)
-    if link_s == np.inf:
-        link, link_s = _find_shot(pose, b, *how, np.inf, *body)
-    charged_s = far * max(0.0, measure_backing_up(link, backed) - max_reverse)
-    return link, link_s, charged_s + _charge_wheels(pose, link, kept)
+    dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
+    goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
+    forms, seconds, _ = list_closed_forms(
+        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, np.inf, SHOT_FORMS
+    )
+    charges_s = np.empty(len(forms))
+    for k in range(len(forms)):
+        charges_s[k] = far * max(0.0, measure_backing_up(forms[k], backed) - max_reverse)
+    order = np.argsort(seconds + charges_s)
+    numbers = pick_with_room(pose, forms[order], 1, guide, points, reach, grid, frame, margin)
+    if len(numbers) == 0:
+        return np.empty((0, 3)), np.inf, 0.0
+    best = order[numbers[0]]
+    return forms[best], seconds[best], charges_s[best] + _charge_wheels(pose, forms[best], kept)
 
 
 @compile_function
@@ -172,8 +166,7 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
             break
         x, y, heading = poses[node]
         expanded += 1
-        near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
-        if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
+        if expanded % SHOT_EVERY == 1:
             link, link_s, charged_s = _find_end(poses[node], b, *how, backed[node], max_reverse, far, kept, *body)
             if link_s < np.inf and charged_s == 0.0:
                 return _trace_rows(node, came, bends, ways, link, step_m)
