@@ -124,7 +124,7 @@ class MoveFinder:
         rows = search_move(start, goal, remaining, *how, far_s_per_m, kept, MOST_POSES, body)
         if not len(rows):
             return None
-        return self._build_move(a, shorten_rows(start, rows, *how, kept, *body), "route", passes)
+        return self._build_move(a, shorten_rows(start, rows, *how, far_s_per_m, kept, body), "route", passes)
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
         """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""

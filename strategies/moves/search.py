@@ -256,16 +256,19 @@ def _merge_rows(rows):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, kept, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, far, kept, body):  # type: ignore[no-untyped-def]
     """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that cost less, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
     shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than
-    the margin asks for, and with it the path backs up no farther than `max_reverse` metres, or than it did.
+    the margin asks for, and with it the path backs up no farther than `max_reverse` metres, or than it did. `far` and
+    `body` are as of search_move.
     """
     rows = _merge_rows(rows)
+    how = radii, costs, settling, kinds
     max_reverse = max(max_reverse, measure_backing_up(rows, 0.0))
-    body = guide, points, reach, grid, frame, margin + AMPLE_M
+    guide, points, reach, grid, frame, margin = body
+    ample = guide, points, reach, grid, frame, margin + AMPLE_M
     ends = np.empty((len(rows) + 1, 3))
     ends[0, 0], ends[0, 1], ends[0, 2] = a[0], a[1], a[2]
     for k in range(len(rows)):
@@ -278,12 +281,10 @@ def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, kept, guid
             first = eighth * last // 8
             if first >= last - 1:
                 break
-            link, link_s = _find_shot(ends[first], ends[last], radii, costs, settling, kinds, 0.0, max_reverse, *body)
-            link_s += _charge_wheels(ends[first], link, kept)
+            link, link_s, charged_s = _find_end(ends[first], ends[last], *how, 0.0, max_reverse, far, kept, *ample)
             replaced = rows[first:last]
-            if link_s < np.inf and link_s <= _measure_seconds(replaced, costs) + _charge_wheels(
-                ends[first], replaced, kept
-            ):
+            most_s = _measure_seconds(replaced, costs) + _charge_wheels(ends[first], replaced, kept)
+            if link_s + charged_s <= most_s:
                 whole = np.concatenate((rows[:first], link, out))
                 if measure_backing_up(whole, 0.0) <= max_reverse:
                     out, taken = whole[first:], first

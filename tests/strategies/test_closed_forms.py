@@ -131,10 +131,10 @@ def test_a_search_leads_round_a_wall() -> None:
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
     rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
     assert len(rows)
-    shorter = shorten_rows(start, rows, *how, NO_KEPT, *body)
-    for path in (rows, shorter):
+    shorter = shorten_rows(start, rows, *how, FAR_S_PER_M, NO_KEPT, body)
+    for path, room_m in ((rows, 0.0), (shorter, MARGIN_M - 1e-9)):  # a search sees the body straight as a step begins
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
-        assert has_room_on_path(start, path, *body[:5], MARGIN_M - 1e-9)
+        assert has_room_on_path(start, path, *body[:5], room_m)
     bends, fewer = (np.count_nonzero(np.diff(path[path[:, 0] > 0.0, 1])) for path in (rows, shorter))
     assert fewer < bends and shorter[:, 0].sum() <= 1.01 * rows[:, 0].sum()  # bends cost time as well
     assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
@@ -149,7 +149,7 @@ def test_a_search_leads_round_ground_where_wheels_are_dear(wheels_s_per_m: float
     remaining = measure_remaining_m(start, goal, 1.1, RADIUS_M, COSTS[0], kept, ground.grid, ground.frame)
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
     rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, kept, MOST_POSES, body)
-    shorter = shorten_rows(start, rows, *how, kept, *body)
+    shorter = shorten_rows(start, rows, *how, FAR_S_PER_M, kept, body)
     assert drive(tuple(start), shorter) == pytest.approx(tuple(goal), abs=1e-6)
     assert (measure_length_inside(start, shorter, *kept[:3]) <= 1.0) == goes_round
     assert shorter[:, 0].sum() == pytest.approx(84.0 if goes_round else 64.0, abs=8.0)
@@ -166,7 +166,7 @@ def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: f
         (RADII[:1], COSTS, SETTLING),
     )
     rows = search_move(start, goal, remaining, *how, ALL_KINDS, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
-    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, NO_KEPT, *body), 0.0)
+    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, FAR_S_PER_M, NO_KEPT, body), 0.0)
     assert len(rows) and backing_m <= most_m
     forwards = ALL_KINDS & (np.arange(len(ALL_KINDS)) < 3)
     rows = search_move(start, goal, remaining, *how, forwards, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
