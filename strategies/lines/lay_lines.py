@@ -22,7 +22,7 @@ from fields.layout.headland_passes import MIN_OPEN_AREA, HeadlandPass, HeadlandP
 from strategies.lines.work_line import HOLE_PASS, WorkLine, cut_line, extend_line, locate_at
 from strategies.rules.legs import PATH_STEP_M
 from strategies.site.ground import CELL_M, measure_rooms
-from strategies.site.site import MISSED_FACTOR, Site
+from strategies.site.site import MISSED_FACTOR, Drive, Site
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
 
 LINE_MARGIN_M = 0.12  # room kept on lines: a little more than on moves, which begin and end on them
@@ -246,7 +246,7 @@ def _settle(site: Site, line: WorkLine, overrun_m: float) -> WorkLine | None:
         if _has_ample_room(site, path):
             continue
         is_known = len(path) == 2 and site.is_alike
-        poses = _lay_poses(site, path, overrun_m) if is_known else _drive_line(site, path, line.task)
+        poses = _lay_poses(site, path, overrun_m) if is_known else _drive_line(site, site.drive, path, line.task)
         kept = _find_roomy_span(site, path, poses)
         if kept is None:
             return None
@@ -264,15 +264,14 @@ def _has_ample_room(site: Site, path: Floats) -> bool:
 
 
 def _measure_overrun_m(site: Site) -> float:
-    """How far a tractor that stops at the end of a straight line drives beyond it."""
-    poses = _drive_line(site, np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), LegTask(SWATH))
+    """How far a tractor that stops at the end of a straight line drives beyond it, on level ground: it lies nowhere."""
+    poses = _drive_line(site, site.drive_level, np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), LegTask(SWATH))
     return float(measure_along(poses[:, :2])[-1]) - STRAIGHT_M
 
 
-def _drive_line(site: Site, path: Floats, task: LegTask) -> Floats:
+def _drive_line(site: Site, drive: Drive, path: Floats, task: LegTask) -> Floats:
     """Poses (t, 3) of the centre of mass on a drive of a line alone."""
     leg = Leg(path, site.rules.work_speed_mps, 1, True, task=task)
-    drive = site.drive_level if site.is_alike else site.drive
     return drive(Plan((Mission((leg,)),))).get_poses(0)
 
 

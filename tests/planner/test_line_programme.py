@@ -35,8 +35,8 @@ from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
 from tests.benchmarks.planned_jobs import build_field, build_tractor
-from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, LegGate
-from vehicle.missions.run import DONE
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, LegGate, Plan
+from vehicle.missions.run import DONE, SimulationRun
 from vehicle.records import WAITING
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -79,6 +79,22 @@ def test_lines_cover_a_rectangle(context: PlanningContext) -> None:
     assert shapely.intersection(strips, RECTANGLE).area >= 0.995 * RECTANGLE.area
     assert {line.task.kind for line in lines} == {SWATH, HEADLAND_PASS}
     assert sum(line.own_m2 for line in lines) <= RECTANGLE.area
+
+
+def test_straight_lines_are_settled_as_they_are_driven() -> None:
+    """Where ground is not the same everywhere, nothing is driven but in its place."""
+    place = shapely.box(500.0, 500.0, 680.0, 590.0)
+    site = build_site(prepare(Field("far", place)))
+
+    def drive_in_place(plan: Plan) -> SimulationRun:
+        legs = [leg for mission in plan.missions for leg in mission.legs]
+        assert all(place.covers(shapely.LineString(leg.points)) for leg in legs)
+        return site.drive(plan)
+
+    laid, driven = (lay_lines(replace(site, drive=drive_in_place, is_alike=alike)) for alike in (True, False))
+    assert len(laid) == len(driven) > 10
+    for one, other in zip(laid, driven, strict=True):
+        assert np.concatenate(one.paths) == pytest.approx(np.concatenate(other.paths), abs=1e-6)
 
 
 def test_every_line_is_worked_once_and_the_headland_last(programme: Programme) -> None:
