@@ -191,7 +191,7 @@ class TestRefusals:
             ("1e999", "not finite"),
             ("1" + "0" * 400, "not finite"),
             ('"12"', "not a number"),
-            ("null", "not a number"),
+            ("null", "is missing"),
             ("true", "not a number"),
         ],
     )

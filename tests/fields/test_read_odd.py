@@ -84,7 +84,7 @@ class TestList:
         assert [one.position for one in parcels] == list(range(20))
         assert (parcels[0].key, parcels[0].area_ha, parcels[0].holes) == ("plot 0", 2.0, 0)
         assert (parcels[3].key, parcels[3].area_ha, parcels[3].holes) == ("3", 1.8, 1)
-        assert parcels[5].area_ha is None and "not a number" in parcels[5].fault
+        assert parcels[5].area_ha is None and "is missing" in parcels[5].fault
         assert read_field(f"{path}#{parcels[7].key}", local=True).boundary.bounds[0] == 2100.0
         assert "and 8 more (list_fields lists all)" in refusal(path, local=True)
 
