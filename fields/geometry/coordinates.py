@@ -262,7 +262,7 @@ def check_area(shape: shapely.Polygon, label: str) -> None:
 def _parse_number(raw: Any, label: str) -> float:
     """One finite coordinate."""
     if raw is None:
-        raise FieldError(f"A coordinate of {label} is missing, or not finite; write a measured value.")
+        raise FieldError(f"A coordinate of {label} is missing; write a measured value.")
     if isinstance(raw, bool) or not isinstance(raw, int | float):
         raise FieldError(f"Coordinate {shorten_value(raw)} of {label} is not a number; write plain numbers.")
     try:

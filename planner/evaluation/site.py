@@ -149,7 +149,8 @@ def take_moves(context: PlanningContext, state: tuple[Any, ...]) -> None:
     """Let a context have the lines, and what is known of the moves between them, that `tell_moves` gave of it."""
     *laid, tables, stored = state
     moves = context.site_cache[SiteMoves] = SiteMoves(build_site(context), *laid)
-    context.site_cache[StoredMoves] = stored
+    if stored is not None:
+        context.site_cache[StoredMoves] = stored
     for name, table in moves.tables.items():
         table.update(tables[name])
 

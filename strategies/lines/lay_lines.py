@@ -22,13 +22,13 @@ from fields.layout.headland_passes import MIN_OPEN_AREA, HeadlandPass, HeadlandP
 from strategies.lines.work_line import HOLE_PASS, WorkLine, cut_line, extend_line, locate_at
 from strategies.rules.legs import PATH_STEP_M
 from strategies.site.ground import CELL_M, measure_rooms
-from strategies.site.site import MISSED_FACTOR, Drive, Site
+from strategies.site.site import MISSED_FACTOR, STRAIGHT_M, Site
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
+from vehicle.missions.run import DONE
 
 LINE_MARGIN_M = 0.12  # room kept on lines: a little more than on moves, which begin and end on them
 SCARCE_M = 0.6  # a line with less room is driven on its own before it is believed
 PROOF_ROOM_M = 0.02
-STRAIGHT_M = 60.0  # driven from rest to rest, to see where a tractor stops
 PULL_BACK_M = 0.3  # beyond the place where a drive touches
 MIN_PIECE_M = 3.0
 MOST_MITRE = 1.5  # half widths by which a side is drawn out into a corner
@@ -91,8 +91,8 @@ def _number_pieces(lines: Sequence[WorkLine]) -> list[WorkLine]:
 
 def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
     """The pieces of lines on which the body has room, settled by a drive where that is scarce."""
-    overrun_m = _measure_overrun_m(site)
-    settled = (_settle(site, piece, overrun_m) for draft in drafts for piece in _cut_to_room(site, draft))
+    keeps_to_lines = _keeps_to_lines(site)
+    settled = (_settle(site, piece, keeps_to_lines) for draft in drafts for piece in _cut_to_room(site, draft))
     return [line for line in settled if line is not None]
 
 
@@ -239,15 +239,13 @@ def _pick_opposite(span: Span, others: Sequence[Span], length_m: float) -> Span 
     return best if best is not None and measure_shared_m(best) >= MIN_PIECE_M else None
 
 
-def _settle(site: Site, line: WorkLine, overrun_m: float) -> WorkLine | None:
+def _settle(site: Site, line: WorkLine, keeps_to_lines: bool) -> WorkLine | None:
     """The line pulled back from where a drive of it alone leaves the ground; None if little is left."""
     for direction in (0, 1) if line.both_ways else (0,):
         path = line.paths[direction]
-        if _has_ample_room(site, path):
+        if len(path) == 2 and (keeps_to_lines or _has_ample_room(site, path)):
             continue
-        is_known = len(path) == 2 and site.is_alike
-        poses = _lay_poses(site, path, overrun_m) if is_known else _drive_line(site, site.drive, path, line.task)
-        kept = _find_roomy_span(site, path, poses)
+        kept = _find_roomy_span(site, path, _drive_line(site, path, line.task))
         if kept is None:
             return None
         path = cut_line(path, *kept)
@@ -260,28 +258,24 @@ def _has_ample_room(site: Site, path: Floats) -> bool:
     stations = np.arange(0.0, along[-1], 4.0 * PATH_STEP_M)
     ahead = locate_at(path, along, np.minimum(stations + 0.5, along[-1]))
     behind = locate_at(path, along, np.maximum(np.minimum(stations, along[-1] - 0.5), 0.0))
-    return len(path) == 2 and bool((_measure_rooms_at(site, behind, ahead) >= SCARCE_M).all())
+    return bool((_measure_rooms_at(site, behind, ahead) >= SCARCE_M).all())
 
 
-def _measure_overrun_m(site: Site) -> float:
-    """How far a tractor that stops at the end of a straight line drives beyond it, on level ground: it lies nowhere."""
-    poses = _drive_line(site, site.drive_level, np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), LegTask(SWATH))
-    return float(measure_along(poses[:, :2])[-1]) - STRAIGHT_M
+def _keeps_to_lines(site: Site) -> bool:
+    """Whether a tractor keeps to straight lines and stops at their ends so well that those which have room at their
+    stations need no drive."""
+    if not site.is_alike:
+        return False
+    run = site.straight_run
+    east_m, north_m, heading = run.get_poses(0).T
+    off_m, beyond_m = np.abs(north_m) + site.body.reach_m * np.abs(heading), np.ptp(east_m) - STRAIGHT_M
+    return run.outcome == DONE and bool(max(off_m.max(), beyond_m) < LINE_MARGIN_M - PROOF_ROOM_M)
 
 
-def _drive_line(site: Site, drive: Drive, path: Floats, task: LegTask) -> Floats:
+def _drive_line(site: Site, path: Floats, task: LegTask) -> Floats:
     """Poses (t, 3) of the centre of mass on a drive of a line alone."""
     leg = Leg(path, site.rules.work_speed_mps, 1, True, task=task)
-    return drive(Plan((Mission((leg,)),))).get_poses(0)
-
-
-def _lay_poses(site: Site, path: Floats, overrun_m: float) -> Floats:
-    """As `_drive_line`, of a straight line on level ground: the tractor keeps to it, and stops a little beyond."""
-    length_m = float(measure_along(path)[-1])
-    ahead = (path[1] - path[0]) / length_m
-    stations = np.append(np.arange(0.0, length_m + overrun_m, 0.5 * PATH_STEP_M), length_m + overrun_m)
-    places = path[0] + (stations - site.back_m)[:, None] * ahead
-    return np.column_stack([places, np.full(len(places), math.atan2(ahead[1], ahead[0]))])
+    return site.drive(Plan((Mission((leg,)),))).get_poses(0)
 
 
 def _find_roomy_span(site: Site, path: Floats, poses: Floats) -> Span | None:

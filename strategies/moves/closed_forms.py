@@ -126,6 +126,14 @@ def measure_backing_up(rows, backed) -> float:  # type: ignore[no-untyped-def]
 
 
 @compile_for_views
+def charge_backing_up_s(rows, backed, max_reverse, far) -> float:  # type: ignore[no-untyped-def]
+    """Charge (s) of rows (n, 3) for every metre that they back up farther than `max_reverse`: `far` s/m, which may be
+    infinite."""
+    beyond = measure_backing_up(rows, backed) - max_reverse
+    return far * beyond if beyond > 0.0 else 0.0
+
+
+@compile_for_views
 def _interpolate(place, curve) -> float:  # type: ignore[no-untyped-def]
     """The value of a curve (2, k: places, values) at a place: np.interp takes ten times as long for one."""
     places, values = curve
@@ -152,12 +160,15 @@ def estimate_settling_s(rows, settling) -> float:  # type: ignore[no-untyped-def
 
 
 @compile_function
-def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_kinds, backed, max_reverse, most):  # type: ignore[no-untyped-def]
-    """The quickest closed forms (k <= most, ROWS, 3) from the origin to pose b (3,), quickest first, and their seconds.
+def list_closed_forms(  # type: ignore[no-untyped-def]
+    b, radii, costs, settling, leads_out, leads_in, allowed_kinds, backed, max_reverse, far, most
+):
+    """The closed forms (k <= most, ROWS, 3) from the origin to pose b (3,) with the least seconds, charges included,
+    the least first, and these seconds.
 
     `radii` (r,) are tried in turn; `allowed_kinds` (4,) says which kinds of primitives may be driven; kinds (k,) come
-    third. `settling` as of estimate_settling_s. None backs up farther than `max_reverse` metres, of which `backed` lead
-    to the origin.
+    third. `settling` as of estimate_settling_s. `backed` metres of what they back up lead to the origin; farther than
+    `max_reverse` each metre is charged `far` s/m, none is listed where that is infinite.
     """
     size = len(radii) * (2 + 2 * MAX_PRIMITIVES * len(leads_out) * len(leads_in))
     forms, kinds, seconds = np.empty((size, ROWS, 3)), np.zeros(size, np.int64), np.empty(size)
@@ -169,9 +180,10 @@ def list_closed_forms(b, radii, costs, settling, leads_out, leads_in, allowed_ki
                 count = _add_primitives(b, leads_out[i], leads_in[j], radii[r], forms, kinds, count)
     for k in range(count):
         seconds[k] = np.inf
-        if allowed_kinds[kinds[k]] and measure_backing_up(forms[k], backed) <= max_reverse:
+        if allowed_kinds[kinds[k]]:
             seconds[k] = compute_drive_time_s(forms[k], costs) + compute_awkward_s(forms[k])
             seconds[k] += estimate_settling_s(forms[k], settling)
+            seconds[k] += charge_backing_up_s(forms[k], backed, max_reverse, far)
     order = np.argsort(seconds[:count])
     kept, kept_s, kept_kinds = np.empty((most, ROWS, 3)), np.empty(most), np.empty(most, np.int64)
     found, last = 0, -1.0
@@ -233,7 +245,7 @@ def find_forward_path(a: Pose, b: Pose, radius_m: float, speeds: Floats) -> Driv
     """The quickest path from a to b on open ground, driven forwards."""
     forward, none = np.array([kind != PATH_KINDS[SWITCH_BACK] for kind in PATH_KINDS]), np.zeros(1)
     goal, settled, radii = np.array(place_in_frame(a, b)), np.zeros((2, 1)), np.array([radius_m])
-    forms, _, kinds = list_closed_forms(goal, radii, speeds, settled, none, none, forward, 0.0, 0.0, 1)
+    forms, _, kinds = list_closed_forms(goal, radii, speeds, settled, none, none, forward, 0.0, 0.0, np.inf, 1)
     return build_path_from_rows(a, forms[0], int(kinds[0]))
 
 

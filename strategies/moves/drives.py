@@ -21,13 +21,12 @@ from strategies.lines.work_line import MOST_OFF_SHARE, extend_line
 from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
 from strategies.rules.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
-from strategies.site.site import MISSED_FACTOR, Site
+from strategies.site.site import MISSED_FACTOR, STRAIGHT_M, Site
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 
 SETTLE_M = 20.0  # of the lines before and after a move that are driven with it
 BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured
-STRAIGHT_M = 2.0 * (SETTLE_M + BRAKE_M)  # driven from rest to rest, for what starting and stopping take
 ROOM_TOLERANCE_M = 0.03
 MOST_AT_ONCE = 16  # moves in one simulation, of about the same length
 LEADS_M = (0.0, 1.25, 2.5, 5.0, 10.0, 20.0)  # driven straight after a quarter of a circle
@@ -103,9 +102,8 @@ class MoveDrives:
 
     @cached_property
     def _straight(self) -> tuple[Floats, Floats]:
-        """Times and metres of a drive along a straight line from rest to rest, on level ground: it lies nowhere."""
-        leg = Leg(np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), self.site.rules.work_speed_mps, 1, True)
-        run = self.site.drive_level(Plan((Mission((leg,)),)))
+        """Times and metres of `Site.straight_run`."""
+        run = self.site.straight_run
         return run.time_s, measure_along(run.get_poses(0)[:, :2])
 
     def drive(self, passages: Sequence[Passage]) -> list[MoveDrive | None]:

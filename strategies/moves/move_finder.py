@@ -124,7 +124,7 @@ class MoveFinder:
         rows = search_move(start, goal, remaining, *how, far_s_per_m, kept, MOST_POSES, body)
         if not len(rows):
             return None
-        return self._build_move(a, shorten_rows(start, rows, *how, far_s_per_m, kept, body), "route", passes)
+        return self._build_move(a, shorten_rows(start, rows, *how, kept, body), "route", passes)
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
         """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""
@@ -144,7 +144,7 @@ class MoveFinder:
             outs, ins = (LEADS_OUT_M[:leads], LEADS_IN_M[:leads]) if leads > 1 else (none, none)
             goal, kinds = np.array(place), site.allowed_kinds
             forms, _, form_kinds = list_closed_forms(
-                goal, self.radii, *self._costs, outs, ins, kinds, 0.0, site.rules.max_reverse_m, MOST_FORMS
+                goal, self.radii, *self._costs, outs, ins, kinds, 0.0, site.rules.max_reverse_m, np.inf, MOST_FORMS
             )
             self._forms[key] = forms, form_kinds
         return self._forms[key]

@@ -15,7 +15,13 @@ import math
 
 import numpy as np
 
-from strategies.moves.closed_forms import back_up, list_closed_forms, measure_backing_up, pick_with_room
+from strategies.moves.closed_forms import (
+    back_up,
+    charge_backing_up_s,
+    list_closed_forms,
+    measure_backing_up,
+    pick_with_room,
+)
 from strategies.path_planning.primitives import TAU, advance_pose
 from strategies.site.ground import AMPLE_M, get_distance, has_room_on_path, measure_length_inside, measure_path_room
 from vehicle.copying import copy_table
@@ -26,7 +32,7 @@ LEAST_STEP_M, STEP_RADII = 1.25, 0.28  # a step of the search, by the turning ra
 CELL_SHARE = 0.64  # of a step: it leads to another cell
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
-MANOEUVRE_RADII = 12.0  # no search looks where the way is so much longer, and by this for turns
+MANOEUVRE_RADII = 12.0  # no search looks where the way is longer by so many turning radii
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
 SHOT_EVERY, SHOT_FORMS = 15, 30  # how often closed forms to the goal are tried, and how many of the quickest
@@ -38,7 +44,7 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
     """Metres (ny, nx) to pose b over coarse cells whose middle has at least `half` metres of room; else infinite.
 
     On kept ground (Site.get_kept) they are as many as are driven at `speed` in the time, with what wheels are charged.
-    They are measured where a search from pose a looks, with turns of `radius`: not where the way is much longer.
+    They are measured where a search from pose a looks, with turns of `radius`: not where the way is longer by more.
     """
     kept_grid, kept_frame, depth, wheels_s_per_m = kept
     rows, columns = grid.shape[0] // COARSE, grid.shape[1] // COARSE
@@ -58,7 +64,7 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
         if length > distance + left + 1e-6:
             continue
         if left < 2.0 * cell:
-            longest = min(longest, GREED * distance + MANOEUVRE_RADII * radius)
+            longest = min(longest, distance + MANOEUVRE_RADII * radius)
         east, north = frame[0] + i * cell + COARSE // 2 * frame[2], frame[1] + j * cell + COARSE // 2 * frame[2]
         is_kept = get_distance(east, north, kept_grid, kept_frame) > depth
         factor = 1.0 + speed * wheels_s_per_m if is_kept else 1.0
@@ -120,24 +126,20 @@ def _charge_wheels(pose, rows, kept) -> float:  # type: ignore[no-untyped-def]
 def _find_end(  # type: ignore[no-untyped-def]
     pose, b, radii, costs, settling, kinds, backed, max_reverse, far, kept, guide, points, reach, grid, frame, margin
 ):
-    """A closed form (ROWS, 3) from a pose to pose b with room, its seconds, infinite for none, and what it is charged.
-
-    One that backs up too far is charged for it.
+    """The first closed form (ROWS, 3) with room of those that list_closed_forms has from a pose to pose b, its seconds,
+    infinite for none, and what of them it is charged for backing up far and for wheels.
     """
     dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
     goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
     forms, seconds, _ = list_closed_forms(
-        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, np.inf, SHOT_FORMS
+        goal, radii, costs, settling, SHOT_OUT_M, SHOT_IN_M, kinds, backed, max_reverse, far, SHOT_FORMS
     )
-    charges_s = np.empty(len(forms))
-    for k in range(len(forms)):
-        charges_s[k] = far * max(0.0, measure_backing_up(forms[k], backed) - max_reverse)
-    order = np.argsort(seconds + charges_s)
-    numbers = pick_with_room(pose, forms[order], 1, guide, points, reach, grid, frame, margin)
+    numbers = pick_with_room(pose, forms, 1, guide, points, reach, grid, frame, margin)
     if len(numbers) == 0:
         return np.empty((0, 3)), np.inf, 0.0
-    best = order[numbers[0]]
-    return forms[best], seconds[best], charges_s[best] + _charge_wheels(pose, forms[best], kept)
+    best, wheels_s = forms[numbers[0]], _charge_wheels(pose, forms[numbers[0]], kept)
+    far_s = charge_backing_up_s(best, backed, max_reverse, far)
+    return best, seconds[numbers[0]] + wheels_s, far_s + wheels_s
 
 
 @compile_function
@@ -170,8 +172,8 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
             link, link_s, charged_s = _find_end(poses[node], b, *how, backed[node], max_reverse, far, kept, *body)
             if link_s < np.inf and charged_s == 0.0:
                 return _trace_rows(node, came, bends, ways, link, step_m)
-            if spent_s[node] + link_s + charged_s < far_s:
-                far_node, far_link, far_s = node, link, spent_s[node] + link_s + charged_s
+            if spent_s[node] + link_s < far_s:
+                far_node, far_link, far_s = node, link, spent_s[node] + link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
             behind = back_up(backed[node], step_m, gear)
@@ -256,13 +258,13 @@ def _merge_rows(rows):  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, far, kept, body):  # type: ignore[no-untyped-def]
+def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, kept, body):  # type: ignore[no-untyped-def]
     """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that cost less, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
     shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than
-    the margin asks for, and with it the path backs up no farther than `max_reverse` metres, or than it did. `far` and
-    `body` are as of search_move.
+    the margin asks for, and with it the path backs up no farther than `max_reverse` metres, or than it did. `body` is
+    as of search_move.
     """
     rows = _merge_rows(rows)
     how = radii, costs, settling, kinds
@@ -281,10 +283,10 @@ def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, far, kept,
             first = eighth * last // 8
             if first >= last - 1:
                 break
-            link, link_s, charged_s = _find_end(ends[first], ends[last], *how, 0.0, max_reverse, far, kept, *ample)
+            link, link_s, _ = _find_end(ends[first], ends[last], *how, 0.0, max_reverse, np.inf, kept, *ample)
             replaced = rows[first:last]
             most_s = _measure_seconds(replaced, costs) + _charge_wheels(ends[first], replaced, kept)
-            if link_s + charged_s <= most_s:
+            if link_s <= most_s:
                 whole = np.concatenate((rows[:first], link, out))
                 if measure_backing_up(whole, 0.0) <= max_reverse:
                     out, taken = whole[first:], first

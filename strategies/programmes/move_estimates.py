@@ -212,7 +212,7 @@ def compute_move_costs(a_poses, places, most_cuts, cuts, cut_s_per_m, driving, b
             pose[0] = a_poses[k, 0] - leave * math.cos(a_poses[k, 2])
             pose[1], pose[2] = a_poses[k, 1] - leave * math.sin(a_poses[k, 2]), a_poses[k, 2]
             forms, _, _ = list_closed_forms(
-                goal, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, FEW_FORMS
+                goal, radii, speeds, settling, outs, ins, kinds, 0.0, max_reverse, np.inf, FEW_FORMS
             )
             cost, driven_s = _find_cost(pose, forms, speeds, settling, body, kept)
             charged_s = cost + (cut_s_per_m[0] - cut_s_per_m[1]) * cut

@@ -19,13 +19,14 @@ from strategies.path_planning.turn_kinds import TURN_KINDS
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_costs import TurnCosts
 from strategies.site.ground import Ground
-from vehicle.missions.plan import Plan
+from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import SimulationRun
 
 MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
 LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes back for it, as for no tip of a corner
 ORDER_S = 120.0  # charged for a move that leaves the order of passes or furrows: more than any such move saves
 KEPT_DEPTH_M = 0.5  # ground counts as driven on from so far inside
+STRAIGHT_M = 60.0  # driven from rest to rest, to see what starting and stopping take
 Drive = Callable[[Plan], SimulationRun]
 """Simulates tractors that pass each other by, each as if it were alone, without errors of position."""
 
@@ -118,6 +119,12 @@ class Site:
             return self
         ground, proof_ground = self.gate_grounds
         return replace(self, ground=ground, proof_ground=proof_ground)
+
+    @cached_property
+    def straight_run(self) -> SimulationRun:
+        """A drive along a line of STRAIGHT_M due east from rest to rest, on level ground: it lies nowhere."""
+        leg = Leg(np.array([[0.0, 0.0], [STRAIGHT_M, 0.0]]), self.rules.work_speed_mps, 1, True)
+        return self.drive_level(Plan((Mission((leg,)),)))
 
     @property
     def width_m(self) -> float:

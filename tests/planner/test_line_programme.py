@@ -35,9 +35,9 @@ from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
 from tests.benchmarks.planned_jobs import build_field, build_tractor
-from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, LegGate, Plan
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, Leg, LegGate, Plan
 from vehicle.missions.run import DONE, SimulationRun
-from vehicle.records import WAITING
+from vehicle.records import REC_Y, WAITING
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -81,19 +81,28 @@ def test_lines_cover_a_rectangle(context: PlanningContext) -> None:
     assert sum(line.own_m2 for line in lines) <= RECTANGLE.area
 
 
-def test_straight_lines_are_settled_as_they_are_driven() -> None:
-    """Where ground is not the same everywhere, nothing is driven but in its place."""
-    place = shapely.box(500.0, 500.0, 680.0, 590.0)
-    site = build_site(prepare(Field("far", place)))
+@pytest.mark.parametrize(("off_m", "is_alike", "drives"), [(0.0, True, False), (0.2, True, True), (0.0, False, True)])
+def test_straight_lines_are_driven_where_a_tractor_may_leave_them(off_m: float, is_alike: bool, drives: bool) -> None:
+    """In their place only, and the lines are the same."""
+    corners = (500, 500), (700, 500), (640, 560), (690, 575), (660, 640), (500, 620), (530, 570)
+    place = shapely.Polygon(corners, [shapely.Point(580.0, 560.0).buffer(4.0).exterior.coords])
+    site, driven_alone = build_site(prepare(Field("far", place))), list[Leg]()
 
     def drive_in_place(plan: Plan) -> SimulationRun:
         legs = [leg for mission in plan.missions for leg in mission.legs]
-        assert all(place.covers(shapely.LineString(leg.points)) for leg in legs)
+        assert all(place.convex_hull.covers(shapely.LineString(leg.points)) for leg in legs)
+        driven_alone.extend(leg for leg in legs if len(leg.points) == 2)
         return site.drive(plan)
 
-    laid, driven = (lay_lines(replace(site, drive=drive_in_place, is_alike=alike)) for alike in (True, False))
-    assert len(laid) == len(driven) > 10
-    for one, other in zip(laid, driven, strict=True):
+    def drive_beside(plan: Plan) -> SimulationRun:
+        run = site.drive_level(plan)
+        run.record[:, :, REC_Y] += off_m
+        return run
+
+    laid = lay_lines(replace(site, drive=drive_in_place, drive_level=drive_beside, is_alike=is_alike))
+    expected = lay_lines(site)
+    assert bool(driven_alone) == drives and len(laid) == len(expected) > 10
+    for one, other in zip(laid, expected, strict=True):
         assert np.concatenate(one.paths) == pytest.approx(np.concatenate(other.paths), abs=1e-6)
 
 

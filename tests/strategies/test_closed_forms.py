@@ -12,6 +12,7 @@ from strategies.moves.closed_forms import (
     CURVED_REVERSE_S,
     LEADS_IN_M,
     LEADS_OUT_M,
+    charge_backing_up_s,
     compute_awkward_s,
     estimate_settling_s,
     list_closed_forms,
@@ -31,6 +32,7 @@ SETTLING = np.array([[0.0, 5.0, 20.0], [4.0, 2.0, 0.0]])
 FAR_S_PER_M = 1.5  # charged for reversing far
 LEADS = LEADS_OUT_M, LEADS_IN_M
 ALL_KINDS = np.array([True, True, True, True])
+NO_LIMIT = math.inf, math.inf  # of backing up
 BODY = MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0)
 CROP = build_ground(shapely.box(20.0, 15.0, 60.0, 45.0), 6.0)
 NO_KEPT = CROP.grid, CROP.frame, 0.5, 0.0
@@ -46,7 +48,9 @@ def drive(pose: tuple[float, float, float], rows: np.ndarray) -> tuple[float, fl
 @given(x=st.floats(-40, 40), y=st.floats(-40, 40), heading=st.floats(-3.14, 3.14))
 def test_every_form_ends_at_its_goal(x: float, y: float, heading: float) -> None:
     goal = np.array([x, y, heading])
-    forms, seconds, kinds = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, 40)
+    forms, seconds, kinds = list_closed_forms(
+        goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, math.inf, 40
+    )
     assert len(forms) == len(seconds) == len(kinds) > 0
     assert (np.diff(seconds) >= 0.0).all()
     for rows in forms:
@@ -58,7 +62,7 @@ def test_every_form_ends_at_its_goal(x: float, y: float, heading: float) -> None
 
 def test_kinds_that_may_not_be_driven_are_left_out() -> None:
     goal, forward = np.array([0.0, 6.0, math.pi]), np.array([True, True, True, False])
-    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, forward, 0.0, math.inf, 40)
+    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, forward, 0.0, *NO_LIMIT, 40)
     assert len(forms)
     assert (forms[:, :, 2][forms[:, :, 0] > 0.0] > 0.0).all()
 
@@ -67,10 +71,31 @@ def test_no_form_reverses_farther_than_allowed() -> None:
     goal = np.array([-30.0, 0.0, 0.0])
     longest_m = []
     for backed_m, limit_m in ((0.0, math.inf), (0.0, 10.0), (6.0, 10.0)):
-        forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, backed_m, limit_m, 60)
+        forms, _, _ = list_closed_forms(
+            goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, backed_m, limit_m, math.inf, 60
+        )
         longest_m.append(max(measure_backing_up(rows, 0.0) for rows in forms))
         assert all(measure_backing_up(rows, backed_m) <= limit_m for rows in forms)
     assert longest_m[0] >= 30.0
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    goal=st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0), st.floats(-3.1, 3.1)),
+    backed_m=st.floats(0.0, 15.0),
+)
+def test_reversing_far_is_charged_before_the_quickest_are_chosen(
+    goal: tuple[float, float, float], backed_m: float
+) -> None:
+    """The first of a few is the cheapest of all, and costs no more than where far reversing is forbidden."""
+    how = np.array(goal), RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, backed_m
+    every, every_s, _ = list_closed_forms(*how, *NO_LIMIT, 2000)
+    few, few_s, _ = list_closed_forms(*how, 10.0, FAR_S_PER_M, 5)
+    _, forbidden_s, _ = list_closed_forms(*how, 10.0, math.inf, 5)
+    beyond_m = np.array([max(0.0, measure_backing_up(rows, backed_m) - 10.0) for rows in every])
+    assert few_s[0] <= (every_s + FAR_S_PER_M * beyond_m).min() + 1e-9
+    assert few_s[0] <= min(forbidden_s, default=math.inf) + 1e-9
+    assert all(charge_backing_up_s(rows, backed_m, 10.0, math.inf) in (0.0, math.inf) for rows in few)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +124,7 @@ def test_a_line_begun_soon_after_an_arc_is_charged(rows: list[list[float]], char
 def test_forms_without_room_are_passed_over() -> None:
     wide, narrow = (build_ground(shapely.box(-20.0, -30.0, 40.0, top), 6.0) for top in (60.0, 12.0))
     start, goal = np.array([0.0, 0.0, 0.0]), np.array([0.0, 8.0, math.pi])
-    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, 60)
+    forms, _, _ = list_closed_forms(goal, RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, *NO_LIMIT, 60)
     tables = BODY.guide_m, BODY.points, BODY.reach_m
     free, tight = (
         pick_with_room(start, forms, 60, *tables, ground.grid, ground.frame, MARGIN_M) for ground in (wide, narrow)
@@ -114,7 +139,9 @@ def test_forms_are_picked_that_have_room_by_themselves(goal: tuple[float, float,
     """Those that begin as one without room are passed over without a look at their places."""
     ground = build_ground(shapely.box(-30.0, -12.0, 30.0, top), 6.0)
     body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame
-    forms, _, _ = list_closed_forms(np.array(goal), RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, 60)
+    forms, _, _ = list_closed_forms(
+        np.array(goal), RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, 0.0, math.inf, math.inf, 60
+    )
     picked = set(pick_with_room(np.zeros(3), forms, 60, *body, MARGIN_M).tolist())
     ample, any_room = (
         {k for k, rows in enumerate(forms) if has_room_on_path(np.zeros(3), rows, *body, margin)}
@@ -131,7 +158,7 @@ def test_a_search_leads_round_a_wall() -> None:
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
     rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
     assert len(rows)
-    shorter = shorten_rows(start, rows, *how, FAR_S_PER_M, NO_KEPT, body)
+    shorter = shorten_rows(start, rows, *how, NO_KEPT, body)
     for path in (rows, shorter):
         assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
     assert has_room_on_path(start, shorter, *body[:5], MARGIN_M - 1e-9)  # a search has the body straight at every step
@@ -149,7 +176,7 @@ def test_a_search_leads_round_ground_where_wheels_are_dear(wheels_s_per_m: float
     remaining = measure_remaining_m(start, goal, 1.1, RADIUS_M, COSTS[0], kept, ground.grid, ground.frame)
     how = RADII[:1], COSTS, SETTLING, ALL_KINDS, 12.0
     rows = search_move(start, goal, remaining, *how, FAR_S_PER_M, kept, MOST_POSES, body)
-    shorter = shorten_rows(start, rows, *how, FAR_S_PER_M, kept, body)
+    shorter = shorten_rows(start, rows, *how, kept, body)
     assert drive(tuple(start), shorter) == pytest.approx(tuple(goal), abs=1e-6)
     assert (measure_length_inside(start, shorter, *kept[:3]) <= 1.0) == goes_round
     assert shorter[:, 0].sum() == pytest.approx(84.0 if goes_round else 64.0, abs=8.0)
@@ -166,7 +193,7 @@ def test_a_search_reverses_no_farther_than_it_has_to(width_m: float, behind_m: f
         (RADII[:1], COSTS, SETTLING),
     )
     rows = search_move(start, goal, remaining, *how, ALL_KINDS, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)
-    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, FAR_S_PER_M, NO_KEPT, body), 0.0)
+    backing_m = measure_backing_up(shorten_rows(start, rows, *how, ALL_KINDS, 10.0, NO_KEPT, body), 0.0)
     assert len(rows) and backing_m <= most_m
     forwards = ALL_KINDS & (np.arange(len(ALL_KINDS)) < 3)
     rows = search_move(start, goal, remaining, *how, forwards, 10.0, FAR_S_PER_M, NO_KEPT, MOST_POSES, body)

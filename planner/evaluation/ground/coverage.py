@@ -65,9 +65,10 @@ class Coverage:
     """Areas in m2: field without obstacles, worked, worked more than once, unworked; worked + unworked = field.
 
     `largest_piece` is the largest piece of `unworked_ground` that an implement could work in one go (necks up to half a
-    working width separate pieces); None without any. `left_out_m2` of the unworked ground are to be left out, and
-    `spared_m2` of the rest are cut off by obstacles: no plan is charged for them. `spoilt_m2` of the worked ground are
-    a seedbed that was driven over when finished, or a crop before it was cut, and are charged like unworked ground.
+    working width separate pieces), and `largest_ground` its ground without thin ends; None without any. `left_out_m2`
+    of the unworked ground are to be left out, and `spared_m2` of the rest are cut off by obstacles: no plan is charged
+    for them. `spoilt_m2` of the worked ground are a seedbed that was driven over when finished, or a crop before it was
+    cut, and are charged like unworked ground.
     """
 
     field_m2: float
@@ -76,6 +77,7 @@ class Coverage:
     unworked_m2: float
     unworked_ground: shapely.Geometry
     largest_piece: UnworkedPiece | None
+    largest_ground: shapely.Polygon | None
     spared_m2: float = 0.0
     left_out_m2: float = 0.0
     spoilt_m2: float = 0.0
@@ -130,7 +132,7 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
     left_out = find_left_out_ground(context)
     missed = unworked if left_out.is_empty else subtract_area(unworked, left_out)
     due = subtract_area(missed, unite_areas(np.array([one for one in field.cut_off_parts if not one.is_empty])))
-    largest = _find_largest_piece(due, 0.5 * context.implement.width_m)
+    largest, largest_ground = _find_largest_piece(due, 0.5 * context.implement.width_m)
     return Coverage(
         boundary.area,
         area,
@@ -138,6 +140,7 @@ def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptA
         float(unworked.area),
         unworked,
         largest,
+        largest_ground,
         max(0.0, float(missed.area - due.area)),
         max(0.0, float(unworked.area - missed.area)),
     )
@@ -152,8 +155,10 @@ def _clip_areas(areas: Areas, boundary: shapely.Geometry) -> Areas:
     return inside
 
 
-def _find_largest_piece(unworked: shapely.Geometry, neck_m: float) -> UnworkedPiece | None:
-    """The largest piece of unworked ground and a place in it.
+def _find_largest_piece(
+    unworked: shapely.Geometry, neck_m: float
+) -> tuple[UnworkedPiece, shapely.Polygon] | tuple[None, None]:
+    """The largest piece of unworked ground with a place in it, and its ground without thin ends.
 
     Pieces are split where the ground is narrower than `neck_m`; a thin end belongs to its piece, a thin link between
     two pieces is a piece of its own.
@@ -162,15 +167,16 @@ def _find_largest_piece(unworked: shapely.Geometry, neck_m: float) -> UnworkedPi
     pieces = _find_wide_pieces(unworked, neck_m)
     thin = _find_wide_pieces(subtract_area(unworked, shapely.multipolygons(pieces)), MIN_PIECE_WIDTH_M)
     if not len(pieces) + len(thin):
-        return None
+        return None, None
     areas = np.concatenate([shapely.area(pieces), np.zeros(len(thin))])
     link, piece = shapely.STRtree(pieces).query(thin, predicate="dwithin", distance=EDGE_M)
     for number, part in enumerate(thin):
         adjacent = piece[link == number]
         areas[adjacent[0] if len(adjacent) == 1 else len(pieces) + number] += part.area
     best = int(np.argmax(areas))
-    place = shapely.point_on_surface((*pieces, *thin)[best])
-    return UnworkedPiece(float(areas[best]), float(place.x), float(place.y))
+    ground = (*pieces, *thin)[best]
+    place = shapely.point_on_surface(ground)
+    return UnworkedPiece(float(areas[best]), float(place.x), float(place.y)), ground
 
 
 def _find_wide_pieces(unworked: shapely.Geometry, min_width_m: float) -> Areas:

@@ -80,20 +80,19 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
 
 
 def describe_largest_piece(context: PlanningContext, coverage: Coverage) -> str | None:
-    """Area, place and main reason of the largest piece that a plan leaves; None where it is small or left as asked."""
-    piece = coverage.largest_piece
-    if piece is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
+    """Area, place and main reason of the largest piece that a plan leaves; None for a small one or one for turning."""
+    piece, ground = coverage.largest_piece, coverage.largest_ground
+    if piece is None or ground is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
         return None
-    place = shapely.Point(piece.x_m, piece.y_m)
-    ground = next((one for one in coverage.unworked_pieces if one.intersects(place)), place.buffer(SLIVER_M))
     areas = find_unworked_areas(context)
     shares_m2 = [float(intersect(shapely.multipolygons(one.pieces), ground).area) for one in areas]
     largest = int(np.argmax([0.0, *shares_m2]))
     reason = areas[largest - 1].reason if largest else ""
     if not reason:  # a plan may work another room than the largest, and leave that
+        place = shapely.Point(piece.x_m, piece.y_m)
         left_whole = [one for one in _list_rooms(context) if one.intersects(place) and 2.0 * piece.m2 > one.area]
         reason = _describe_cut_off(context) if left_whole else "reached by no pass of this plan"
-    if reason in (KEPT_HEADLAND, LEFT_OUT):
+    if reason == KEPT_HEADLAND:
         return None
     area = f"{piece.m2:.0f} m2" if piece.m2 < LEAST_HA_M2 else f"{1e-4 * piece.m2:.2f} ha"
     return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"

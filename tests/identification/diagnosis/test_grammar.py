@@ -1,12 +1,14 @@
 """Hypotheses against the formulas of the catalogue, and how their fields add up."""
 
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fields.arrays import Floats
 from tests.identification.analytic_drives import rig, simulated
+from vehicle.identification.diagnosis import grammar
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import (
     WIDTH_PER_TYPICAL,
@@ -24,7 +26,7 @@ from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
 from vehicle.identification.diagnosis.search import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.verdicts import compute_values
 from vehicle.identification.replay.simulation import CHAINS
-from vehicle.model.effects import CATALOGUE, compute_effect_fields, get_effect
+from vehicle.model.effects import CATALOGUE, Effect, compute_effect_fields, get_effect
 
 
 @lru_cache
@@ -92,6 +94,17 @@ def test_an_effect_of_each_run_acts_in_its_run() -> None:
     (law,) = [one for one in list_laws(gain, bases) if one.law == "by_run"]
     bend = sum_of((law, [0.1, -0.2]))["bend"]
     assert bend == pytest.approx(np.where(problem().data.path_runs == 0, 1.1, 0.8))
+
+
+@pytest.mark.parametrize("effect", [one for one in CATALOGUE if one.same_law], ids=lambda one: one.id)
+def test_a_law_that_an_effect_is_the_same_as_is_not_tried(effect: Effect, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the effect it would be."""
+    name, _, basis = effect.same_law.partition("@")
+    bases = SimpleNamespace(data=problem().data, arrays={basis: np.linspace(0.0, 1.0, 9)})
+    assert basis in problem().bases.arrays or basis == "by_implement"  # which drives in circles have none of
+    assert basis not in [one.coordinates[0].basis for one in list_laws(constant(name), bases)]  # type: ignore[arg-type]
+    monkeypatch.setattr(grammar, "CATALOGUE", ())
+    assert basis in [one.coordinates[0].basis for one in list_laws(constant(name), bases)]  # type: ignore[arg-type]
 
 
 def test_no_two_hypotheses_have_one_name() -> None:
