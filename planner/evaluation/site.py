@@ -40,7 +40,6 @@ LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4
 CORNER_FACTORS = {SQUARE_CORNERS: math.inf, ROUND_CORNERS: 0.0}  # as asked; else ground is weighed against time
 T = TypeVar("T")
-WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 
 
 def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None) -> Site:
@@ -59,7 +58,7 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
 
     ground, proof_ground = build_grounds(shapely.Polygon())
     crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
-    is_kept, implement = keeps_ground(operation, rule), context.implement
+    implement = context.implement
     tracks = intersect(context.layout.inner_region, field.boundary)
     standing = folded = None
     if crop_stands and HEADLAND_FIRST in context.request.headland_orders:  # known as deep as the headland
@@ -78,11 +77,10 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),
         crop_stands=crop_stands,
-        keeps_ground=is_kept,
+        keeps_ground=keeps_ground(operation, rule),
         furrow_s=ORDER_S if rule is not None and rule.in_furrows else 0.0,
         kept=build_ground(tracks, ROOM_BEYOND_M),
         standing=standing,
-        wheels_s_per_m=KEPT_WHEELS_S_PER_M if crop_stands or is_kept else WHEELS_S_PER_M,
         axle_m=context.tractor.rear_axle_m,
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,

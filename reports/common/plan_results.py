@@ -375,14 +375,13 @@ class PlanRanking(ShownResult):
         day_sentences: clock times of the best plan.
         shortfalls: what keeps the best plan from being a recommendation.
         cut_off: all ground that obstacles cut off from the field that is worked, at the place of its largest piece.
-        cross_slope_pct: the largest slope across the swaths; erosion_share: the share of their metres near the fall
-            line of steeper ground. Both are None where no heights are known.
+        cross_slope_pct, erosion_share: the largest slope across the swaths, and the share of their metres near the fall
+            line of steeper ground; None where no heights are known.
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
-        money_sentences: what the costs include; `prices_assumed` whether nobody gave their prices.
+        money_sentences: what the costs include; `prices_assumed` if nobody gave prices, `late_per_ha` of late ground.
         parts: further parts of a divided field, each with a plan of its own.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
-        field_remarks: sentences on the field file, such as what of it is avoided as an obstacle.
-        ground_sentences: what heights, soil and load are taken, and what the soil bears; empty without any.
+        field_remarks, ground_sentences: on the field file; what heights, soil and load are, and what the soil bears.
     """
 
     field_name: str
@@ -412,6 +411,7 @@ class PlanRanking(ShownResult):
     parts: tuple[FieldPartPlan, ...] = ()
     ground_sentences: tuple[str, ...] = ()
     prices_assumed: bool = False
+    late_per_ha: float | None = None
 
     @property
     def best(self) -> PlanResult | None:

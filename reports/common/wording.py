@@ -154,6 +154,11 @@ def format_money(value: float | None, currency: str | None) -> str:
     return f"{format_price(value)} {currency or ''}".rstrip()
 
 
+def format_money_per_area(per_ha: float | None, currency: str | None) -> str:
+    """A cost by hectare with its currency: ``34 EUR/ha``."""
+    return f"{format_money(FIELD_AREA.convert_rate(per_ha), currency)}/{FIELD_AREA.unit}"
+
+
 def format_assumed_money(money: str, is_assumed: bool) -> str:
     """An amount, with a word that its prices are assumed where nobody gave them."""
     return translate("{money} (assumed prices)", money=money) if is_assumed else money

@@ -20,6 +20,7 @@ from reports.common.wording import (
     format_duration,
     format_end_clock,
     format_money,
+    format_money_per_area,
     format_number,
     format_percent,
     format_price_change,
@@ -212,7 +213,12 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     values = {"limit": limit, "share": share, "loss": format_money(loss, ranking.currency)}
     if ranking.allowed_s is None:
         return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
-    return translate("Done {limit}: {share} sure; the cost includes {loss} for the risk of late ground.", **values)
+    rate = format_money_per_area(ranking.late_per_ha, ranking.currency)
+    return translate(
+        "Done {limit}: {share} sure; the cost includes {loss} for the risk of late ground ({rate}).",
+        rate=rate,
+        **values,
+    )
 
 
 def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:

@@ -21,6 +21,7 @@ from reports.common.wording import (
     format_assumed_money,
     format_duration,
     format_money,
+    format_money_per_area,
     format_number,
     format_price,
     format_risked_money,
@@ -214,7 +215,7 @@ def list_many_sentences(records: Sequence[ComparisonRow]) -> list[str]:
             area=FIELD_AREA.format(total.area_ha, 2),
             time=format_duration(total.end_s),
             cost=format_risked_money(paid, format_money(total.risked_cost, currency), total.risked_cost),
-            rate=f"{format_money(FIELD_AREA.convert_rate(total.cost / total.area_ha), currency)}/{FIELD_AREA.unit}",
+            rate=format_money_per_area(total.cost / total.area_ha, currency),
             worked=format_number(total.worked_pct, 1),
         )
         sentences.append(text)

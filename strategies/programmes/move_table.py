@@ -177,8 +177,7 @@ class MoveTable:
         """
         if (u, v) not in self._options:
             options = list(self.moves.list_options(u, v))
-            is_spoilt = self.site.crop_stands or self.site.keeps_ground  # by wheels: there may be a way round
-            self._options[u, v] = self._search_if_dear(u, v, options) if is_spoilt else options
+            self._options[u, v] = self._search_if_dear(u, v, options) if self.site.wheels_spoil else options
         if not self._options[u, v]:
             self._options[u, v] = self._cut_back(u, v)
         if not self._options[u, v]:

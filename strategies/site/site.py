@@ -25,6 +25,7 @@ from vehicle.missions.run import SimulationRun
 MISSED_FACTOR = 12.0  # seconds to finish ground later, to those that it takes to work it now
 LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes back for it, as for no tip of a corner
 ORDER_S = 120.0  # charged for a move that leaves the order of passes or furrows: more than any such move saves
+WHEELS_S_PER_M, SPOILING_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 KEPT_DEPTH_M = 0.5  # ground counts as driven on from so far inside
 STRAIGHT_M = 60.0  # driven from rest to rest, to see what starting and stopping take
 Drive = Callable[[Plan], SimulationRun]
@@ -80,7 +81,6 @@ class Site:
     furrow_s: float
     kept: Ground
     standing: Ground | None
-    wheels_s_per_m: float
     axle_m: float
     bar_m: float
     turn_kinds: tuple[str, ...]
@@ -90,6 +90,16 @@ class Site:
     drive_level: Drive
     is_alike: bool
     corner_factor: float = MISSED_FACTOR
+
+    @property
+    def wheels_spoil(self) -> bool:
+        """Whether wheels spoil a crop that stands or a seedbed that is finished."""
+        return self.crop_stands or self.keeps_ground
+
+    @property
+    def wheels_s_per_m(self) -> float:
+        """Charge for a metre of wheels on `kept` ground (s/m)."""
+        return SPOILING_S_PER_M if self.wheels_spoil else WHEELS_S_PER_M
 
     def get_kept(self, passes: int | None = None) -> tuple[npt.NDArray[np.float32], Floats, float, float]:
         """Where wheels are charged when so many headland passes are worked, all by default, for compiled functions:

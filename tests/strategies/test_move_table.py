@@ -26,7 +26,7 @@ def build_vain_table() -> tuple[MoveTable, list[tuple[int, int]]]:
 
     moves: Any = SimpleNamespace(
         estimates=estimates,
-        site=SimpleNamespace(folded=object(), crop_stands=False, keeps_ground=False),
+        site=SimpleNamespace(folded=object(), wheels_spoil=False),
         list_options=lambda *_: (),
         list_cut_moves=lambda *_: (),
         search=lambda *_: None,
