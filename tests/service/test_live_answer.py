@@ -163,7 +163,8 @@ def test_a_drive_replaces_the_estimate_until_a_value_changes_and_is_shown_and_ke
     page.fill("input[name=width]", "6")
     page.wait_for_selector(".answer >> text=Show the plan")
     assert not page.locator(".answer .badge").is_visible() and read_done(page) != "0:30:00"
-    assert [kind for kind, _ in made.requests] == ["plans"]
+    kind, body = made.requests[-1]  # a slow page may have asked for the default width before
+    assert kind == "plans" and body["width"] == 6
     page.fill("input[name=width]", "5")
     wait_for_done(page, "0:36:00")
     assert page.locator(".answer .badge").is_visible() and not page.locator(".answer .line a").is_visible()
