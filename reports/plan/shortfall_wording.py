@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -105,11 +106,19 @@ class RefusalGroup:
 
 
 def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
-    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
+    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one.
+
+    A reason that names a strategy which is refused as well is no help, and comes after the others.
+    """
     groups = group_alike((plan, (plan.reason or "no reason was given").strip()) for plan in plans)
+    refused = {plan.strategy for plan in plans}
+
+    def rank(group: Sequence[tuple[PlanResult, str]]) -> tuple[bool, int]:
+        return not refused.isdisjoint(re.findall(r"[\w-]+", group[0][1])), -len(group)
+
     return [
         RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
-        for group in sorted(groups, key=len, reverse=True)
+        for group in sorted(groups, key=rank)
     ]
 
 

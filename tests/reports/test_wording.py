@@ -279,6 +279,13 @@ def test_clock_times_after_the_start(ranking: PlanRanking) -> None:
     assert format_clock_after_start(replace(ranking, start="soon"), 3600.0) is None
 
 
+def test_a_reason_whose_fix_is_refused_as_well_comes_after_the_others() -> None:
+    formations = [PlanResult(name, 3, "u", False, "Too few tracks; use split-field.") for name in ("a-row", "b-col")]
+    split = PlanResult("split-field", 3, "u", False, "No work for tractor 3; use fewer tractors.")
+    assert [len(group.plans) for group in group_refusals([*formations, split])] == [1, 2]
+    assert [len(group.plans) for group in group_refusals([*formations, replace(split, strategy="other")])] == [2, 1]
+
+
 @given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(1, 9)), max_size=20))
 def test_every_refusal_is_in_one_group(entries: list[tuple[str, int]]) -> None:
     plans = [PlanResult("s", count, "u", False, f"{word} {count} m") for word, count in entries]
