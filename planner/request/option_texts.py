@@ -52,12 +52,14 @@ def describe_span(start_s: float | None, begin_s: float, end_s: float) -> str:
 
 def parse_clock(text: str, parameter: str) -> int:
     """ "13:00" as seconds of the day; raises RequestError that names the parameter."""
-    match = re.fullmatch(r"(\d{1,2}):(\d{2})", text.strip())
-    if not match or int(match[1]) > 23 or int(match[2]) > 59:
+    match = re.fullmatch(r"(\d{1,2})(?:(\D?)(\d{2}))?(?::00)?", text.strip())
+    hours, minutes = (int(match[1]), int(match[3] or 0)) if match else (24, 0)
+    if not match or hours > 23 or minutes > 59 or text.strip() != f"{match[1]}:{match[3]}":
+        example = f"{hours:02d}:{minutes:02d}" if hours < 24 and minutes < 60 else "13:00"
         raise RequestError(
-            f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance 13:00."
+            f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance {example}."
         )
-    return int(match[1]) * 3600 + int(match[2]) * 60
+    return hours * 3600 + minutes * 60
 
 
 def write_clock(value: Any, parameter: str) -> str:

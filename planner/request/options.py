@@ -10,7 +10,7 @@ from operator import mul
 from types import UnionType
 from typing import Annotated, Any, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from planner.errors import strip_unit
+from planner.errors import strip_unit, suggest_name
 
 _OPTION_REFERENCE = re.compile(r"\{(\w+)\}")
 Part = TypeVar("Part")
@@ -52,8 +52,9 @@ class PlanOption:
     has the name of its parameter without the unit, unless `name` is given. `declaration` is what the command line calls
     a yes-or-no option with an opposite. With `from_farm` a farm file may set the parameter. `flags` are yes-or-no
     options that set it together: for each its value and its help, by name; such a flag has the `value` that it gives
-    its parameter. `type` (without None) and `default` are those of the parameter; where the option does not take what
-    its parameter holds, they are of what it takes, and `parse` reads that.
+    its parameter. `other_words` begin what people say for a choice. `type` (without None) and `default` are those of
+    the parameter; where the option does not take what its parameter holds, they are of what it takes, and `parse` reads
+    that.
     """
 
     help: str
@@ -70,6 +71,12 @@ class PlanOption:
     parameter: str = ""
     limits: NumberLimits | None = None
     value: str | None = None
+    other_words: Mapping[str, str] | None = None
+
+    def suggest_choice(self, text: str) -> str:
+        """ " (did you mean ...?)" where a text looks like one of the choices, or begins with another word for one."""
+        said = (choice for word, choice in (self.other_words or {}).items() if text.lower().startswith(word))
+        return suggest_name(next(said, text), self.choices)
 
     def format_help(self, name_option: Callable[[str], str], *, for_api: bool = False) -> str:
         """The help text, with other options under the names they have for the reader."""

@@ -64,6 +64,10 @@ HEADLAND_ORDERS_BY_OPERATION = {
     "mow": (HEADLAND_FIRST,),
 }
 """When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
+OPERATION_WORDS = {  # how words begin that people use for an operation
+    "plo": "till", "cultivat": "till", "harrow": "till", "dis": "till", "drill": "sow", "seed": "sow", "plant": "sow",
+    "spread": "spray", "fertili": "spray", "combin": "harvest", "thresh": "harvest", "cut": "mow",
+}  # fmt: skip
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
 MAX_MARGIN_M = 100.0
 MAX_DEPTH_CM = 100.0
@@ -242,6 +246,7 @@ class PlanRequest:
             WORK,
             choices=tuple(HEADLAND_ORDERS_BY_OPERATION),
             from_farm=True,
+            other_words=OPERATION_WORDS,
         ),
     ] = "till"
     headland_order: Annotated[

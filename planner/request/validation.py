@@ -200,7 +200,7 @@ def check_option_limits(request: Any) -> None:
                 unit = f" {limits.unit}" if limits.unit else ""
                 raise RequestError(f"{subject} is {number}{unit}; {limits.describe_range()}.")
         if choices and value not in choices:
-            close = suggest_name(value, choices)
+            close = option.suggest_choice(value)
             raise RequestError(
                 f"{mark_parameter(name)} {value!r} is unknown{close}; use {', '.join(choices)}.", parameter=name
             )

@@ -53,7 +53,8 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
     certainty = " ".join(filter(None, (answer.work, answer.certainty)))
     must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, answer.question, certainty)
-    others = tuple(filter(None, (certainty if answer.verdict else "", answer.counting, answer.alternatives)))
+    apart = (answer.certainty, answer.work) if answer.verdict else ()
+    others = tuple(filter(None, (*apart, answer.counting, answer.alternatives)))
     faults = (answer.question, *answer.faults) if answer.question and answer.verdict else answer.faults
     lines = AnswerLines(tuple(filter(None, must)), others, faults, title, is_whole=not with_next)
     parts: list[RenderableType] = [lines]

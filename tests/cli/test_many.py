@@ -31,6 +31,7 @@ def test_one_table_of_all_fields_and_widths(headland: Run, farm: Path) -> None:
     places = [(row["requested_field"].rpartition("#")[2], row["width_m"]) for row in rows]
     assert places == [(name, width) for name in ("north", "tiny", "south") for width in ("3.0", "4.0")]
     assert outcome.status == 3  # one of them has no plan
+    assert "Note: 3,4 are two widths, 3 m and 4 m; write 3.4 for one." in " ".join(outcome.err.split())
     for row in rows:
         whole = row["requested_field"].endswith("tiny") or None not in row.values()
         assert whole and (row["feasible"] == "true") == (not row["requested_field"].endswith("tiny"))

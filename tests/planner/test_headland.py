@@ -143,7 +143,8 @@ def test_samples_are_worked_whole(name: str, tractors: int) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"operation": "hoe"}, "operation 'hoe' is unknown"),
+        ({"operation": "hoe"}, "operation 'hoe' is unknown; use"),
+        ({"operation": "Ploughing"}, "operation 'Ploughing' is unknown \\(did you mean 'till'"),
         ({"corners": "sharp"}, "corners 'sharp' is unknown"),
         ({"headland_order": "never"}, "headland_order 'never' is unknown"),
         ({"no_headland": True, "headland_order": "first"}, "no_headland leaves the headland"),

@@ -137,6 +137,8 @@ def test_times_of_day_are_times_or_their_text(given: Any, seconds: int) -> None:
     ("given", "sentence"),
     [
         ("25:00", "start_s '25:00' is not a time of day; write hh:mm, for instance 13:00."),
+        ("8", "start_s '8' is not a time of day; write hh:mm, for instance 08:00."),
+        ("8.30", "start_s '8.30' is not a time of day; write hh:mm, for instance 08:30."),
         (time(13, tzinfo=UTC), "start_s 13:00:00+00:00 has a time zone; give the local time of the field, such as"),
         (1.5, "start_s is 1.5; give a whole number."),
     ],

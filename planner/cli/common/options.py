@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
@@ -19,6 +20,7 @@ from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.option_texts import parse_widths
 from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
+from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
@@ -180,5 +182,9 @@ def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[Pl
 
     reading = {name: given.values[name] for name in ("local", "crs", "swap_axes")}
     names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
-    widths_m = parse_widths(given.values["width"])
+    width = given.values["width"]
+    if re.fullmatch(r"\d+,\d+", width):
+        first, second = width.split(",")
+        print_remarks([mark_text(f"{width} are two widths, {first} m and {second} m; write {first}.{second} for one.")])
+    widths_m = parse_widths(width)
     return [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
