@@ -153,7 +153,7 @@ def get_loss_per_ha(field: DayField, farm: FarmFile) -> float:
         return field.value_per_ha
     if field.loss_per_ha is not None:
         return field.loss_per_ha
-    return farm.prices.late_per_ha + farm.prices.seed_per_ha
+    return farm.prices.late_ground_per_ha
 
 
 def build_problem(

@@ -153,6 +153,11 @@ class FarmPrices(FileSection):
     )
 
     @property
+    def late_ground_per_ha(self) -> float:
+        """What a hectare costs that is not done in time, with its seed."""
+        return self.late_per_ha + self.seed_per_ha
+
+    @property
     def are_given(self) -> bool:
         """Whether any amount of money is given; the other values say how costs follow from these."""
         amounts = {

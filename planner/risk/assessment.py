@@ -287,16 +287,15 @@ def mark_chosen_plan(ranking: PlanRanking, criteria: DecisionCriteria | None) ->
         chosen_key = best_plan.strategy, best_plan.tractors
     terms, prices = criteria.cost_terms, criteria.cost_terms.prices
     shortfalls = () if shortfall is None else (shortfall,)
-    late_per_ha = prices.late_per_ha + prices.seed_per_ha
     updated = replace(
         ranking,
         currency=prices.currency,
         samples=criteria.samples,
         chosen=chosen_key,
         shortfalls=shortfalls,
-        late_per_ha=late_per_ha,
+        late_ground_per_ha=prices.late_ground_per_ha,
     )
-    samples, per_ha = f"{criteria.samples:,}", format_price(late_per_ha)
+    samples, per_ha = f"{criteria.samples:,}", format_price(prices.late_ground_per_ha)
     covered = mark_text(f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}.")
     late = mark_text(f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}.")
     return replace(updated, money_sentences=(covered, late) if has_late_ground_loss(updated) else (covered,))

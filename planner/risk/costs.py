@@ -180,7 +180,7 @@ def list_cost_figures(outcomes: SampledOutcomes, terms: CostTerms, area_ha: floa
     Work continues to the end whatever the weather; the price of late ground is the loss by rain.
     """
     paid, prices = compute_paid_per_sample(outcomes, terms), terms.prices
-    expected = paid + (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
+    expected = paid + (1.0 - outcomes.worked_share) * area_ha * prices.late_ground_per_ha
     standard_error = float(expected.std(ddof=1)) / math.sqrt(len(expected)) if len(expected) > 1 else 0.0
     return {
         "paid_cost": float(paid.mean()),

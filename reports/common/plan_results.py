@@ -378,10 +378,10 @@ class PlanRanking(ShownResult):
         cross_slope_pct, erosion_share: the largest slope across the swaths, and the share of their metres near the fall
             line of steeper ground; None where no heights are known.
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
-        money_sentences: what the costs include; `prices_assumed` if nobody gave prices, `late_per_ha` of late ground.
+        money_sentences: what the costs include; `prices_assumed` if nobody gave prices, and what late ground costs.
         parts: further parts of a divided field, each with a plan of its own.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
-        field_remarks, ground_sentences: on the field file; what heights, soil and load are, and what the soil bears.
+        field_remarks, ground_sentences: on the field file; on the heights, soil and load that are taken.
     """
 
     field_name: str
@@ -411,7 +411,7 @@ class PlanRanking(ShownResult):
     parts: tuple[FieldPartPlan, ...] = ()
     ground_sentences: tuple[str, ...] = ()
     prices_assumed: bool = False
-    late_per_ha: float | None = None
+    late_ground_per_ha: float | None = None
 
     @property
     def best(self) -> PlanResult | None:

@@ -155,7 +155,7 @@ def format_money(value: float | None, currency: str | None) -> str:
 
 
 def format_money_per_area(per_ha: float | None, currency: str | None) -> str:
-    """A cost by hectare with its currency: ``34 EUR/ha``."""
+    """A cost per hectare, in the area unit of the reader: ``34 EUR/ha``."""
     return f"{format_money(FIELD_AREA.convert_rate(per_ha), currency)}/{FIELD_AREA.unit}"
 
 

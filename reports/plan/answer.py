@@ -213,7 +213,7 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     values = {"limit": limit, "share": share, "loss": format_money(loss, ranking.currency)}
     if ranking.allowed_s is None:
         return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
-    rate = format_money_per_area(ranking.late_per_ha, ranking.currency)
+    rate = format_money_per_area(ranking.late_ground_per_ha, ranking.currency)
     return translate(
         "Done {limit}: {share} sure; the cost includes {loss} for the risk of late ground ({rate}).",
         rate=rate,

@@ -106,28 +106,25 @@ class RefusalGroup:
 
 
 def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
-    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one.
-
-    A reason that names a strategy which is refused as well is no help, and comes after the others.
-    """
+    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
     groups = group_alike((plan, (plan.reason or "no reason was given").strip()) for plan in plans)
-    refused = {plan.strategy for plan in plans}
-
-    def rank(group: Sequence[tuple[PlanResult, str]]) -> tuple[bool, int]:
-        return not refused.isdisjoint(re.findall(r"[\w-]+", group[0][1])), -len(group)
-
     return [
         RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
-        for group in sorted(groups, key=rank)
+        for group in sorted(groups, key=len, reverse=True)
     ]
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:
-    """Why no plan works, in a sentence: how many were refused, and how many for the reason that follows."""
+    """Why no plan works, in a sentence: how many were refused, and how many for the reason that follows.
+
+    A reason that sends the reader to another strategy is told last: that was refused as well.
+    """
     count = len(ranking.plans)
     if not count:
         return translate("No plan was tried: allow at least one strategy, turn and number of tractors.")
-    first = group_refusals(ranking.plans)[0]
+    strategies = {plan.strategy for plan in ranking.plans}
+    groups = group_refusals(ranking.plans)
+    first = min(groups, key=lambda group: not strategies.isdisjoint(re.findall(r"[\w-]+", group.reason)))
     same_count = len(first.plans)
     same = translate("one") if same_count == 1 else same_count
     if count == 1:

@@ -1,7 +1,7 @@
 """The work lines of a site: swaths and headland sides, cut to where the body has room, without those that others cover.
 
 A line is pulled back from an edge or an obstacle as far as the body needs, first by stations on its path, then by a
-drive where room is scarce: no move can repair a line that leaves the ground itself.
+drive where a tractor may not keep to it: no move can repair a line that leaves the ground itself.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, P
 from vehicle.missions.run import DONE
 
 LINE_MARGIN_M = 0.12  # room kept on lines: a little more than on moves, which begin and end on them
-SCARCE_M = 0.6  # a line with less room is driven on its own before it is believed
+SCARCE_M = 0.6  # a line with less room is driven on its own, unless tractors keep to such lines
 PROOF_ROOM_M = 0.02
 PULL_BACK_M = 0.3  # beyond the place where a drive touches
 MIN_PIECE_M = 3.0
@@ -90,7 +90,7 @@ def _number_pieces(lines: Sequence[WorkLine]) -> list[WorkLine]:
 
 
 def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
-    """The pieces of lines on which the body has room, settled by a drive where that is scarce."""
+    """The pieces of lines on which the body has room, settled by a drive where a tractor may not keep to them."""
     keeps_to_lines = _keeps_to_lines(site)
     settled = (_settle(site, piece, keeps_to_lines) for draft in drafts for piece in _cut_to_room(site, draft))
     return [line for line in settled if line is not None]

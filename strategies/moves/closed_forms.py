@@ -127,8 +127,8 @@ def measure_backing_up(rows, backed) -> float:  # type: ignore[no-untyped-def]
 
 @compile_for_views
 def charge_backing_up_s(rows, backed, max_reverse, far) -> float:  # type: ignore[no-untyped-def]
-    """Charge (s) of rows (n, 3) for every metre that they back up farther than `max_reverse`: `far` s/m, which may be
-    infinite."""
+    """Charge (s) of rows (n, 3): `far` s/m, which may be infinite, for each metre beyond `max_reverse` that they back
+    up."""
     beyond = measure_backing_up(rows, backed) - max_reverse
     return far * beyond if beyond > 0.0 else 0.0
 
@@ -167,8 +167,8 @@ def list_closed_forms(  # type: ignore[no-untyped-def]
     the least first, and these seconds.
 
     `radii` (r,) are tried in turn; `allowed_kinds` (4,) says which kinds of primitives may be driven; kinds (k,) come
-    third. `settling` as of estimate_settling_s. `backed` metres of what they back up lead to the origin; farther than
-    `max_reverse` each metre is charged `far` s/m, none is listed where that is infinite.
+    third. `settling` as of estimate_settling_s. A machine has backed up `backed` metres already at the origin; each
+    metre beyond `max_reverse` is charged `far` s/m, and a form with such metres is left out where that is infinite.
     """
     size = len(radii) * (2 + 2 * MAX_PRIMITIVES * len(leads_out) * len(leads_in))
     forms, kinds, seconds = np.empty((size, ROWS, 3)), np.zeros(size, np.int64), np.empty(size)

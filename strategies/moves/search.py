@@ -2,7 +2,8 @@
 
 From every pose short arcs to either side and a short straight lead on, forwards and in reverse. Poses keep their exact
 place and heading; one per cell, sector of headings and gear is followed further. The way that remains is measured over
-the grid of the ground, so that the search goes round obstacles at once. A closed form ends it as soon as one has room.
+the grid of the ground, so that the search goes round obstacles at once. A closed form that is not charged ends it as
+soon as one has room.
 
 Source: D. Dolgov, S. Thrun, M. Montemerlo, J. Diebel, "Practical search techniques in path planning for autonomous
 driving", STAIR workshop at AAAI (2008).
@@ -32,7 +33,7 @@ LEAST_STEP_M, STEP_RADII = 1.25, 0.28  # a step of the search, by the turning ra
 CELL_SHARE = 0.64  # of a step: it leads to another cell
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
-MANOEUVRE_RADII = 12.0  # no search looks where the way is longer by so many turning radii
+MANOEUVRE_RADII = 12.0  # no search looks where the way is longer than the shortest by so many turning radii
 TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
 SHOT_EVERY, SHOT_FORMS = 15, 30  # how often closed forms to the goal are tried, and how many of the quickest
@@ -44,7 +45,8 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
     """Metres (ny, nx) to pose b over coarse cells whose middle has at least `half` metres of room; else infinite.
 
     On kept ground (Site.get_kept) they are as many as are driven at `speed` in the time, with what wheels are charged.
-    They are measured where a search from pose a looks, with turns of `radius`: not where the way is longer by more.
+    They are measured where a search from pose a looks: not where the way is longer than the shortest by more than
+    MANOEUVRE_RADII of `radius`.
     """
     kept_grid, kept_frame, depth, wheels_s_per_m = kept
     rows, columns = grid.shape[0] // COARSE, grid.shape[1] // COARSE
@@ -127,7 +129,8 @@ def _find_end(  # type: ignore[no-untyped-def]
     pose, b, radii, costs, settling, kinds, backed, max_reverse, far, kept, guide, points, reach, grid, frame, margin
 ):
     """The first closed form (ROWS, 3) with room of those that list_closed_forms has from a pose to pose b, its seconds,
-    infinite for none, and what of them it is charged for backing up far and for wheels.
+    infinite for none, and what of them it is charged for backing up far and for wheels; wheels do not decide which is
+    first.
     """
     dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
     goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
@@ -161,10 +164,10 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
     count, expanded = 1, 0
     best_s = {(np.int64(0), np.int64(0), np.int64(-1), np.int64(0)): 0.0}
     heap, step = [(0.0, 0)], np.empty((1, 3))
-    far_node, far_link, far_s = 0, np.empty((0, 3)), np.inf
+    last_node, last_link, last_s = 0, np.empty((0, 3)), np.inf
     while len(heap) > 0 and expanded < most:
         promised_s, node = heapq.heappop(heap)
-        if promised_s > far_s:
+        if promised_s > last_s:
             break
         x, y, heading = poses[node]
         expanded += 1
@@ -172,8 +175,8 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
             link, link_s, charged_s = _find_end(poses[node], b, *how, backed[node], max_reverse, far, kept, *body)
             if link_s < np.inf and charged_s == 0.0:
                 return _trace_rows(node, came, bends, ways, link, step_m)
-            if spent_s[node] + link_s < far_s:
-                far_node, far_link, far_s = node, link, spent_s[node] + link_s
+            if spent_s[node] + link_s < last_s:
+                last_node, last_link, last_s = node, link, spent_s[node] + link_s
         for way in range(gears):
             gear = 1.0 if way == 0 else -1.0
             behind = back_up(backed[node], step_m, gear)
@@ -201,7 +204,7 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
                 off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
                 heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / costs[0], count))
                 count += 1
-    return _trace_rows(far_node, came, bends, ways, far_link, step_m)
+    return _trace_rows(last_node, came, bends, ways, last_link, step_m)
 
 
 @compile_function
@@ -259,7 +262,7 @@ def _merge_rows(rows):  # type: ignore[no-untyped-def]
 
 @compile_function
 def shorten_rows(a, rows, radii, costs, settling, kinds, max_reverse, kept, body):  # type: ignore[no-untyped-def]
-    """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that cost less, from the end.
+    """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that are no dearer, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
     shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than

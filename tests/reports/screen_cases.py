@@ -82,7 +82,7 @@ def build_sampled(shares: dict[int, float], late: dict[int, float], limit_s: flo
     plans = [add_samples(plan, shares[plan.tractors], late[plan.tractors], limit_s) for plan in PLANS]
     values: dict[str, Any] = {
         "samples": 10_000,
-        "late_per_ha": 80.0,
+        "late_ground_per_ha": 80.0,
         "start": "13:00",
         "chosen": ("split-field", 2),
     } | more

@@ -279,11 +279,12 @@ def test_clock_times_after_the_start(ranking: PlanRanking) -> None:
     assert format_clock_after_start(replace(ranking, start="soon"), 3600.0) is None
 
 
-def test_a_reason_whose_fix_is_refused_as_well_comes_after_the_others() -> None:
-    formations = [PlanResult(name, 3, "u", False, "Too few tracks; use split-field.") for name in ("a-row", "b-col")]
-    split = PlanResult("split-field", 3, "u", False, "No work for tractor 3; use fewer tractors.")
-    assert [len(group.plans) for group in group_refusals([*formations, split])] == [1, 2]
-    assert [len(group.plans) for group in group_refusals([*formations, replace(split, strategy="other")])] == [2, 1]
+def test_of_reasons_why_no_plan_works_one_whose_fix_was_refused_is_told_last(ranking: PlanRanking) -> None:
+    rows = [PlanResult(name, 3, "u", False, "Too few tracks; use split-field.") for name in ("a-row", "b-col")]
+    for name, told in (("split-field", "one of them because: No work"), ("other", "2 of them because: Too few tracks")):
+        split = PlanResult(name, 3, "u", False, "No work for tractor 3; use fewer tractors.")
+        (sentence,) = describe_ranking(replace(ranking, plans=(*rows, split)))
+        assert told in sentence
 
 
 @given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(1, 9)), max_size=20))

@@ -12,6 +12,7 @@ from strategies.moves.closed_forms import (
     CURVED_REVERSE_S,
     LEADS_IN_M,
     LEADS_OUT_M,
+    SAME_S,
     charge_backing_up_s,
     compute_awkward_s,
     estimate_settling_s,
@@ -87,15 +88,14 @@ def test_no_form_reverses_farther_than_allowed() -> None:
 def test_reversing_far_is_charged_before_the_quickest_are_chosen(
     goal: tuple[float, float, float], backed_m: float
 ) -> None:
-    """The first of a few is the cheapest of all, and costs no more than where far reversing is forbidden."""
+    """The first of a few is the cheapest of all; where the charge is infinite none backs up far."""
     how = np.array(goal), RADII, COSTS, SETTLING, *LEADS, ALL_KINDS, backed_m
     every, every_s, _ = list_closed_forms(*how, *NO_LIMIT, 2000)
-    few, few_s, _ = list_closed_forms(*how, 10.0, FAR_S_PER_M, 5)
-    _, forbidden_s, _ = list_closed_forms(*how, 10.0, math.inf, 5)
+    _, few_s, _ = list_closed_forms(*how, 10.0, FAR_S_PER_M, 5)
+    near, _, _ = list_closed_forms(*how, 10.0, math.inf, 5)
     beyond_m = np.array([max(0.0, measure_backing_up(rows, backed_m) - 10.0) for rows in every])
-    assert few_s[0] <= (every_s + FAR_S_PER_M * beyond_m).min() + 1e-9
-    assert few_s[0] <= min(forbidden_s, default=math.inf) + 1e-9
-    assert all(charge_backing_up_s(rows, backed_m, 10.0, math.inf) in (0.0, math.inf) for rows in few)
+    assert few_s[0] == pytest.approx((every_s + FAR_S_PER_M * beyond_m).min(), abs=SAME_S)
+    assert all(charge_backing_up_s(rows, backed_m, 10.0, math.inf) == 0.0 for rows in near)
 
 
 @pytest.mark.parametrize(

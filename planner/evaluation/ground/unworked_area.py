@@ -84,9 +84,9 @@ def describe_largest_piece(context: PlanningContext, coverage: Coverage) -> str 
     piece, ground = coverage.largest_piece, coverage.largest_ground
     if piece is None or ground is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
         return None
-    areas = find_unworked_areas(context)
+    areas = [one for one in find_unworked_areas(context) if one.reason != LEFT_OUT]
     shares_m2 = [float(intersect(shapely.multipolygons(one.pieces), ground).area) for one in areas]
-    largest = int(np.argmax([0.0, *shares_m2]))
+    largest = int(np.argmax([ground.area - sum(shares_m2), *shares_m2]))
     reason = areas[largest - 1].reason if largest else ""
     if not reason:  # a plan may work another room than the largest, and leave that
         place = shapely.Point(piece.x_m, piece.y_m)
