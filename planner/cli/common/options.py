@@ -183,8 +183,9 @@ def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[Pl
     reading = {name: given.values[name] for name in ("local", "crs", "swap_axes")}
     names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
     width = given.values["width"]
+    widths_m = parse_widths(width)
+    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
     if re.fullmatch(r"\d+,\d+", width):
         first, second = width.split(",")
         print_remarks([mark_text(f"{width} are two widths, {first} m and {second} m; write {first}.{second} for one.")])
-    widths_m = parse_widths(width)
-    return [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    return requests
