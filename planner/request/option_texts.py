@@ -52,10 +52,11 @@ def describe_span(start_s: float | None, begin_s: float, end_s: float) -> str:
 
 def parse_clock(text: str, parameter: str) -> int:
     """ "13:00" as seconds of the day; raises RequestError that names the parameter."""
-    match = re.fullmatch(r"(\d{1,2})(?:(\D?)(\d{2}))?(?::00)?", text.strip())
-    hours, minutes = (int(match[1]), int(match[3] or 0)) if match else (24, 0)
-    if not match or hours > 23 or minutes > 59 or text.strip() != f"{match[1]}:{match[3]}":
-        example = f"{hours:02d}:{minutes:02d}" if hours < 24 and minutes < 60 else "13:00"
+    match = re.fullmatch(r"(\d{1,2})(?:(\D?)(\d{2}))?", text.strip())
+    hours, minutes = (int(match[1]), int(match[3] or 0)) if match else (13, 0)
+    is_time = hours < 24 and minutes < 60
+    if not match or match[2] != ":" or not is_time:
+        example = f"{hours:02d}:{minutes:02d}" if is_time else "13:00"
         raise RequestError(
             f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance {example}."
         )

@@ -245,7 +245,7 @@ def _settle(site: Site, line: WorkLine, keeps_to_lines: bool) -> WorkLine | None
         path = line.paths[direction]
         if len(path) == 2 and (keeps_to_lines or _has_ample_room(site, path)):
             continue
-        kept = _find_roomy_span(site, path, _drive_line(site, path, line.task))
+        kept = _find_driven_span(site, path, line.task)
         if kept is None:
             return None
         path = cut_line(path, *kept)
@@ -272,14 +272,10 @@ def _keeps_to_lines(site: Site) -> bool:
     return run.outcome == DONE and bool(max(off_m.max(), beyond_m) < LINE_MARGIN_M - PROOF_ROOM_M)
 
 
-def _drive_line(site: Site, path: Floats, task: LegTask) -> Floats:
-    """Poses (t, 3) of the centre of mass on a drive of a line alone."""
+def _find_driven_span(site: Site, path: Floats, task: LegTask) -> Span | None:
+    """The longest stretch of a path on which a drive of it alone has room."""
     leg = Leg(path, site.rules.work_speed_mps, 1, True, task=task)
-    return site.drive(Plan((Mission((leg,)),))).get_poses(0)
-
-
-def _find_roomy_span(site: Site, path: Floats, poses: Floats) -> Span | None:
-    """The longest stretch of a path on which a tractor at poses (t, 3) of its centre of mass has room."""
+    poses = site.drive(Plan((Mission((leg,)),))).get_poses(0)
     rooms = measure_proof_rooms(site, poses)
     driven = measure_along(poses[:, :2])
     length_m = float(measure_along(path)[-1])
