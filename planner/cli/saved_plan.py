@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
@@ -14,7 +15,7 @@ from planner.errors import RequestError
 from planner.request.option_texts import format_clock
 
 if TYPE_CHECKING:
-    from planner.pipeline.outputs.saved_plans import SavedPlanRun
+    from planner.pipeline.outputs.saved_plans import SavedPlanRun, StatedFigures
     from reports.plan.guidance_export import GuidanceFiles
 
 
@@ -118,23 +119,23 @@ def show(
     if tractor is not None and not 1 <= tractor <= count:
         raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
     start = None if saved_run.request.start_s is None else format_clock(saved_run.request.start_s)
+    stated = read_stated_figures(saved_run.saved)
     facts = {
         "field": saved_run.request.field_name,
-        "strategy": _get_strategy(saved_run),
+        "strategy": saved_run.saved.plan.notes.strategy or None,
         "start": start,
         "time_s": saved_run.run.duration_s,
-        "stated": read_stated_figures(saved_run.saved),
+        "stated": stated and asdict(stated),
     }
     AnswerForm(json).print_answer(
         saved_run,
         json=lambda run: format_leg_lists_json(run.steps, facts, tractor),
-        screen=lambda run: build_leg_tables(_format_title(run), run.steps, start, tractor),
+        screen=lambda run: build_leg_tables(_format_title(run, stated), run.steps, start, tractor),
     )
 
 
-def _format_title(saved_run: SavedPlanRun) -> str:
+def _format_title(saved_run: SavedPlanRun, stated: StatedFigures | None) -> str:
     """The plan in one line: when it is done and what it costs as its ranking stated it, else how long it takes."""
-    from planner.pipeline.outputs.saved_plans import read_stated_figures
     from reports.common.wording import format_duration, format_price, format_tractor_count, round_up_to_minute
 
     request, duration = saved_run.request, format_duration(saved_run.run.duration_s)
@@ -145,21 +146,14 @@ def _format_title(saved_run: SavedPlanRun) -> str:
         return f"by {request.format_clock_after(round_up_to_minute(seconds))}"
 
     plan = saved_run.saved.plan
-    parts = [*filter(None, [_get_strategy(saved_run)]), format_tractor_count(plan.tractors - len(plan.resting))]
-    stated = read_stated_figures(saved_run.saved)
+    parts = [*filter(None, [plan.notes.strategy]), format_tractor_count(plan.tractors - len(plan.resting))]
     if stated is None:
         return f"{request.field_name}: {', '.join([*parts, f'done in {duration}'])}"
-    late_s, cost = stated["late_end_s"], stated["cost"]
+    late_s, cost = stated.late_end_s, stated.cost
     late = "" if late_s is None else f" (95 % {format_end(late_s)})"
-    parts.append(f"done {format_end(stated['end_s'])}{late}")
+    parts.append(f"done {format_end(stated.end_s)}{late}")
     if cost is not None:
-        parts.append(f"{format_price(cost)} {stated['currency'] or ''}".rstrip())
+        parts.append(f"{format_price(cost)} {stated.currency or ''}".rstrip())
     if late_s is not None:
         parts.append(f"without delays in {duration}")
     return f"{request.field_name}: {', '.join(parts)}"
-
-
-def _get_strategy(saved_run: SavedPlanRun) -> str | None:
-    """The strategy in the notes of the plan; None where they have none."""
-    name = saved_run.saved.plan.notes.get("strategy")
-    return name if isinstance(name, str) else None

@@ -23,7 +23,7 @@ from vehicle.identification.diagnosis.next_drive import (
 from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig_and_corrections
-from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan, PlanNotes
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor import Implement, Tractor
 
@@ -51,7 +51,7 @@ def build_next_drive_plan(drive: NextDrive, logs: Sequence[Log], tractor: Tracto
     machines = {"tractor": tractor.model_dump(mode="json"), "implement": Implement().model_dump()}
     return (
         format_plan(
-            Plan((Mission(tuple(legs)),), notes={"drive": drive.id, "words": drive.description}),
+            Plan((Mission(tuple(legs)),), PlanNotes(others={"drive": drive.id, "words": drive.description})),
             origin_m=origin,
             scenario={"field": FIELD_NAME, "tractor": tractor.name, MACHINES_KEY: machines},
         )

@@ -111,13 +111,13 @@ def describe_supply(supply: Supply) -> tuple[str, ...]:
 
 
 def add_coordinates(plan: Plan, field: Field) -> Plan:
-    """The plan with longitude and latitude in its notes on refills, where the field has a coordinate system."""
-    service_stops = plan.notes.get("refills")
-    if not service_stops or field.crs is None:
+    """The plan with longitude and latitude of its stops, where the field has a coordinate system."""
+    stops = plan.notes.stops
+    if not stops or field.crs is None:
         return plan
-    degrees = field.to_wgs84([(one["x_m"], one["y_m"]) for one in service_stops]).tolist()
-    located = [{**one, "lon": lon, "lat": lat} for one, (lon, lat) in zip(service_stops, degrees, strict=True)]
-    return replace(plan, notes={**plan.notes, "refills": located})
+    degrees = field.to_wgs84([(stop.x_m, stop.y_m) for stop in stops]).tolist()
+    located = tuple(replace(stop, lon=lon, lat=lat) for stop, (lon, lat) in zip(stops, degrees, strict=True))
+    return replace(plan, notes=replace(plan.notes, stops=located))
 
 
 def describe_service_point(supply: Supply) -> str:

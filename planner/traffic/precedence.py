@@ -366,7 +366,7 @@ def _drop_gates(plan: Plan, dropped: list[tuple[int, int, LegGate]]) -> Plan:
         remaining_gates = tuple(leg_gate for leg_gate in legs[leg].gates if leg_gate is not gate)
         legs[leg] = replace(legs[leg], gates=remaining_gates)
         missions[tractor] = Mission(tuple(legs))
-    return Plan(tuple(missions), plan.notes | {"loosened": len(dropped_places)}) if dropped else plan
+    return Plan(tuple(missions), replace(plan.notes, loosened=len(dropped_places))) if dropped else plan
 
 
 def _add_gates(plan: Plan, gates: list[tuple[int, int, LegGate]]) -> Plan:

@@ -53,8 +53,6 @@ class PlanResult(ShownResult):
             ground when sowing and spraying, and a crop before it is harvested or mown; None for other work.
         outside_m, outside_along_m: the farthest that tractor or implement, lifted or not, reach beyond the outline of
             the field outside the gate of its entrance, and the length driven with more than is allowed.
-        order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
-            gives the order.
         measured: figures that their entry in `reports.plan.figures` takes from the run, by key.
         headland_passes, headland_s: passes worked, and seconds from the first tractor on one to the last off it.
         headland_order: whether they are worked "first" or "last"; None without any.
@@ -118,7 +116,6 @@ class PlanResult(ShownResult):
     keeps_clearance: bool = True
     is_simulated: bool = True
     collisions: int | None = None
-    order_gap_pct: float | None = None
     measured: Mapping[str, float | None] = field(default_factory=dict)
     on_pareto_front: bool = False
     remarks: tuple[str, ...] = ()

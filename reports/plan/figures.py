@@ -84,7 +84,7 @@ PAGE_KEYS = (
 )  # fmt: skip
 PAGE_EXTRA_KEYS = (
     "turn", "time_s", "tractor_time_s", "turning_s", "waiting_s", "reversals", "overlap_pct", "missed_m2",
-    "left_out_m2", "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions", "order_gap_pct",
+    "left_out_m2", "finished_s", "outside_m", "outside_along_m", "min_clearance_m", "collisions",
     "on_pareto_front", "paid_cost", "fuel_l", "fuel_l_per_ha", "energy_kwh", "energy_kwh_per_ha", "co2_kg",
     "steepest_along", "steepest_across", "rollover", "refills", "refilling_s", "folding_s", "charges", "charging_s",
 )  # fmt: skip
@@ -184,9 +184,7 @@ _CATALOGUE = (
     Figure("min_clearance_m", "Clearance m", "Clear\nm", _HUNDREDTHS, "",
            "smallest distance between two tractors, implements included", "m", get_clearance_m),
     Figure("collisions", "Collisions", "", _WHOLE, "how often tractors touch each other"),
-    Figure("order_gap_pct", "Order gap %", "", _TENTHS,
-           "how much quicker another order of the tracks can be at most; - where the strategy gives the order"),
-    Figure("formation_pct", measure=lambda run, area_ha: run.plan.notes.get("formation_pct")),
+    Figure("formation_pct", measure=lambda run, area_ha: run.plan.notes.formation_pct),
     Figure("reason"),
     Figure("on_pareto_front", "Pareto front", "", format_yes_no, "no plan with as few tractors is faster"),
     Figure("remark"),

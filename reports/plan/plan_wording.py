@@ -32,7 +32,7 @@ from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sente
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
-LEAST_UNWORKED_M2, LEAST_GAP_PCT = 0.5, 0.05  # less reads as nothing
+LEAST_UNWORKED_M2 = 0.5  # less reads as nothing
 UNWORKED_HELP = (
     "Unworked: ground that no implement worked; ranks include the time to finish it at each plan's own rate."
 )
@@ -319,30 +319,6 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     elif best_is_cheapest:
         text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of all."
     return [translate(text, **who)]
-
-
-def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
-    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
-    groups: dict[str, dict[str, list[int]]] = {}
-    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
-        if plan.order_gap_pct is not None:
-            gaps = groups.setdefault(plan.strategy, {})
-            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
-    parts = [
-        translate("{strategy} {gap} with {counts}", strategy=name, gap=gap, counts=join_list(sorted(set(counts))))
-        for name, gaps in groups.items()
-        for gap, counts in gaps.items()
-    ]
-    if not parts:
-        return None
-    return translate("Order of tracks, by the driving between them: {orders}.", orders="; ".join(parts))
-
-
-def format_order_optimality(pct: float) -> str:
-    """``optimal`` or ``within 1.2 % of optimal``."""
-    if pct < LEAST_GAP_PCT:
-        return translate("optimal")
-    return translate("within {share} % of optimal", share=format_number(pct, 1))
 
 
 def format_energy(plan: PlanResult) -> str:

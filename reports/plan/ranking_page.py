@@ -36,13 +36,11 @@ from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
     describe_machines,
-    describe_order_optimality,
     describe_physics,
     describe_ranking,
     describe_simulated_effects,
     format_energy,
     format_in_time_probability,
-    format_order_optimality,
     format_rate,
     format_unworked,
     has_late_ground_loss,
@@ -256,10 +254,8 @@ def _build_leg_cards(steps_by_tractor: Steps, start: str | None) -> list[dict[st
 
 def _list_remarks(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
     """What is said below the table of the plans that can be driven."""
-    order_remark = describe_order_optimality(plans)
     return [
         *([UNWORKED_HELP] if any(plan.missed_m2 is not None for plan in plans) else []),
-        *([order_remark] if order_remark else []),
         *list_plan_remarks(plans),
         *(() if ranking.samples else ranking.money_sentences),
         *ranking.check_sentences,
@@ -291,7 +287,6 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
     has_start, cost = has_start_time(ranking), best.stated_cost
     paid = best.paid_cost if has_late_ground_loss(ranking) else None
     energy = insert_non_breaking_spaces(", ".join(filter(None, (format_energy(best), format_rate(best)))))
-    gap_pct = best.order_gap_pct
     facts = [
         ("Done" if has_start else "Time", format_stated_end(ranking, best.stated_end_s)),
         ("95 %", format_stated_end(ranking, best.stated_late_end_s)),
@@ -307,7 +302,6 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
         ("Wheel traffic off the headland", FIGURES["wheel_traffic_m2"].format_with_unit(best)),
         ("Farthest outside", FIGURES["outside_m"].format_with_unit(best)),
         ("Closest approach", FIGURES["min_clearance_m"].format_with_unit(best)),
-        ("Order of tracks", NO_VALUE if gap_pct is None else format_order_optimality(gap_pct)),
     ]
     return [(label, value) for label, value in facts if value != NO_VALUE]
 

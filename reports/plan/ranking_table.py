@@ -25,7 +25,6 @@ from reports.plan.plan_wording import (
     SAME_TIME_S,
     UNWORKED_HELP,
     describe_machines,
-    describe_order_optimality,
     describe_physics,
     describe_ranking,
     describe_simulated_effects,
@@ -219,8 +218,7 @@ def _list_table_notes(ranking: PlanRanking, shown: Sequence[PlanResult], figures
     explained = "; ".join(f"{join_list(headings)}: {note}" for note, headings in headings_by_note.items())
     has_risk = any(plan.expected_cost is not None for plan in shown)
     money = [] if has_risk else [f"{text[:-1]}, in {ranking.currency}." for text in ranking.money_sentences]
-    proven = describe_order_optimality(shown)
-    return [legend, f"{explained}.", *money, *([proven] if proven else []), *list_plan_remarks(shown)]
+    return [legend, f"{explained}.", *money, *list_plan_remarks(shown)]
 
 
 def _list_refusal_reasons(heading: str, plans: list[PlanResult]) -> list[RenderableType]:

@@ -12,7 +12,7 @@ from strategies.formations.formation_site import FleetOrder, FormationSite, Orde
 from strategies.formations.queue_rules import list_passes_s, measure_rounds_s
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
-from vehicle.missions.plan import SWATH, Plan
+from vehicle.missions.plan import SWATH, Plan, PlanNotes
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Formation:
         """Its plan, with what is worked side by side in the notes."""
         found, rule = self.found, self.rule
         plan = write_formation(found.table, found.rounds, found.tours, rule.queue_rule, move_up=rule.move_up)
-        return replace(plan, notes=_describe_share(found))
+        return replace(plan, notes=_note_share(found))
 
     def compute_tractor_s(self) -> list[float]:
         """Seconds of every tractor; all begin a round together, when the last is in its place."""
@@ -87,21 +87,22 @@ def _measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]
     return work_m / table.site.rules.work_speed_mps + table.sum_drive_s(list(pairwise(nodes)))
 
 
-def _describe_share(found: OrderedRounds) -> dict[str, object]:
-    """The share of the tracks that is worked side by side (percent), and which tractors work the rest (from 1)."""
+def _note_share(found: OrderedRounds) -> PlanNotes:
+    """The share of the tracks that is worked side by side, and which tractors work the rest."""
     lines = found.table.lines
     beside_m = math.fsum(each.one.length_m for each in found.rounds)
     apart = [[node for node in tour.before + tour.after if lines[node // 2].task.kind == SWATH] for tour in found.tours]
     apart_m = math.fsum(lines[node // 2].length_m for nodes in apart for node in nodes)
     share_pct = 100.0 * beside_m / (beside_m + apart_m)
-    return {"formation_pct": round(share_pct, 3), "apart": [number + 1 for number, nodes in enumerate(apart) if nodes]}
+    separate = tuple(number for number, nodes in enumerate(apart) if nodes)
+    return PlanNotes(formation_pct=round(share_pct, 3), apart=separate)
 
 
 def describe_formation_share(plan: Plan) -> str | None:
     """A remark if not all of a plan is driven in formation; None otherwise."""
-    share_pct, separate_tractors = plan.notes.get("formation_pct"), plan.notes.get("apart")
-    if share_pct is None or not separate_tractors:
+    share_pct, separate = plan.notes.formation_pct, plan.notes.apart
+    if share_pct is None or not separate:
         return None
-    names = [str(tractor) for tractor in separate_tractors]
+    names = [str(number + 1) for number in separate]
     workers = f"tractor {names[0]}" if len(names) == 1 else f"tractors {', '.join(names[:-1])} and {names[-1]}"
     return f"{min(round(share_pct), 99)} % of the tracks are worked in formation, the rest by {workers}"

@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
-from typing import Any
 
 import numpy as np
 
@@ -262,14 +261,15 @@ def _iter_free_places(stand: Pose, ways: list[Way], back_m: float, check: Cleara
         yield float(xs[place]), float(ys[place]), heading
 
 
-def build_plan(programme: Programme, **notes: Any) -> Plan:
+def build_plan(programme: Programme) -> Plan:
     """The plan of a programme, one mission per tractor that has lines or stands on the field."""
     table, tours = programme.table, programme.tours
-    missions = tuple(
-        build_mission(table, tours[number]) if tours[number] else build_stand(table, table.starts[number])
-        for number in programme.list_present()
+    return Plan(
+        tuple(
+            build_mission(table, tours[number]) if tours[number] else build_stand(table, table.starts[number])
+            for number in programme.list_present()
+        )
     )
-    return Plan(missions, {"tractors": len(missions), **notes})
 
 
 def charge_waiting(programme: Programme, tours: Sequence[Sequence[int]], plan: Plan, run: SimulationRun) -> Floats:

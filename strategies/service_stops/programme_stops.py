@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import shapely
@@ -32,14 +31,14 @@ from strategies.programmes.tour_legs import (
 from strategies.rules.legs import add_wait_points, make_mission
 from strategies.rules.supply import PLACE, Point, Supply
 from strategies.service_stops.load_tours import order_for_loads
-from strategies.service_stops.service_gates import add_queue_gates, build_stop_notes
+from strategies.service_stops.service_gates import add_queue_gates, note_stops
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
 from strategies.service_stops.tour_parts import TourPart, measure_line_need
 from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
 from strategies.site.ground import CELL_M, measure_rooms
 from strategies.site.site import Site
-from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan, PlanNotes
 
 STEP_COUNT, STEP_RADII = 8, 0.5  # places tried on either side, and radii between them
 INSET_COUNT, INSET_HALVES = 3, 0.5  # rows tried, the first as near to the edge as the body may be; half widths between
@@ -70,7 +69,7 @@ class StoppedProgramme:
         """The nodes of every tractor in the order in which they are worked, each once."""
         return [list(dict.fromkeys(part.node for part in gaps.tour)) for gaps in self.gaps]
 
-    def build_plan(self, **notes: Any) -> Plan:
+    def build_plan(self) -> Plan:
         """Its plan, with all stops in the notes, one mission per tractor that has lines or stands on the field."""
         table = self.programme.table
         missions = [
@@ -82,9 +81,7 @@ class StoppedProgramme:
         legs = [list(mission.legs) for mission in missions]
         if self.supply.one_at_a_time and len(legs) > 1:
             add_queue_gates(legs, [mission.stops for mission in missions], self.supply)
-        has_stops = any(mission.stops for mission in missions)
-        stop_notes = build_stop_notes(missions, self.supply) if has_stops else {"refills": []}
-        return Plan(tuple(map(Mission, map(tuple, legs))), {"tractors": len(legs), **notes, **stop_notes})
+        return Plan(tuple(map(Mission, map(tuple, legs))), note_stops(PlanNotes(), missions, self.supply))
 
 
 def build_stop_moves(table: MoveTable, supply: Supply) -> StopMoves | None:

@@ -9,39 +9,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 from fields.geometry.arithmetic import ROUNDING
 from strategies.path_planning.paths import Pose
 from strategies.rules.supply import PLACE, Supply
 from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
-from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
+from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, NotedStop, Plan, PlanNotes
 
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
 
 
-def build_stop_notes(stopped_missions: Sequence[MissionWithStops], supply: Supply) -> dict[str, Any]:
-    """What the notes of a plan hold of its stops."""
-    notes: dict[str, Any] = {
-        "refills": [
-            entry
-            for number, stopped_mission in enumerate(stopped_missions)
-            for entry in _build_stop_entries(number, stopped_mission)
-        ],
-        "collects": supply.collects,
-    }
-    return notes if supply.service == REFILL else {**notes, "service": supply.service}
-
-
-def _build_stop_entries(number: int, stopped_mission: MissionWithStops) -> list[dict[str, float | int]]:
-    """The stops of a tractor for the notes of a plan: tractor from 1, leg from 0, amount, place in metres."""
-    entries: list[dict[str, float | int]] = []
-    for stop in stopped_mission.stops:
-        x, y = stopped_mission.legs[stop.leg].points[0].tolist()
-        entries.append({"tractor": number + 1, "leg": stop.leg, "amount": round(stop.amount, 3), "x_m": x, "y_m": y})
-    return entries
+def note_stops(notes: PlanNotes, missions: Sequence[MissionWithStops], supply: Supply) -> PlanNotes:
+    """Notes with the stops of missions."""
+    stops = tuple(
+        NotedStop(number, stop.leg, round(stop.amount, 3), *mission.legs[stop.leg].points[0].tolist())
+        for number, mission in enumerate(missions)
+        for stop in mission.stops
+    )
+    return replace(notes, stops=stops, collects=supply.collects, service=supply.service)
 
 
 @dataclass

@@ -11,7 +11,7 @@ import pyproj
 
 from planner.request.plan_request import PlanRequest
 from tests.drawn_fields import ring
-from vehicle.missions.plan import SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan import SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan, PlanNotes
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor import Implement, resolve_tractor
 
@@ -52,7 +52,7 @@ def small_plan(machines: bool = False) -> dict[str, Any]:
     )
     own = {"tractor": resolve_tractor("eg105").model_dump(mode="json"), "implement": Implement().model_dump()}
     text = format_plan(
-        Plan(tuple(Mission(own) for own in legs), {"strategy": "split-field"}), crs=CRS, origin_m=ORIGIN_M,
+        Plan(tuple(Mission(own) for own in legs), PlanNotes("split-field")), crs=CRS, origin_m=ORIGIN_M,
         scenario=asdict(asked) | ({"machines": own} if machines else {}), ground=_ground(),
     )  # fmt: skip
     plan: dict[str, Any] = json.loads(text)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from fields.geometry.geodesy import find_utm_crs, project
-from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan, PlanNotes
 from vehicle.missions.plan_file import SavedPlan
 
 SQUARE = [[0.0, 0.0], [100.0, 0.0], [100.0, 60.0], [0.0, 60.0]]
@@ -49,7 +49,7 @@ def plan() -> Plan:
         leg("way", 1, 1, [33.0, 25.0], [33.0, 12.0], [62.0, 12.0], [62.0, 25.0]),
         leg("track", 1, 1, [62.0, 25.0], [93.0, 25.0]),
     )
-    return Plan((Mission(first), Mission(second)), {"strategy": "split-field"})
+    return Plan((Mission(first), Mission(second)), PlanNotes("split-field"))
 
 
 def saved(longitude_deg: float = 9.94, latitude_deg: float = 56.97) -> SavedPlan:

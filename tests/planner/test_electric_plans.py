@@ -71,9 +71,9 @@ def test_a_plan_charges_what_its_work_takes_beyond_the_first_battery() -> None:
         own = list(group)
         joined += own if task is None else [replace(own[0], points=np.concatenate([leg.points for leg in own]))]
     total_kwh = supply.compute_legs_need(joined, 3.0)
-    notes = found.run.plan.notes["refills"]
+    notes = found.run.plan.notes.stops
     assert found.result.charges == len(notes) == math.ceil(total_kwh / 4.0) - 1 > 1
-    charged_kwh = sum(one["amount"] for one in notes)
+    charged_kwh = sum(one.amount for one in notes)
     assert charged_kwh == pytest.approx(total_kwh - 4.0, abs=0.01)
     assert found.result.charging_s == pytest.approx(60.0 * len(notes) + 60.0 * charged_kwh, abs=0.2 * len(notes))
     assert found.result.refills is None and found.result.refilling_s is None
@@ -125,7 +125,7 @@ def test_a_changed_battery_is_full_again() -> None:
     found = drive(CHANGED)
     assert found.result.charges
     assert found.result.charging_s == pytest.approx(240.0 * found.result.charges, abs=0.2 * found.result.charges)
-    assert found.run.plan.notes["service"] == "change"
+    assert found.run.plan.notes.service == "change"
     (steps,) = list_steps(found.run, 3.0)
     changes = [describe_leg(step) for step in steps if step.kind == "change"]
     assert len(changes) == found.result.charges and all("change of the battery" in text for text in changes)
@@ -133,7 +133,7 @@ def test_a_changed_battery_is_full_again() -> None:
 
 def test_stops_are_listed_with_their_energy() -> None:
     found = drive(SMALL)
-    amounts = [one["amount"] for one in found.run.plan.notes["refills"]]
+    amounts = [one.amount for one in found.run.plan.notes.stops]
     (steps,) = list_steps(found.run, 3.0)
     texts = [describe_leg(step) for step in steps if step.kind == "charge"]
     assert len(texts) == len(amounts)

@@ -70,7 +70,7 @@ def drive(site: PlanningContext, strategy: str, tractors: int) -> tuple[PlanResu
 def test_every_formation_can_be_driven(sites: Any, shape: str, strategy: str, tractors: int) -> None:
     result, run = drive(sites[shape], strategy, tractors)
     assert result.reason is None and run.outcome == DONE and not run.contacts
-    share = run.plan.notes["formation_pct"]
+    share = run.plan.notes.formation_pct
     assert 50.0 < share <= 100.0
     assert ("in formation" in (result.remark or "")) == (share < 100.0)
 

@@ -27,7 +27,7 @@ def plans(wide_site: Any) -> list[Plan]:
 def test_tractors_may_wait_where_the_implement_shows_it(plans: list[Plan]) -> None:
     """At the start and inside passes; in a formation not everywhere there."""
     for plan in plans:
-        is_formation = plan.notes["strategy"] not in ("split-field", "interleaved") and plan.notes["tractors"] > 1
+        is_formation = plan.notes.strategy not in ("split-field", "interleaved") and plan.notes.tractors > 1
         for legs in (mission.legs for mission in plan.missions):
             down = [leg.implement for leg in legs]
             for number, leg in enumerate(legs[1:], start=1):

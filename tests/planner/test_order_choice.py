@@ -10,6 +10,7 @@ from planner.evaluation.candidates.evaluate import Candidate, run_candidate
 from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans
 from strategies.registry import STRATEGIES
+from vehicle.missions.plan import Plan
 
 CONTEXT: Any = SimpleNamespace(
     request=SimpleNamespace(headland_orders=("first", "last")), time_share=SimpleNamespace(check=lambda: None)
@@ -27,7 +28,7 @@ class FakeDriver:
 
     def drive(self, composed: Any) -> Any:
         self.driven.append(composed.order)
-        run: Any = SimpleNamespace(duration_s=composed.driven_s, plan=SimpleNamespace(notes={}))
+        run: Any = SimpleNamespace(duration_s=composed.driven_s, plan=Plan(()))
         return CandidateRun(run, None, composed.order)
 
 

@@ -118,8 +118,8 @@ def test_no_load_is_used_up_and_every_line_is_worked_once(kind: str, tractors: i
         (leg.task.kind, leg.task.number, leg.task.piece) for m in plan.missions for leg in m.legs if leg.implement
     }
     assert worked == {(line.task.kind, line.task.number, line.task.piece) for line in lines}
-    assert plan.notes["collects"] is False
-    assert len(plan.notes["refills"]) == sum(map(len, done.stops))
+    assert plan.notes.collects is False
+    assert len(plan.notes.stops) == sum(map(len, done.stops))
 
 
 @pytest.mark.slow
@@ -136,11 +136,11 @@ def test_lines_moves_and_stops_add_up_to_the_time_of_the_drive(kind: str) -> Non
 def test_tractors_stand_by_the_place_after_a_way_to_it() -> None:
     done = stop("place", 2)
     plan = done.build_plan()
-    for entry in plan.notes["refills"]:
-        legs, leg = plan.missions[entry["tractor"] - 1].legs, entry["leg"]
+    for entry in plan.notes.stops:
+        legs, leg = plan.missions[entry.tractor].legs, entry.leg
         assert legs[leg].stand_s == STAND_S
         assert legs[leg - 1].task.kind == REFILL
-        assert math.dist((entry["x_m"], entry["y_m"]), PLACE) < 4.0 * done.programme.table.site.rules.radius_m
+        assert math.dist((entry.x_m, entry.y_m), PLACE) < 4.0 * done.programme.table.site.rules.radius_m
     assert any(leg.gates for mission in plan.missions for leg in mission.legs), "one at a time"
 
 
@@ -165,7 +165,7 @@ def test_a_battery_lasts_with_the_ways_to_the_charger() -> None:
     assert stops and sum(stop.amount for stop in stops) == pytest.approx(sum(loads) - done.supply.usable_kwh)
     run = done.programme.table.site.drive(done.build_plan())
     assert find_flat_battery(context, run) is None
-    assert run.plan.notes["service"] == "charge"
+    assert run.plan.notes.service == "charge"
 
 
 @pytest.mark.slow
@@ -184,7 +184,7 @@ def test_a_track_longer_than_a_load_is_left_half_way(refill: str) -> None:
     run = table.site.drive(plan)
     assert run.outcome == DONE
     assert done.compute_tractor_s()[0] == pytest.approx(run.duration_s, rel=0.02)
-    legs = [plan.missions[0].legs[entry["leg"]] for entry in plan.notes["refills"]]
+    legs = [plan.missions[0].legs[entry.leg] for entry in plan.notes.stops]
     assert any(leg.task.kind == SWATH or refill != HEADLAND for leg in legs), "some within a track"
 
 

@@ -34,7 +34,7 @@ from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_table import build_ranking_table
 from strategies.rules.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from tests.printing import print_text
-from vehicle.missions.plan import Plan
+from vehicle.missions.plan import NotedStop, Plan, PlanNotes
 from vehicle.missions.plan_file import format_plan, parse_plan
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -93,10 +93,10 @@ class TestPlans:
     def test_loads_add_up_to_area_by_rate_and_no_level_is_below_nothing(self, case: Case) -> None:
         found = driven(*case)
         assert found.result.feasible, found.result.reason
-        notes = found.run.plan.notes["refills"]
+        notes = found.run.plan.notes.stops
         assert found.result.refills == len(notes) > 0
         for tractor, (stops, left, used) in enumerate(levels(found.run.plan, TANK), start=1):
-            own = [one["amount"] for one in notes if one["tractor"] == tractor]
+            own = [one.amount for one in notes if one.tractor + 1 == tractor]
             assert stops == len(own)
             assert min(left) >= -1e-6
             assert own == pytest.approx([TANK.capacity - level for level in left[:-1]], abs=0.01)
@@ -126,8 +126,8 @@ class TestPlans:
         found, site = driven(*case), site_for(case[0], case[3])
         if site.supply.place is None:
             return
-        for one in found.run.plan.notes["refills"]:
-            assert math.dist((one["x_m"], one["y_m"]), site.supply.place) < 4.0 * site.driving_rules.radius_m
+        for one in found.run.plan.notes.stops:
+            assert math.dist((one.x_m, one.y_m), site.supply.place) < 4.0 * site.driving_rules.radius_m
 
     def test_the_plan_is_saved_and_read_again(self, case: Case) -> None:
         found = driven(*case)
@@ -149,7 +149,7 @@ class TestPlans:
         steps = [step for own in list_steps(found.run, WIDTH_M) for step in own]
         told = [step for step in steps if step.kind == "refill"]
         assert len(told) == found.result.refills
-        amounts = sorted(one["amount"] for one in found.run.plan.notes["refills"])
+        amounts = sorted(one.amount for one in found.run.plan.notes.stops)
         assert sorted(step.amount or 0.0 for step in told) == amounts
         assert describe_leg(told[0]) == f"refill {told[0].amount:.0f} l or kg"
         ways = [step for step in steps if step.kind == "refill-way"]
@@ -168,16 +168,17 @@ def test_a_tank_that_lasts_changes_nothing() -> None:
     with_tank, without = (
         simulate_candidate(site_for(None, True, supply), Candidate("split-field", 2)) for supply in (large, None)
     )
-    assert format_plan(replace(with_tank.run.plan, notes={})) == format_plan(replace(without.run.plan, notes={}))
+    bare = [format_plan(replace(one.run.plan, notes=PlanNotes())) for one in (with_tank, without)]
+    assert bare[0] == bare[1]
     assert (with_tank.result.refills, without.result.refills) == (0, None)
-    assert (with_tank.run.plan.notes["refills"], "refills" in without.run.plan.notes) == ([], False)
+    assert (with_tank.run.plan.notes.stops, without.run.plan.notes.stops) == ((), None)
 
 
 def test_what_fills_goes_as_often_as_what_empties() -> None:
     collecting = replace(TANK, collects=True)
     found = simulate_candidate(site_for(HEADLAND, True, collecting), Candidate("split-field", 1))
     same = driven(*FIRST)
-    assert found.run.plan.notes["refills"] == same.run.plan.notes["refills"]
+    assert found.run.plan.notes.stops == same.run.plan.notes.stops
     context = site_for(HEADLAND, True, collecting)
     ranking = rank_plans(context, [found.result])
     assert "stops to unload" in write_answer(ranking).work and "refill" not in " ".join(describe_ranking(ranking))
@@ -267,9 +268,9 @@ def test_stops_have_their_place_on_the_earth() -> None:
         WorkOrder(PlanRequest(field="earth", no_headland=True, refill=f"{lon},{lat}"), field, supply=TANK)
     )
     assert site.supply.place == pytest.approx((0.0, 0.0), abs=1e-3)
-    plan = Plan((), {"refills": [{"tractor": 1, "leg": 3, "amount": 5.0, "x_m": 0.0, "y_m": 0.0}]})
-    (told,) = add_coordinates(plan, field).notes["refills"]
-    assert (told["lon"], told["lat"]) == pytest.approx((lon, lat), abs=1e-9)
+    plan = Plan((), PlanNotes(stops=(NotedStop(0, 3, 5.0, 0.0, 0.0),)))
+    (told,) = add_coordinates(plan, field).notes.stops
+    assert (told.lon, told.lat) == pytest.approx((lon, lat), abs=1e-9)
     assert add_coordinates(plan, Field("drawn", BOX)) is plan
 
 

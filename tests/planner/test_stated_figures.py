@@ -98,7 +98,7 @@ def check_outputs(result: PlanningResult) -> None:
     page = render_plan_page(ranking, None)
     assert f"<dd>{time}</dd>" in page and f"<dd>{cost} EUR (assumed prices)</dd>" in page
     stated = read_stated_figures(parse_saved_plan(write_saved_plan(result.context, result.run.plan, ranking)))
-    assert (stated["end_s"], stated["cost"]) == (best.stated_end_s, best.stated_cost)
+    assert (stated.end_s, stated.cost) == (best.stated_end_s, best.stated_cost)
 
 
 @pytest.fixture(scope="module")

@@ -88,7 +88,7 @@ class TestGivingWay:
         assert simulate(small_site, plan).outcome == STALL
         run, why = resolve(small_site, plan)
         assert why is None and run.outcome == DONE
-        assert run.plan.notes["loosened"] == 1
+        assert run.plan.notes.loosened == 1
         assert run.finish_s[1] > run.finish_s[0]
 
     def test_who_goes_on_when_another_has_left_waits_until_it_is_gone(self, small_site: Any) -> None:

@@ -24,7 +24,7 @@ CONTRACT = [  # that programs may rely on; more may come
     "rank", "strategy", "tractors", "turn", "time_s", "tractor_time_s", "cost", "meets_deadline", "feasible",
     "worked_pct", "overlap_pct", "missed_m2", "largest_missed", "finished_s", "finished_cost", "wheel_traffic_m2",
     "outside_m", "outside_along_m", "turning_s", "waiting_s", "reversals", "min_clearance_m", "collisions",
-    "order_gap_pct", "formation_pct", "reason", "on_pareto_front", "remark", "headland_passes", "headland_s",
+    "formation_pct", "reason", "on_pareto_front", "remark", "headland_passes", "headland_s",
     "transport_s", "ready_s", "done_s", "home_s", "finish_probability", "finish_probability_interval", "p50_s",
     "p80_s", "p95_s", "expected_cost", "paid_cost", "bound_s", "refills", "refilling_s", "folding_s", "over_finished_m",
     "over_finished_m2", "p50_done_s", "p95_done_s", "fuel_l", *STATED, "headland_order", "fuel_l_per_ha",

@@ -43,7 +43,7 @@ def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     """A plan of three tractors each of which stops for a load."""
     folder: Path = tmp_path_factory.mktemp("field")
     made = plan_field(folder, "split-field", TANK, entrance=(0.0, 0.0), refill=request.param, width_m=WIDTH_M)
-    assert made.plan.notes["refills"]
+    assert made.plan.notes.stops
     return made
 
 
@@ -98,9 +98,9 @@ def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_need
 def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -> None:
     manager, proposal, _ = made
     legs = [mission.legs for mission in proposal.plan.plan.missions]
-    for stop in proposal.plan.plan.notes["refills"]:
-        leg = legs[stop["tractor"] - 1][stop["leg"]]
-        assert leg.stand_s == STAND_S and leg.points[0].tolist() == pytest.approx([stop["x_m"], stop["y_m"]])
+    for stop in proposal.plan.plan.notes.stops:
+        leg = legs[stop.tractor][stop.leg]
+        assert leg.stand_s == STAND_S and leg.points[0].tolist() == pytest.approx([stop.x_m, stop.y_m])
     for each in legs:  # who goes to the place stands there
         ends = [k for k, leg in enumerate(each[:-1]) if leg.task.kind == REFILL and each[k + 1].task.kind != REFILL]
         assert all(each[k + 1].stand_s == STAND_S for k in ends)
@@ -145,6 +145,6 @@ def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPl
     told = _describe_unknown_load(bare, infer_carried_supply(bare))
     assert len(told) == 1 and "check the tanks" in told[0]
     assert _describe_unknown_load(plan, infer_carried_supply(plan)) == []
-    notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
+    notes = replace(plan.plan.notes, stops=None)
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
     assert _describe_unknown_load(dry, None) == []

@@ -87,7 +87,7 @@ def test_the_example_of_the_guide_plans(blocks: Path) -> None:
     request = PlanRequest(strategies=("blocks",), tractors=(1, 2), width_m=6.0, local=True)
     answer = plan(request, field=FIELD, executor=SerialExecutor())
     assert [one.strategy for one in answer.ranking.plans if one.feasible] == ["blocks", "blocks"]
-    name = answer.run.plan.notes["strategy"]
+    name = answer.run.plan.notes.strategy
     assert name == "blocks" and answer.ranking.best.worked_pct > 90.0
 
 

@@ -11,7 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.errors import MissionError
-from vehicle.missions.plan import TASKS, FollowOrder, Leg, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.missions.plan import (
+    TASKS,
+    FollowOrder,
+    Leg,
+    LegGate,
+    LegTask,
+    Mission,
+    NotedStop,
+    Plan,
+    PlanNotes,
+    check_plan,
+)
 from vehicle.missions.plan_file import FORMAT_VERSION, SavedPlan, format_plan, parse_plan, parse_saved_plan
 
 NUMBERS = st.floats(-1e6, 1e6)
@@ -24,6 +35,15 @@ PLAIN = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
     max_leaves=6,
 )
+STOP = st.builds(
+    NotedStop, st.integers(0, 1), st.integers(0, 9), NUMBERS, NUMBERS, NUMBERS, st.none() | NUMBERS, st.none() | NUMBERS
+)
+NOTES = st.builds(
+    PlanNotes, st.text(max_size=5), st.sampled_from(["", "first", "last"]), st.none() | st.integers(1, 9),
+    st.none() | st.lists(STOP, max_size=3).map(tuple), st.booleans(), st.sampled_from(["refill", "charge", "change"]),
+    st.none() | NUMBERS, st.lists(st.integers(0, 8), max_size=3).map(tuple), st.integers(0, 9),
+    st.dictionaries(st.text(max_size=3), st.integers() | st.text(max_size=5)),
+)  # fmt: skip
 
 
 @st.composite
@@ -41,7 +61,7 @@ def plans(draw: st.DrawFn) -> Plan:
                 draw(st.booleans()), draw(st.sampled_from(["soil", "asphalt"])), draw(TASK), draw(st.booleans()),
             ))  # fmt: skip
         missions.append(Mission(tuple(legs)))
-    plan = Plan(tuple(missions), draw(st.dictionaries(st.text(max_size=5), st.integers() | st.text(max_size=5))))
+    plan = Plan(tuple(missions), draw(NOTES))
     for tractor, other in ((0, 1), (1, 0)):
         leg = draw(st.integers(0, len(plan.missions[other].legs) - 1))
         length = plan.missions[other].legs[leg].length_m

@@ -7,7 +7,7 @@ for (LegTask), so that nothing has to be guessed from the legs around it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -198,11 +198,56 @@ class Mission:
 
 
 @dataclass(frozen=True)
+class NotedStop:
+    """What a tractor takes in or hands over where it stands before a leg: units of the implement, or kWh.
+
+    `lon` and `lat` (degrees) are given where the field has a coordinate system.
+    """
+
+    tractor: int
+    leg: int
+    amount: float
+    x_m: float
+    y_m: float
+    lon: float | None = None
+    lat: float | None = None
+
+
+@dataclass(frozen=True)
+class PlanNotes:
+    """What is known of a plan besides its legs; a tractor without them drives the same.
+
+    Attributes:
+        strategy: its name; "" if unknown.
+        headland: the order of headland and swaths; "" if either does.
+        tractors: how many were asked for, of which some may rest; None for one per mission.
+        stops: those to be filled, emptied or charged; None where nothing is carried.
+        collects: whether a tractor is emptied at its stops.
+        service: what is done at the stops.
+        formation_pct: the share of the tracks that is worked side by side; None where none is asked for.
+        apart: the tractors that work the rest of them.
+        loosened: legs before which a tractor no longer waits, as all would wait for one another.
+        others: further entries of its file, which nothing here reads.
+    """
+
+    strategy: str = ""
+    headland: str = ""
+    tractors: int | None = None
+    stops: tuple[NotedStop, ...] | None = None
+    collects: bool = False
+    service: str = REFILL
+    formation_pct: float | None = None
+    apart: tuple[int, ...] = ()
+    loosened: int = 0
+    others: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Plan:
-    """One mission per tractor, and notes on the origin of the plan."""
+    """One mission per tractor, and what is known of it besides."""
 
     missions: tuple[Mission, ...]
-    notes: dict[str, Any] = field(default_factory=dict)
+    notes: PlanNotes = PlanNotes()
 
     @property
     def tractors(self) -> int:

@@ -7,17 +7,29 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
 from vehicle.errors import MissionError
-from vehicle.missions.plan import FollowOrder, Leg, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.missions.plan import (
+    REFILL,
+    FollowOrder,
+    Leg,
+    LegGate,
+    LegTask,
+    Mission,
+    NotedStop,
+    Plan,
+    PlanNotes,
+    check_plan,
+)
 
 FORMAT_VERSION = 1
 VERSION_KEY = "format_version"
-WHOLE_PLAN = "The plan"
+WHOLE_PLAN, NOTES = "The plan", "The notes of the plan"
+STOPS_KEY, STATED_KEY = "refills", "stated"  # in the notes of the file
 TYPE_WORDS = {
     dict: "an object", list: "a list", str: "a text",
     bool: "true or false", int: "a whole number", float: "a number",
@@ -31,8 +43,9 @@ class SavedPlan:
     """A plan as it was saved.
 
     `crs` is the projected system of its metres, such as "EPSG:32654" (None for local metres), `origin_m` the easting
-    and northing that were subtracted from them. `scenario` is the request, and `ground` the outlines of the field in
-    those metres (empty where none were saved); both are passed through unchecked.
+    and northing that were subtracted from them. `scenario` is the request, `ground` the outlines of the field in those
+    metres and `stated` what was said of it when it was saved (both empty where none were saved); all three are passed
+    through unchecked.
     """
 
     plan: Plan
@@ -40,6 +53,7 @@ class SavedPlan:
     origin_m: tuple[float, float] = (0.0, 0.0)
     scenario: dict[str, Any] = field(default_factory=dict)
     ground: dict[str, Any] = field(default_factory=dict)
+    stated: dict[str, Any] = field(default_factory=dict)
 
 
 def format_plan(
@@ -49,6 +63,7 @@ def format_plan(
     origin_m: tuple[float, float] = (0.0, 0.0),
     scenario: Mapping[str, Any] | None = None,
     ground: Mapping[str, Any] | None = None,
+    stated: Mapping[str, Any] | None = None,
     point_speeds: Sequence[Sequence[Sequence[float]]] | None = None,
     indent: int | None = 1,
 ) -> str:
@@ -56,14 +71,15 @@ def format_plan(
 
     `point_speeds` are the largest speeds (m/s) at the points of each leg of each tractor
     (vehicle.sim.compile.compute_point_speeds), for tractors that do not compute them; reading ignores them.
-    `scenario` and `ground` may hold numbers, texts, booleans, None, lists and dicts (tuples come back as lists).
+    `scenario`, `ground` and `stated` may hold numbers, texts, booleans, None, lists and dicts; tuples come back as
+    lists.
     """
     content: dict[str, Any] = {
         VERSION_KEY: FORMAT_VERSION,
         "crs": crs,
         "origin_m": list(origin_m),
         "scenario": dict(scenario or {}),
-        "notes": plan.notes,
+        "notes": _convert_notes(plan.notes) | ({STATED_KEY: dict(stated)} if stated else {}),
         "tractors": [[_convert_leg(leg) for leg in mission.legs] for mission in plan.missions],
     }
     for entries, speeds in zip(content["tractors"], point_speeds or (), strict=False):
@@ -72,6 +88,17 @@ def format_plan(
     if ground:
         content["ground"] = dict(ground)
     return json.dumps(content, indent=indent, allow_nan=False)
+
+
+def _convert_notes(notes: PlanNotes) -> dict[str, Any]:
+    """Notes as they are in a file: what is known, with tractors counted from 1."""
+    known = {one.name: getattr(notes, one.name) for one in fields(notes) if getattr(notes, one.name) != one.default}
+    entries = {**known.pop("others", {}), **known}
+    stops = entries.pop("stops", None)
+    if stops is not None:
+        values = [{key: value for key, value in asdict(stop).items() if value is not None} for stop in stops]
+        entries[STOPS_KEY] = [value | {"tractor": value["tractor"] + 1} for value in values]
+    return entries | ({"apart": [number + 1 for number in notes.apart]} if notes.apart else {})
 
 
 def _convert_leg(leg: Leg) -> dict[str, Any]:
@@ -126,7 +153,9 @@ def _build_saved_plan(data: Any) -> SavedPlan:
     _check_version(_get_checked_entry({"plan": data}, "plan", dict, "The text").get(VERSION_KEY))
     crs = _get_checked_entry(data, "crs", str, WHOLE_PLAN, optional=True)
     scenario = _get_checked_entry(data, "scenario", dict, WHOLE_PLAN)
-    notes = _get_checked_entry(data, "notes", dict, WHOLE_PLAN)
+    notes = dict(_get_checked_entry(data, "notes", dict, WHOLE_PLAN))
+    stated = _get_checked_entry({STATED_KEY: {}} | notes, STATED_KEY, dict, NOTES)
+    notes.pop(STATED_KEY, None)
     ground = _get_checked_entry({"ground": {}} | data, "ground", dict, WHOLE_PLAN)
     origin_m = _get_checked_entry(data, "origin_m", list, WHOLE_PLAN)
     if len(origin_m) != 2 or not all(type(metres) in (int, float) and abs(metres) <= FARTHEST_M for metres in origin_m):
@@ -141,7 +170,41 @@ def _build_saved_plan(data: Any) -> SavedPlan:
     origin = (float(origin_m[0]), float(origin_m[1]))
     if not any("is_piece" in leg["task"] for legs in data["tractors"] for leg in legs):
         missions = _mark_pieces(missions)
-    return SavedPlan(Plan(tuple(missions), dict(notes)), crs, origin, scenario, ground)
+    return SavedPlan(Plan(tuple(missions), _build_notes(notes)), crs, origin, scenario, ground, stated)
+
+
+def _build_notes(entries: dict[str, Any]) -> PlanNotes:
+    """The notes of a file without what was stated; an entry that is null or not there is unknown."""
+    rest = {key: value for key, value in entries.items() if value is not None}
+
+    def take(key: str, kind: type, default: Any) -> Any:
+        value = _get_checked_entry({key: default} | rest, key, kind, NOTES, optional=default is None)
+        rest.pop(key, None)
+        return value
+
+    stops = take(STOPS_KEY, list, None)
+    apart = take("apart", list, [])
+    if not all(type(number) is int for number in apart):
+        raise MissionError(f"{NOTES}: apart is {_shorten(apart)}, not a list of numbers of tractors.")
+    return PlanNotes(
+        strategy=take("strategy", str, ""),
+        headland=take("headland", str, ""),
+        tractors=take("tractors", int, None),
+        stops=None if stops is None else tuple(_build_stop(stop, f"{NOTES}, stop {k}") for k, stop in enumerate(stops)),
+        collects=take("collects", bool, False),
+        service=take("service", str, REFILL),
+        formation_pct=take("formation_pct", float, None),
+        apart=tuple(number - 1 for number in apart),
+        loosened=take("loosened", int, 0),
+        others=rest,
+    )
+
+
+def _build_stop(entry: Any, where: str) -> NotedStop:
+    metres = (_get_checked_entry(entry, key, float, where) for key in ("amount", "x_m", "y_m"))
+    number, leg = (_get_checked_entry(entry, key, int, where) for key in ("tractor", "leg"))
+    degrees = (_get_checked_entry({key: None} | entry, key, float, where, optional=True) for key in ("lon", "lat"))
+    return NotedStop(number - 1, leg, *metres, *degrees)
 
 
 def _mark_pieces(missions: Sequence[Mission]) -> list[Mission]:

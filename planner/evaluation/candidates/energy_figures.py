@@ -70,13 +70,13 @@ def find_flat_battery(context: PlanningContext, run: SimulationRun) -> str | Non
     assert isinstance(drive, ElectricDrive)
     energy = compute_run_energy(run, context.tractor, load, context.physics.terrain, source=drive)
     is_charged = isinstance(context.supply, BatterySupply)
-    entries = run.plan.notes.get("refills", ()) if is_charged else ()
+    stops = run.plan.notes.stops or () if is_charged else ()
     stands = context.going_on.stands if is_charged and context.going_on is not None else ()
     for number, (mission, own) in enumerate(zip(run.plan.missions, energy.tractors, strict=True)):
         is_stop = np.array([leg.stand_s > 0.0 for leg in mission.legs])
         amounts = np.zeros(len(mission.legs))
-        if entries:
-            amounts[is_stop] = [entry["amount"] for entry in entries if entry["tractor"] == number + 1]
+        if stops:
+            amounts[is_stop] = [stop.amount for stop in stops if stop.tractor == number]
         before_kwh = stands[number].used if number < len(stands) else 0.0
         used_kwh = own.consumption - np.where(is_stop, own.idle, 0.0)
         lowest_kwh = compute_lowest_level_kwh(used_kwh, amounts, drive, before_kwh)
@@ -112,7 +112,7 @@ def _describe_flat_battery(context: PlanningContext, tractor: int, drive: Electr
 
 def list_service_figures(context: PlanningContext, run: SimulationRun) -> dict[str, Any]:
     """Stops to fill tanks and to charge or change batteries, and their time, by their names in PlanResult."""
-    stops, seconds = len(run.plan.notes.get("refills", ())), float(run.standing_s.sum())
+    stops, seconds = len(run.plan.notes.stops or ()), float(run.standing_s.sum())
     if isinstance(context.supply, BatterySupply):
         return {"charges": stops, "charging_s": seconds}
     figures: dict[str, Any] = {} if context.supply is None else {"refills": stops, "refilling_s": seconds}

@@ -187,9 +187,7 @@ def _run_unless_pruned(
 
     def drive(composed: ComposedPlan) -> tuple[CandidateRun, float]:
         driven = _check_run(context, driver.drive(composed))
-        dropped = driven.run.plan.notes.get(
-            "loosened", 0
-        )  # gates that the operation asks for: each as dear as the plan
+        dropped = driven.run.plan.notes.loosened  # gates that the operation asks for: each as dear as the plan
         return driven, math.inf if driven.reason else (1 + dropped) * driven.run.duration_s
 
     def find_loss_s(tractor_s: Sequence[float]) -> float | None:
@@ -278,7 +276,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     if slow_m > MIN_SLOW_M:
         slow = f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all"
         remarks.append(Remark(Stake.WORK, slow))
-    if loosened_count := run.plan.notes.get("loosened"):
+    if loosened_count := run.plan.notes.loosened:
         places = "one place" if loosened_count == 1 else f"{loosened_count} places"
         changed = f"in {places} the order of tractors was changed to avoid a deadlock"
         remarks.append(Remark(Stake.NOTHING, changed))

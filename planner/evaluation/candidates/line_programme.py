@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 
@@ -45,7 +44,7 @@ from strategies.service_stops.programme_stops import build_stop_moves, estimate_
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.site.site import MISSED_FACTOR
 from strategies.strategy_record import Strategy
-from vehicle.missions.plan import REFILL, SWATH, Plan
+from vehicle.missions.plan import REFILL, SWATH, Plan, PlanNotes
 from vehicle.sim.path_conflicts import ClearanceCheck
 
 SURE_SHARE = 0.998  # of what lines and moves take: a drive of all was quicker by 0.1 % at most
@@ -141,7 +140,7 @@ def sketch_plans(context: PlanningContext, strategy: Strategy, tractors: int) ->
         except StrategyError as refusal:
             refusals.append(refusal)
             continue
-        notes = {"tractors": tractors, "strategy": strategy.name, "headland": order or None}
+        notes = PlanNotes(strategy.name, order, tractors)
         sketches.append(_add_notes(context, one, notes))
     if not sketches:
         raise refusals[0]
@@ -153,7 +152,7 @@ def sort_sketches(sketches: Sequence[SketchedPlan]) -> list[SketchedPlan]:
     return sorted(sketches, key=lambda one: round(weigh_order_s(one.order, max(one.tractor_s)), 3))
 
 
-def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, Any]) -> SketchedPlan:
+def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: PlanNotes) -> SketchedPlan:
     """A sketch whose plan has notes, and those of other shares likewise."""
     others = sketch.sketch_others
     return replace(
@@ -163,9 +162,7 @@ def _add_notes(context: PlanningContext, sketch: SketchedPlan, notes: dict[str, 
     )
 
 
-def _compose_sketch(
-    context: PlanningContext, compose: Callable[[], ComposedPlan], notes: dict[str, Any]
-) -> ComposedPlan:
+def _compose_sketch(context: PlanningContext, compose: Callable[[], ComposedPlan], notes: PlanNotes) -> ComposedPlan:
     """A composed plan with its notes, in which every tractor has work, or where some may rest any."""
     context.time_share.check()
     one = compose()
@@ -182,7 +179,7 @@ def _compose_sketch(
         )
     if not may_rest and not (programme.tours and all(programme.tours)):
         raise StrategyError(
-            f"There is no work for tractor {notes['tractors']} that is worth the drive; use fewer tractors or a "
+            f"There is no work for tractor {notes.tractors} that is worth the drive; use fewer tractors or a "
             "narrower implement."
         )
     anew = one.compose_anew
@@ -396,10 +393,11 @@ def _settle_wishes(context: PlanningContext, tractors: int) -> LineWishes:
     return wishes
 
 
-def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: dict[str, Any]) -> Plan:
+def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: PlanNotes) -> Plan:
     """A plan with its notes; tractors wait for one another between headland and swaths where its operation asks."""
     plan, table = composed.plan, composed.programme.table
-    plan = replace(plan, notes={**notes, **plan.notes, "tractors": notes["tractors"]})
+    strategy, headland, tractors = notes.strategy, notes.headland, notes.tractors
+    plan = replace(plan, notes=replace(plan.notes, strategy=strategy, headland=headland, tractors=tractors))
     is_kept = composed.order != HEADLAND_FIRST
     if not (table.site.keeps_ground if is_kept else table.site.crop_stands):
         return plan

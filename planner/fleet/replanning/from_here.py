@@ -25,7 +25,7 @@ from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import is_passed
 from strategies.rules.legs import MIN_LEG_M
-from strategies.service_stops.service_gates import add_service_gates, build_stop_notes, list_stops
+from strategies.service_stops.service_gates import add_service_gates, list_stops, note_stops
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 
@@ -103,7 +103,7 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
         for k in range(remaining.count_base_legs(number)):
             rows[k] = replace(rows[k], may_wait=False)
         missions_from_here.append(Mission(tuple(renumber_leg_gates(leg, remaining, -1) for leg in rows)))
-    return Plan(tuple(missions_from_here), {"strategy": "rest"})
+    return Plan(tuple(missions_from_here))
 
 
 def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg, ...]) -> Leg:
@@ -146,9 +146,7 @@ def build_whole_plan(
     stops = (
         [] if context.supply is None else [list_stops(each.legs, context.supply, width_m) for each in whole_missions]
     )
-    notes = {**plan.plan.notes, "replanned": True}
-    if context.supply is not None:
-        notes |= build_stop_notes(stops, context.supply)
+    notes = plan.plan.notes if context.supply is None else note_stops(plan.plan.notes, stops, context.supply)
     saved = replace(plan.saved, plan=Plan(tuple(whole_missions), notes))
     finish = tuple(remaining.elapsed_s + float(seconds) for seconds in run.finish_s)
     return replace(

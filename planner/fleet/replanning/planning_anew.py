@@ -388,6 +388,6 @@ def _describe_open_work(near: str, unreachable_m: float, blocked_m: float) -> li
 
 def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> list[str]:
     """A remark if tractors carry something and the plan does not say how much; none otherwise."""
-    if supply is not None or "refills" not in plan.plan.notes:
+    if supply is not None or plan.plan.notes.stops is None:
         return []
     return ["The plan has no service stops, so the size of a load is unknown: check the tanks."]

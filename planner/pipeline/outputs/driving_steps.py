@@ -192,11 +192,10 @@ def _name_stand(step: DriverLeg, run: SimulationRun, tractor: int, segment: Reco
     if run.find_folding_rows(tractor)[segment.first_row]:
         leg = run.plan.missions[tractor].legs[run.get_leg_numbers(tractor)[segment.first_row]]
         return replace(step, kind=FOLD if leg.folded else UNFOLD)
-    notes, place = run.plan.notes, (tractor + 1, int(run.get_leg_numbers(tractor)[segment.first_row]))
-    entries = (one for one in notes.get("refills", ()) if (one["tractor"], one["leg"]) == place)
-    sign = -1.0 if notes.get("collects") else 1.0  # what is taken out is negative; None if the plan does not say
-    amount = next((sign * float(one["amount"]) for one in entries), None)
-    return replace(step, kind=notes.get("service", REFILL), amount=amount)
+    notes, place = run.plan.notes, (tractor, int(run.get_leg_numbers(tractor)[segment.first_row]))
+    sign = -1.0 if notes.collects else 1.0  # what is taken out is negative; None if the plan does not say
+    amounts = (sign * stop.amount for stop in notes.stops or () if (stop.tractor, stop.leg) == place)
+    return replace(step, kind=notes.service, amount=next(amounts, None))
 
 
 def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: RecordSegment) -> tuple[int, ...]:

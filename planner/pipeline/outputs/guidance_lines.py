@@ -165,7 +165,7 @@ def _classify_omitted_leg(leg: Leg, plan: Plan) -> str:
         return "ways in and out"
     if leg.task.kind != REFILL:
         return "turns"
-    return "stops to unload" if plan.notes.get("collects") else "stops to refill"
+    return "stops to unload" if plan.notes.collects else "stops to refill"
 
 
 def _read_field_ground(

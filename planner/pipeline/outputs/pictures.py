@@ -39,7 +39,7 @@ from strategies.lines.lay_lines import LEFTOVER
 from strategies.lines.line_wishes import name_line
 from strategies.lines.work_line import WorkLine
 from strategies.moves.move_finder import MoveFinder
-from vehicle.missions.plan import HEADLAND_PASS, REFILL, SWATH
+from vehicle.missions.plan import HEADLAND_PASS, SWATH
 from vehicle.missions.run import SimulationRun
 
 USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
@@ -138,7 +138,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         has_delays=result.p50_s is not None,
         headland_order=result.headland_order,
         start=context.request.format_clock_after(0.0) or None,
-        service="unload" if run.plan.notes.get("collects") else run.plan.notes.get("service", REFILL),
+        service="unload" if run.plan.notes.collects else run.plan.notes.service,
     )
 
 

@@ -55,12 +55,25 @@ LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sec
 """Parameters that plans without them do not name, so that an older Headland can read those."""
 LATER_IMPLEMENT = ("transport_width_m", "fold_s")
 """Values of an implement that are left out where they are usual, for the same reason."""
-STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
-WORKDAY_KEY = "workday"  # among these: what precedes field work, breaks and shift
+WORKDAY_KEY = "workday"  # in what a saved plan states: what precedes field work, breaks and shift
 MOST_BREAKS = 1000  # of a saved day
 PHYSICS_KEY = "physics"  # in the scenario of a plan whose heights or load its request does not tell
 MAX_SAVED_NODES = 4_000_000
 _UNIT = 10**SAVED_DECIMALS
+
+
+@dataclass(frozen=True)
+class StatedFigures:
+    """What the ranking of a plan stated when it was saved: `end_s` and `late_end_s` in half and in 95 % of the samples.
+
+    `begin_s` and the ends of field work are seconds by the clock from the start; what is not known is None.
+    """
+
+    end_s: float
+    begin_s: float = 0.0
+    late_end_s: float | None = None
+    cost: float | None = None
+    currency: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,7 +279,6 @@ def read_bare_tractor(saved: SavedPlan, request: PlanRequest) -> Tractor:
 def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking | None = None) -> str:
     """A plan as JSON: legs and gates with the request and the machines they are for, and what its ranking states."""
     field = context.layout.field
-    plan = replace(plan, notes={**plan.notes, **_export_stated_figures(plan, context.workday, ranking)})
     physics = export_physics(context.physics, context.request, context.tractor)
     request_values = _export_request(context.request) | export_machines(context) | physics
     text = format_plan(
@@ -275,6 +287,7 @@ def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking 
         origin_m=field.origin_m,
         scenario=request_values,
         ground=_export_ground(context),
+        stated=_export_stated_figures(plan, context.workday, ranking),
         point_speeds=compute_point_speeds(plan, context.tractor),
     )
     return text + "\n"
@@ -286,25 +299,13 @@ def _export_request(request: PlanRequest) -> dict[str, Any]:
     return {name: value for name, value in asdict(request).items() if name not in defaults or value != defaults[name]}
 
 
-def read_stated_figures(saved: SavedPlan) -> dict[str, Any] | None:
-    """What the ranking of a saved plan stated; None where nothing readable was saved.
-
-    That are begin and end of field work (`begin_s`, `end_s` and `late_end_s`: by the clock, the end in half and in 95 %
-    of the samples), `cost` and `currency`; None where one is not known.
-    """
-    stated = saved.plan.notes.get(STATED_KEY)
-    if not isinstance(stated, dict) or not isinstance(stated.get("end_s"), int | float):
-        return None
-    figures = {
-        key: stated[key] if isinstance(stated.get(key), int | float) else None
-        for key in ("begin_s", "end_s", "late_end_s", "cost")
+def read_stated_figures(saved: SavedPlan) -> StatedFigures | None:
+    """What the ranking of a saved plan stated; None where nothing readable was saved."""
+    kinds: dict[str, Any] = {one.name: str if one.name == "currency" else int | float for one in fields(StatedFigures)}
+    values: dict[str, Any] = {
+        key: value for key, value in saved.stated.items() if key in kinds and isinstance(value, kinds[key])
     }
-    currency = stated.get("currency")
-    return {
-        **figures,
-        "begin_s": figures["begin_s"] or 0.0,
-        "currency": currency if isinstance(currency, str) else None,
-    }
+    return StatedFigures(**values) if "end_s" in values else None
 
 
 def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
@@ -313,9 +314,9 @@ def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
     Raises RequestError where it is garbled.
     """
     stated = read_stated_figures(saved)
-    values = None if stated is None else saved.plan.notes[STATED_KEY].get(WORKDAY_KEY)
-    if values is None:
-        return Workday(duties_before=() if stated is None else (Duty(ROAD, stated["begin_s"]),))
+    values = saved.stated.get(WORKDAY_KEY)
+    if stated is None or values is None:
+        return Workday(duties_before=() if stated is None else (Duty(ROAD, stated.begin_s),))
     try:
         breaks_s = tuple((int(first), int(last)) for first, last in values["breaks_s"])
         begin_s, end_s = (None if at is None else int(at) for at in values["shift_s"])
@@ -329,7 +330,7 @@ def read_workday(saved: SavedPlan, request: PlanRequest) -> Workday:
 
 def _export_stated_figures(plan: Plan, workday: Workday | None, ranking: PlanRanking | None) -> dict[str, Any]:
     """Time (s) and cost of a plan as every report states them, and its working day; empty without its ranking."""
-    key = plan.notes.get("strategy"), plan.notes.get("tractors", plan.tractors)
+    key = plan.notes.strategy, plan.notes.tractors or plan.tractors
     results = [] if ranking is None else ranking.plans
     result = next((each for each in results if each.feasible and (each.strategy, each.tractors) == key), None)
     if result is None or ranking is None:
@@ -338,14 +339,8 @@ def _export_stated_figures(plan: Plan, workday: Workday | None, ranking: PlanRan
     if workday is not None:
         duties = {"before_s": workday.before_field_s, "breaks_s": workday.breaks_s, "shift_s": workday.shift_s}
         day = {WORKDAY_KEY: duties}
-    stated = {
-        "begin_s": result.ready_s or 0.0,
-        "end_s": result.stated_end_s,
-        "late_end_s": result.stated_late_end_s,
-        "cost": result.stated_cost,
-        "currency": ranking.currency,
-    }
-    return {STATED_KEY: {**day, **stated}}
+    end_s, late_end_s = result.stated_end_s, result.stated_late_end_s
+    return day | asdict(StatedFigures(end_s, result.ready_s or 0.0, late_end_s, result.stated_cost, ranking.currency))
 
 
 def _export_ground(context: PlanningContext) -> dict[str, Any]:
