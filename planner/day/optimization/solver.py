@@ -1,17 +1,14 @@
-"""The best day and its gap: large neighbourhood search, and proofs by constraint model, set partitioning or bounds.
+"""The best day and its gap: large neighbourhood search, and a proof by set partitioning or by bounds.
 
 The search removes fields from a day and inserts them again better (Shaw 1998; Ropke and Pisinger 2006).
 
-The constraint model of a day with few fields (OR-Tools CP-SAT) has a circuit per fleet, windows, and losses by rain,
-with the costs of planner.day.optimization.problem in integer units of money.
+Then all routes that may be part of a better day are enumerated. Routes grow field by field. Of two routes with the same
+fields and the same last field, one that is neither earlier nor cheaper is dropped, as is one that cannot be part of a
+cheaper day even with all other fields at their least cost. The rest is chosen from by integer programming (SCIP of
+OR-Tools): at most one route per fleet, every field once or skipped.
 
-Of more fields, all routes that may be part of a better day are enumerated. Routes grow field by field. Of two routes
-with the same fields and the same last field, one that is neither earlier nor cheaper is dropped, as is one that cannot
-be part of a cheaper day even with all other fields at their least cost. The rest is chosen from by integer programming
-(HiGHS): at most one route per fleet, every field once or skipped.
-
-Effort is counted in priced routes, in routes and nodes, or in the deterministic time of the constraint solver with one
-worker and a fixed seed, never by the clock, so that the same input gives the same day.
+Effort is counted in priced routes, or in routes and nodes, never by the clock, so that the same input gives the same
+day.
 """
 
 from __future__ import annotations
@@ -27,7 +24,6 @@ import numpy as np
 from planner.day.optimization.lagrangian_bound import compute_lower_bound
 from planner.day.optimization.problem import (
     COST_TOLERANCE,
-    HASTE_COST_PER_S,
     DayProblem,
     DayProof,
     Route,
@@ -46,18 +42,12 @@ class SearchRules:
 
     # the search
     effort: int = 1_600_000  # priced routes, most of them cached: a second or two
-    exact_effort: int = 20_000  # priced routes before the constraint model
     min_iterations: int = 30
     max_iterations: int = 3000
     min_removed: int = 2  # fields removed at a time
     removed_share: float = 0.4
     max_removed: int = 12
     worsening_share: float = 0.01  # of the cost: accepted worsening in the beginning
-    # the constraint model
-    exact_fields: int = 8  # up to this number of fields it is used
-    exact_effort_s: float = 3.0  # its deterministic seconds
-    max_total_units: int = 10**14  # for all costs of a day
-    max_units_per_money: int = 10**8
     # set partitioning
     max_routes: int = 40_000
     max_nodes: int = 200
@@ -67,165 +57,6 @@ class SearchRules:
 
 
 RULES = SearchRules()
-
-
-@dataclass(eq=False)
-class _ConstraintModel:
-    """Variables: `arcs[k, a, b]`, `assigned[k, f]`, `skipped[f]`, `start[f]`, and the terms of the cost."""
-
-    problem: DayProblem
-    units_per_money: float
-    cp: Any
-    arcs: dict[tuple[int, int, int], Any] = dataclasses.field(default_factory=dict)
-    assigned: dict[tuple[int, int], Any] = dataclasses.field(default_factory=dict)
-    skipped: list[Any] = dataclasses.field(default_factory=list)
-    start: list[Any] = dataclasses.field(default_factory=list)
-    price: list[Any] = dataclasses.field(default_factory=list)
-
-    def convert_to_integer_money(self, value: float) -> int:
-        """An amount of money in integer units."""
-        return round(value * self.units_per_money)
-
-
-def solve_exactly(problem: DayProblem, hint: Routes, effort_s: float) -> DayProof:
-    """The best day within an effort (deterministic seconds), starting from known routes."""
-    from ortools.sat.python import cp_model
-
-    model = _ConstraintModel(problem, _choose_units(problem), cp_model.CpModel())
-    _add_field_variables(model)
-    for fleet in range(problem.fleet_count):
-        _add_fleet_circuit(model, fleet)
-    model.cp.minimize(sum(model.price))
-    _add_route_hints(model, hint)
-    solver = cp_model.CpSolver()
-    solver.parameters.num_workers = 1
-    solver.parameters.random_seed = 1
-    solver.parameters.catch_sigint_signal = False  # otherwise Ctrl-C would only end the search
-    solver.parameters.max_deterministic_time = effort_s
-    status = solver.solve(model.cp)
-    if status not in (cp_model.OPTIMAL, cp_model.FEASIBLE):
-        return DayProof(None, 0.0)
-    return DayProof(_extract_routes(model, solver), solver.best_objective_bound / model.units_per_money)
-
-
-def _choose_units(problem: DayProblem) -> float:
-    """Units per money, as many as integers allow."""
-    travel_cost = sum(max(max(row) for row in prices) for prices in problem.travel_cost) * (problem.field_count + 1)
-    work_cost = sum(max(row, default=0.0) for row in problem.work_cost) * problem.field_count
-    return min(
-        RULES.max_units_per_money,
-        RULES.max_total_units / max(sum(problem.skip_cost) + sum(problem.value_at_risk) + travel_cost + work_cost, 1.0),
-    )
-
-
-def _add_field_variables(model: _ConstraintModel) -> None:
-    """Start and skip cost of every field. A skipped field starts with the day."""
-    problem, cp = model.problem, model.cp
-    for number in range(problem.field_count):
-        model.skipped.append(cp.new_bool_var(""))
-        model.start.append(cp.new_int_var(problem.begin_s, max(problem.home_by_s, problem.begin_s), ""))
-        for fleet in range(problem.fleet_count):
-            model.assigned[fleet, number] = cp.new_bool_var("")
-        assignments = [model.assigned[fleet, number] for fleet in range(problem.fleet_count)]
-        cp.add_exactly_one([model.skipped[number], *assignments])
-        cp.add(model.start[number] == problem.begin_s).only_enforce_if(model.skipped[number])
-        model.price.append(model.convert_to_integer_money(problem.skip_cost[number]) * model.skipped[number])
-        model.price.append(model.convert_to_integer_money(HASTE_COST_PER_S) * (model.start[number] - problem.begin_s))
-        _add_window_constraints(model, number)
-
-
-def _add_window_constraints(model: _ConstraintModel, number: int) -> None:
-    """Work is done within one of the windows."""
-    problem, cp = model.problem, model.cp
-    window_choices = [cp.new_bool_var("") for _ in problem.windows[number]]
-    cp.add_exactly_one([model.skipped[number], *window_choices])
-    for (opens, closes), is_chosen in zip(problem.windows[number], window_choices, strict=True):
-        cp.add(model.start[number] >= opens).only_enforce_if(is_chosen)
-        for fleet in range(problem.fleet_count):
-            work = problem.work_s[fleet][number]
-            if work is not None:
-                conditions = [is_chosen, model.assigned[fleet, number]]
-                cp.add(model.start[number] + work <= closes).only_enforce_if(conditions)
-
-
-def _add_fleet_circuit(model: _ConstraintModel, fleet: int) -> None:
-    """The circuit of a fleet and its times; skipped nodes are loops."""
-    problem, cp, depot = model.problem, model.cp, model.problem.field_count
-    stays = cp.new_bool_var("")
-    loops = [(depot, depot, stays)]
-    for number in range(problem.field_count):
-        is_assigned = model.assigned[fleet, number]
-        loops.append((number, number, is_assigned.negated()))
-        if problem.work_s[fleet][number] is None:
-            cp.add(is_assigned == 0)
-            continue
-        cp.add_implication(is_assigned, stays.negated())
-        _add_job_costs(model, fleet, number)
-    workable_fields = [number for number in range(problem.field_count) if problem.work_s[fleet][number] is not None]
-    for start in (*workable_fields, depot):
-        for end in (*workable_fields, depot):
-            if start != end:
-                model.arcs[fleet, start, end] = cp.new_bool_var("")
-                _add_travel_constraint(model, fleet, start, end)
-    cp.add_circuit([*loops, *((start, end, arc) for (k, start, end), arc in model.arcs.items() if k == fleet)])
-
-
-def _add_travel_constraint(model: _ConstraintModel, fleet: int, start: int, end: int) -> None:
-    """Travel from one place to the next: cost and earliest start there."""
-    problem, cp, depot = model.problem, model.cp, model.problem.field_count
-    arc, travel_s = model.arcs[fleet, start, end], problem.travel_s[fleet][start][end]
-    model.price.append(model.convert_to_integer_money(problem.travel_cost[fleet][start][end]) * arc)
-    leaves = problem.begin_s if start == depot else model.start[start] + (problem.work_s[fleet][start] or 0)
-    arrives = problem.home_by_s if end == depot else model.start[end]
-    cp.add(leaves + travel_s <= arrives).only_enforce_if(arc)
-
-
-def _add_job_costs(model: _ConstraintModel, fleet: int, number: int) -> None:
-    """The cost of a field with this fleet: work, haste, and the loss for every onset of rain.
-
-    The lost work is all of it or the part after the onset, whichever is less.
-    """
-    problem, cp = model.problem, model.cp
-    work_s, is_assigned, start = problem.work_s[fleet][number] or 1, model.assigned[fleet, number], model.start[number]
-    model.price.append(
-        model.convert_to_integer_money(problem.work_cost[fleet][number] + HASTE_COST_PER_S * work_s) * is_assigned
-    )
-    for onset_s, share in problem.rain.onsets:
-        rate = model.convert_to_integer_money(problem.value_at_risk[number] * share / work_s)
-        last_close_s = max(closes for _, closes in problem.windows[number]) if problem.windows[number] else 0
-        if not rate or last_close_s <= onset_s:
-            continue
-        undone, lost = cp.new_int_var(0, work_s, ""), cp.new_bool_var("")
-        cp.add(undone == work_s).only_enforce_if([is_assigned, lost])
-        cp.add(undone >= start + (work_s - onset_s)).only_enforce_if([is_assigned, lost.negated()])
-        model.price.append(rate * undone)
-
-
-def _add_route_hints(model: _ConstraintModel, hint: Routes) -> None:
-    problem = model.problem
-    hinted_arcs = {
-        (fleet, a, b)
-        for fleet, route in enumerate(hint)
-        for a, b in zip((problem.field_count, *route), (*route, problem.field_count), strict=True)
-        if route
-    }
-    for arc, variable in model.arcs.items():
-        model.cp.add_hint(variable, arc in hinted_arcs)
-    for fleet, route in enumerate(hint):
-        for number, start in zip(route, problem.schedule_starts(fleet, route) or (), strict=False):
-            model.cp.add_hint(model.start[number], start)
-
-
-def _extract_routes(model: _ConstraintModel, solver: Any) -> Routes:
-    routes = []
-    for fleet in range(model.problem.fleet_count):
-        successors = {a: b for (k, a, b), arc in model.arcs.items() if k == fleet and solver.boolean_value(arc)}
-        route, node = [], successors.get(model.problem.field_count, model.problem.field_count)
-        while node != model.problem.field_count:
-            route.append(node)
-            node = successors[node]
-        routes.append(tuple(route))
-    return tuple(routes)
 
 
 @dataclass(order=True, frozen=True)
@@ -324,39 +155,37 @@ def _add_undominated(labels: list[_PartialRoute], candidate: _PartialRoute) -> N
 
 
 def _solve_set_partition(problem: DayProblem, tables: Sequence[dict[int, tuple[float, Route]]]) -> DayProof | None:
-    """The best choice of routes: a column for skipping each field, then one per fleet and route."""
-    from scipy.optimize import Bounds, LinearConstraint, milp
-    from scipy.sparse import csc_matrix
+    """The best choice of routes: every field skipped or on one of them, and one per fleet at most."""
+    from ortools.linear_solver import pywraplp
 
     columns = [(fleet, *cost_and_route) for fleet, table in enumerate(tables) for cost_and_route in table.values()]
     if len(columns) > RULES.max_routes:
         return None
-    count = problem.field_count
-    covered = [(number, number) for number in range(count)]
-    for column, (fleet, _, route) in enumerate(columns, start=count):
-        covered += [(number, column) for number in (*route, count + fleet)]
-    rows, column_indexes = np.array(covered).T
-    shape = count + problem.fleet_count, count + len(columns)
-    uses = csc_matrix((np.ones(len(rows)), (rows, column_indexes)), shape=shape)
-    least = np.concatenate((np.ones(count), np.zeros(problem.fleet_count)))
-    prices = np.array([*problem.skip_cost, *(cost for _, cost, _ in columns)])
-    solution = milp(
-        prices,
-        constraints=LinearConstraint(uses, least, np.ones(len(least))),
-        integrality=np.ones(len(prices)),
-        bounds=Bounds(0.0, 1.0),
-        options={"node_limit": RULES.max_nodes, "mip_rel_gap": 0.0},
-    )
-    lower_bound = solution.mip_dual_bound
-    if lower_bound is None or not math.isfinite(lower_bound):
+    solver = pywraplp.Solver.CreateSolver("SCIP")
+    covers_field = [solver.Constraint(1.0, 1.0) for _ in range(problem.field_count)]
+    has_fleet = [solver.Constraint(0.0, 1.0) for _ in tables]
+    objective = solver.Objective()
+    objective.SetMinimization()
+    for number, cost in enumerate(problem.skip_cost):
+        is_skipped = solver.BoolVar("")
+        objective.SetCoefficient(is_skipped, cost)
+        covers_field[number].SetCoefficient(is_skipped, 1.0)
+    is_driven = [solver.BoolVar("") for _ in columns]
+    for variable, (fleet, cost, route) in zip(is_driven, columns, strict=True):
+        objective.SetCoefficient(variable, cost)
+        for constraint in (has_fleet[fleet], *(covers_field[number] for number in route)):
+            constraint.SetCoefficient(variable, 1.0)
+    # Ctrl-C would otherwise only end the search
+    solver.SetSolverSpecificParametersAsString(f"limits/nodes = {RULES.max_nodes}\nmisc/catchctrlc = FALSE")
+    exact = pywraplp.MPSolverParameters()
+    exact.SetDoubleParam(exact.RELATIVE_MIP_GAP, 0.0)
+    if solver.Solve(exact) not in (solver.OPTIMAL, solver.FEASIBLE):
         return None
-    if solution.x is None:
-        return DayProof(None, float(lower_bound))
     routes: list[Route] = [()] * problem.fleet_count
-    for column in np.flatnonzero(solution.x[count:] > 0.5).tolist():
-        fleet, _, route = columns[column]
-        routes[fleet] = route
-    return DayProof(tuple(routes), float(lower_bound))
+    for variable, (fleet, _, route) in zip(is_driven, columns, strict=True):
+        if variable.solution_value() > 0.5:
+            routes[fleet] = route
+    return DayProof(tuple(routes), objective.BestBound())
 
 
 def search_routes(problem: DayProblem, *, seed: int = 1, effort: int = RULES.effort) -> Routes:
@@ -416,19 +245,15 @@ class DaySolution:
     gap_pct: float
 
 
-def solve_day(problem: DayProblem, *, seed: int = 1, exact_fields: int = RULES.exact_fields) -> DaySolution:
+def solve_day(problem: DayProblem, *, seed: int = 1) -> DaySolution:
     """The best day found; the same for the same problem and seed.
 
-    For few fields the constraint model is solved. If it leaves a gap, and for many fields, routes are enumerated; with
-    too many routes the Lagrangian bound gives the gap.
+    Routes are enumerated; with too many of them the Lagrangian bound gives the gap.
     """
-    is_few = problem.field_count <= exact_fields
-    routes = search_routes(problem, seed=seed, effort=RULES.exact_effort if is_few else RULES.effort)
+    routes = search_routes(problem, seed=seed)
     least_costs = compute_least_costs(problem)
     cost = _compute_cost_or_inf(problem, routes)
     solution = DaySolution(routes, cost, _compute_optimality_gap_pct(cost, sum(least_costs)))
-    if is_few and solution.gap_pct > 0.0:
-        solution = _improve_solution(problem, solution, solve_exactly(problem, solution.routes, RULES.exact_effort_s))
     if solution.gap_pct > 0.0 and (proof := choose_routes(problem, solution.cost, least_costs)) is not None:
         solution = _improve_solution(problem, solution, proof)
     if solution.gap_pct > 0.0:
