@@ -91,6 +91,11 @@ class FieldReference:
         """Its name in messages."""
         return SHAPE_NAME if self.is_shape else Path(self.place).stem or Path(self.place).resolve().name
 
+    def check_exists(self) -> None:
+        """Raise FieldError for what is neither a sample, a shape nor a file or folder."""
+        if not (self.is_sample or self.is_shape or os.path.exists(self.place)) and self.place:
+            raise FieldError(_explain_missing_file(self.place))
+
     def read_document(self) -> FieldDocument:
         """Its content, unchecked.
 
@@ -103,8 +108,7 @@ class FieldReference:
         if self.is_shape:  # only files are in degrees where they do not say so
             shape = geojson.parse_geojson(self.place, label)
             return replace(shape, crs=shape.crs or (None if shape.frame else UNKNOWN_CRS), is_shape=True)
-        if not os.path.exists(self.place) and self.place:
-            raise FieldError(_explain_missing_file(self.place))
+        self.check_exists()
         if os.path.isfile(self.place) and not os.path.getsize(self.place):
             raise FieldError(f"{quote_path(self.place)} is empty; save it again, or name another file.")
         field_format = find_field_format(self.place)

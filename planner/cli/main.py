@@ -9,6 +9,7 @@ or a tractor file that is not worth saving, 4 a worker of another version than t
 from __future__ import annotations
 
 import contextlib
+import difflib
 import errno
 import io
 import os
@@ -245,6 +246,9 @@ def _describe_misuse(error: Any) -> str:
 
     sentence = _NOT_A_NUMBER.sub(name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
     sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
+    if several := re.fullmatch(r"(No such option: (\S+)) \(Possible options: (.+)\)", sentence):
+        (nearest,) = difflib.get_close_matches(several[2], several[3].split(", "), n=1, cutoff=0.0)
+        sentence = f"{several[1]} (did you mean {nearest}?)"
     command = getattr(getattr(error, "ctx", None), "command_path", None) or "headland"
     return f"{sentence}; {command} --help lists the options."
 

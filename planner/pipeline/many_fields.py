@@ -212,9 +212,9 @@ def expand_field_names(
 
     ``file.geojson#*`` stands for every field of a file, ``*.geojson`` for every such file, sorted by name, if the
     shell has not expanded it. Polygons within a field, such as ponds, are no fields; `show_remarks` is called with a
-    sentence on them. Raises FieldError for a file that cannot be read, RequestError for a pattern that matches no file.
+    sentence on them. Raises FieldError for a file that is missing, or listed and cannot be read, RequestError for a
+    pattern that matches no file.
     """
-
     field_names: dict[str, None] = {}
     for file in (file for name in names for file in _iter_files(name)):
         source = parse_field_reference(file)
@@ -235,6 +235,7 @@ def _iter_files(name: str) -> Iterator[str]:
     source = parse_field_reference(name)
     place, key = source.place, "" if source.key is None else f"#{source.key}"
     if os.path.exists(place) or not glob.has_magic(place):
+        source.check_exists()
         yield name
         return
     files = sorted(glob.glob(place))

@@ -28,6 +28,7 @@ from reports.common.wording import (
     format_width,
     insert_non_breaking_spaces,
     is_us,
+    join_list,
 )
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
@@ -148,8 +149,8 @@ def describe_records(records: Sequence[ComparisonRow]) -> list[str]:
 
 
 def list_records_without_plan(records: Sequence[ComparisonRow], *, names_file: bool = True) -> list[str]:
-    """A sentence for every field at a width that has no plan, named as requested, or without its folder."""
-    sentences = []
+    """A sentence for every field that has no plan at one or more widths, named as requested, or without its folder."""
+    widths: dict[tuple[str, str], list[str]] = {}
     for record in records:
         if record.best is None:
             name = record.requested_field if names_file else PurePath(record.requested_field).name
@@ -161,22 +162,22 @@ def list_records_without_plan(records: Sequence[ComparisonRow], *, names_file: b
                     count=len(reasons),
                     reason=reasons[0],
                 )
-            sentences.append(_describe_field(name, record, reason))
-    return sentences
+            widths.setdefault((name, reason), []).append(format_width(record.way.width_m))
+    return [_describe_field(name, join_list(each), reason) for (name, reason), each in widths.items()]
 
 
 def list_shortfalls(records: Sequence[ComparisonRow]) -> list[str]:
     """A sentence for every field at a width whose best plan is no recommendation."""
     return [
-        _describe_field(record.field_name, record, sentence)
+        _describe_field(record.field_name, format_width(record.way.width_m), sentence)
         for record in records
         if record.ranking is not None
         for sentence in list_shortfall_sentences(record.ranking)
     ]
 
 
-def _describe_field(name: str, record: ComparisonRow, reason: str) -> str:
-    return translate("{field} at {width}: {reason}", field=name, width=format_width(record.way.width_m), reason=reason)
+def _describe_field(name: str, width: str, reason: str) -> str:
+    return translate("{field} at {width}: {reason}", field=name, width=width, reason=reason)
 
 
 def build_many_fields_screen(records: Sequence[ComparisonRow], *, with_next: bool = True) -> RenderableType:
@@ -186,12 +187,13 @@ def build_many_fields_screen(records: Sequence[ComparisonRow], *, with_next: boo
     if any(record.best is not None and record.best.p50_s is not None for record in records):
         legend = translate("The recommended plan of each field; times are medians, costs means of the samples.")
     notes, hidden = [legend], len(records) - MOST_ROWS
+    is_whole = not with_next or (hidden <= 0 and not any(record.best for record in records))
     if hidden > 0:
         notes.append(translate_count("{count} more row: --explain.", "{count} more rows: --explain.", hidden))
     if with_next:
         notes.append(translate("Add --explain (and why), --html fields.html (maps), --csv (every plan)."))
     return Group(
-        AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults), is_whole=not with_next),
+        AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults), is_whole=is_whole),
         Text(""),
         _build_screen_table(records[:MOST_ROWS]),
         *(format_sentence(text, style="dim") for text in notes),

@@ -372,7 +372,8 @@ def load_tractor(name_or_path: str | Path) -> Tractor:
     elif str(name_or_path) and not os.path.lexists(name_or_path):
         close = suggest_name(str(name_or_path), names)
         raise VehicleError(
-            f"The tractor {quote_path(name_or_path)} is neither a file nor one of: {', '.join(names)}{close}."
+            f"The tractor {quote_path(name_or_path)} is neither a file nor one of: {', '.join(names)}{close}; headland "
+            "tractor new writes a file of another."
         )
     else:
         text = read_text(name_or_path, "a TOML file", VehicleError)

@@ -54,7 +54,6 @@ MISUSES = (
     mark_text("No such option: {option} (did you mean {other}?)"),
     mark_text("No such command '{command}'"),
     mark_text("No such command '{command}' (did you mean '{other}'?)"),
-    mark_text("{fault} (Possible options: {options})"),
     mark_text("Missing argument '{argument}'"),
     mark_text("Missing option '{option}'"),
     mark_text("Missing command"),
