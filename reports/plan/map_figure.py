@@ -367,13 +367,20 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
     driven = {int(value) for status in drive.status for value in np.unique(status)}
     line = partial(Line2D, [], [])
     mark = partial(line, linestyle="none", markeredgecolor=ink)
+    number = partial(line, linestyle="none", markersize=6.5, markeredgewidth=0.4)
     relief = "" if drive.relief is None else drive.relief.label
     even_pass, odd_pass = palette.HEADLAND_PASS_COLOURS
     tractors = [line(color=palette.get_tractor_colour(n), linewidth=3, label=f"tractor {n + 1}") for n in range(count)]
     entries: list[tuple[object, Artist]] = [
         (count, line(color=ink, linewidth=1.8, label="working")),
         (count, line(color=ink, linewidth=0.7, label="turning")),
-        (not count, line(color=palette.SWATH_COLOUR, linewidth=1.0, label=f"swaths of {drive.width_m:g} m")),
+        (not count, line(color=palette.SWATH_COLOUR, linewidth=1.0, label=f"tracks of {drive.width_m:g} m")),
+        (drive.steps, number(marker="$5$", color=palette.get_tractor_colour(0), label="number of a leg")),
+        (count and len(drive.swaths), number(marker="$7$", color=ink, label="number of a track")),
+        (
+            drive.headland_sides,
+            number(marker="$R1.2$", color=palette.EDGE_COLOUR, markersize=20, label="round 1, side 2"),
+        ),
         (REVERSING in driven, line(color=ink, linewidth=1.5, linestyle="dotted", label="reversing")),
         (STATUS_BY_STATE["waiting"] in driven, mark(marker="s", markerfacecolor="white", label="waiting")),
         (SERVICE_STATUS in driven, mark(marker="D", markerfacecolor="white", label=drive.service)),

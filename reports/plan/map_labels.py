@@ -152,7 +152,7 @@ def place_unworked_label(drive: PlanDrive, box: MapExtent) -> MapLabel | None:
     if piece is None or piece.m2 < LEAST_ON_MAP_M2:
         return None
     area, whole = format_area(piece.m2), format_area(max(drive.missed_m2, piece.m2))
-    text = f"{area} missed" if area == whole else f"{area} of {whole} missed"
+    text = f"{area} missed" if area == whole else f"{area} missed here, {whole} in all"
     _, (reach, _) = _compute_label_box(MapLabel(text, np.zeros(2)), box.size, _LARGE_TEXT_SCALE).tolist()
     half = min(reach, 0.5 * box.width)
     x = min(max(piece.x_m, box.west + half), box.east - half)

@@ -120,12 +120,14 @@ def test_few_passes_are_worked_line_by_line_and_compared(headland: Run, farm: Pa
     ]
 
 
-def test_a_lost_file_is_refused_alone_and_named_among_others(headland: Run, farm: Path, tmp_path: Path) -> None:
-    outcome = headland("compare-headlands", tmp_path / "lost.geojson", *QUICK)
-    assert_refused(outcome, "There is no field file")
-    outcome = headland("compare-headlands", tmp_path / "lost.geojson", f"{farm}#north", *QUICK, *WAYS)
+def test_a_lost_file_is_refused_and_an_empty_one_named_among_others(headland: Run, farm: Path, tmp_path: Path) -> None:
+    for names in ([tmp_path / "lost.geojson"], [f"{farm}#north", tmp_path / "lost.geojson"]):
+        assert_refused(headland("compare-headlands", *names, *QUICK), "There is no field file")
+    (tmp_path / "empty.geojson").touch()
+    outcome = headland("compare-headlands", tmp_path / "empty.geojson", f"{farm}#north", *QUICK, *WAYS)
     assert outcome.status == 3 and "Worth it on north" in outcome.out
-    assert "lost.geojson: every way: There is no field file" in " ".join(outcome.out.split())
+    told = " ".join(outcome.out.split())
+    assert "empty.geojson: every way: " in told and "is empty; save it again" in told
 
 
 @pytest.mark.slow

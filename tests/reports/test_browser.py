@@ -208,7 +208,7 @@ class TestPlan:
             }
             return said;
         """)  # fmt: skip
-        assert read[0][:2] > [10, 100] and read[0][2] == "590 m2 of 690 m2 missed"
+        assert read[0][:2] > [10, 100] and read[0][2] == "590 m2 missed here, 690 m2 in all"
         assert read[1:] == [[0, 0, ""], read[0]]
 
     def test_all_that_can_be_used_is_reached_by_keyboard(self, usual: PlanRanking, drive: PlanDrive, ask: Ask) -> None:

@@ -50,7 +50,7 @@ def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(
 ) -> None:
     for one, is_told in ((open_drive, True), (drive, False)):
         figure = draw_plan_map(one)
-        assert ("590 m2 of 690 m2 missed" in [text.get_text() for text in figure.axes[0].texts]) is is_told
+        assert ("590 m2 missed here, 690 m2 in all" in [text.get_text() for text in figure.axes[0].texts]) is is_told
         assert ("not worked" in {text.get_text() for text in figure.legends[0].get_texts()}) is is_told
         assert is_told or not any("left" in text.get_text() for text in figure.axes[0].texts)
 
@@ -159,7 +159,7 @@ def test_a_field_without_tractors_shows_its_swaths(drive: PlanDrive) -> None:
     assert len(strips) == len(drive.swaths)
     heights = [strip.get_extents().height for strip in strips]
     assert heights == pytest.approx([drive.width_m] * len(strips))
-    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"swaths of 3 m", "entrance"}
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"tracks of 3 m", "entrance"}
 
 
 def test_places_without_a_value_stay_on_the_picture() -> None:

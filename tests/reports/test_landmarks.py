@@ -78,5 +78,5 @@ def test_what_is_told_of_missed_ground_keeps_off_the_entrance(drive: PlanDrive) 
     label, moved = (place_unworked_label(one, box) for one in (far, replace(far, entrance=(51.0, 40.5))))
     assert label.place.tolist() == [50.0, 40.0] and moved.text == label.text == "120 m2 missed"
     assert moved.place[0] == 50.0 and abs(moved.place[1] - 40.5) >= 2.0
-    for missed_m2, text in ((700.0, "120 m2 of 700 m2 missed"), (120.2, "120 m2 missed")):
+    for missed_m2, text in ((700.0, "120 m2 missed here, 700 m2 in all"), (120.2, "120 m2 missed")):
         assert place_unworked_label(replace(far, missed_m2=missed_m2), box).text == text, "how much in all"

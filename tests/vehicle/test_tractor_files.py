@@ -145,7 +145,7 @@ def test_files_no_tractor_can_have_are_refused(tmp_path: Path, old: str, new: st
 
 
 def test_unknown_names_and_unreadable_files_are_refused(tmp_path: Path) -> None:
-    near = r"'eg106' is neither a file nor one of: eg105, mr1000a \(did you mean 'eg105'\?\)\."
+    near = r"'eg106' is neither a file nor one of: eg105, mr1000a \(did you mean 'eg105'\?\); headland tractor new"
     with pytest.raises(VehicleError, match=near):
         load_tractor("eg106")
     with pytest.raises(VehicleError, match=r"is a folder; name a TOML file in it\."):
