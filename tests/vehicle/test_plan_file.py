@@ -145,10 +145,31 @@ def test_text_that_is_no_plan_is_refused(text: str, sentence: str) -> None:
     ({"origin_m": [1, 2, 3]}, "origin_m is .*; it must be two numbers of metres"),
     ({"origin_m": [1.0, math.nan]}, "origin_m is .*; it must be two numbers of metres"),
     ({"scenario": ["plan"]}, "scenario is .*, not an object"),
+    ({"notes": {"strategy": ["u"]}}, r"The notes of the plan: strategy is \['u'\], not a text"),
+    ({"notes": {"tractors": 2.5}}, "The notes of the plan: tractors is 2.5, not a whole number"),
+    ({"notes": {"apart": ["1"]}}, r"The notes of the plan: apart is \['1'\], not a list of numbers of tractors"),
+    ({"notes": {"refills": [{"tractor": 1}]}}, "The notes of the plan, stop 0 has no 'leg'"),
+    ({"notes": {"stated": 3}}, "The notes of the plan: stated is 3, not an object"),
 ])  # fmt: skip
 def test_garbled_entries_are_refused(data: dict[str, Any], values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(MissionError, match=sentence):
         parse_plan(json.dumps(data | values))
+
+
+def test_notes_of_a_file_count_tractors_from_1_and_keep_what_is_not_known(data: dict[str, Any]) -> None:
+    stop = {"tractor": 2, "leg": 0, "amount": 5.0, "x_m": 1.0, "y_m": 2.0}
+    data["notes"] = {
+        "strategy": "interleaved", "headland": None, "tractors": 2, "refills": [stop], "collects": True, "apart": [2],
+        "order_gap_pct": 1.5, "stated": {"end_s": 60.0},
+    }  # fmt: skip
+    saved = parse_saved_plan(json.dumps(data))
+    assert saved.plan.notes == PlanNotes(
+        "interleaved", tractors=2, stops=(NotedStop(1, 0, 5.0, 1.0, 2.0),), collects=True, apart=(1,),
+        others={"order_gap_pct": 1.5},
+    )  # fmt: skip
+    assert saved.stated == {"end_s": 60.0}
+    again = json.loads(format_plan(saved.plan, stated=saved.stated))["notes"]
+    assert again == {key: value for key, value in data["notes"].items() if value is not None}
 
 
 @pytest.mark.parametrize("key", ["crs", "origin_m", "scenario", "notes", "tractors"])
