@@ -236,13 +236,13 @@ def _describe_misuse(error: Any) -> str:
 
     def name_bad_number(found: re.Match[str]) -> str:
         """The beginning of a refusal of an option that is no number, with its value, which typer leaves out."""
-        option, kind = found["option"], "integer" if found["kind"] == "integer" else "float"
+        option, kind = found["option"], "whole number" if found["kind"] == "integer" else "number"
         words = [word.removeprefix(f"{option}=") for word in sys.argv]
         values = [after if word == option else word for word, after in zip(words, [*words[1:], ""], strict=True)]
         value = next((each for word, each in zip(sys.argv, values, strict=True) if word.split("=")[0] == option), "")
         comma = re.fullmatch(r"(\d+),(\d+)", value)
-        hint = f" (write {comma[1]}.{comma[2]})" if comma else ""
-        return f"Invalid value for '{option}': '{value}' is not a valid {kind}{hint}"
+        hint = f" (write {comma[1]}.{comma[2]})" if comma and kind == "number" else ""
+        return f"Invalid value for '{option}': '{value}' is not a {kind}{hint}"
 
     sentence = _NOT_A_NUMBER.sub(name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
     sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)

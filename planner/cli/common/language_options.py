@@ -59,9 +59,9 @@ MISUSES = (
     mark_text("Missing command"),
     mark_text("Option '{option}' requires an argument"),
     mark_text("Invalid value for '{option}': {reason}"),
-    mark_text("'{value}' is not a valid integer"),
-    mark_text("'{value}' is not a valid float"),
-    mark_text("'{value}' is not a valid {kind} (write {number})"),
+    mark_text("'{value}' is not a whole number"),
+    mark_text("'{value}' is not a number"),
+    mark_text("'{value}' is not a number (write {number})"),
     mark_text("Got unexpected extra argument ({argument})"),
 )
 """Sentences of typer on arguments that it cannot use, for the catalogues."""
