@@ -78,7 +78,7 @@ def read_field(
         FieldError: the file cannot be read or does not describe one usable field.
     """
     source = parse_field_reference(where)
-    label = f"'{source.name}'"
+    label = source.label
     document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, label)
     polygon = _choose_polygon(document, source.key, local, label)
     shape, frame, cleaning_remarks = _read_outline(document, polygon, local, label)
@@ -165,7 +165,7 @@ def read_polygons(where: FieldSource, field: Field) -> list[shapely.Geometry]:
         FieldError: the file cannot be read, holds no polygon, or is in local metres where the field is not.
     """
     source = parse_field_reference(where)
-    document, label = source.read_document(), f"'{source.name}'"
+    document, label = source.read_document(), source.label
     raws = (*document.polygons, *document.zones, *(one for one in document.obstacles if one.geometry_type == "Polygon"))
     if source.key is not None:
         named = [raw for raw in document.polygons if source.key in raw.keys]  # the parts of one share its name
@@ -218,7 +218,7 @@ def list_fields_with_notes(
 ) -> tuple[tuple[FieldSummary, ...], tuple[str, ...]]:
     """The fields of a file as `list_fields` gives them, and the reader's notes on what it skipped or repaired."""
     source = parse_field_reference(where)
-    document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, f"'{source.name}'")
+    document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, source.label)
     parents = find_parent_polygons(document.polygons)
     fields = tuple(
         _summarise_field(document, position, local, parents.get(position)) for position in range(len(document.polygons))

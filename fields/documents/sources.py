@@ -88,8 +88,13 @@ class FieldReference:
 
     @property
     def name(self) -> str:
-        """Its name in messages."""
+        """What a field without a name of its own is called: the file without its ending."""
         return SHAPE_NAME if self.is_shape else Path(self.place).stem or Path(self.place).resolve().name
+
+    @property
+    def label(self) -> str:
+        """Its name in messages, in quotes: that of the file as it stands in its folder."""
+        return f"'{SHAPE_NAME if self.is_shape else Path(self.place).name or self.name}'"
 
     def check_exists(self) -> None:
         """Raise FieldError for what is neither a sample, a shape nor a file or folder."""
@@ -102,7 +107,7 @@ class FieldReference:
         Raises:
             FieldError: it is neither a sample nor a readable file of a supported format.
         """
-        label = f"'{self.name}'"
+        label = self.label
         if self.is_sample:
             return geojson.parse_geojson(read_sample_text(self.place), label)
         if self.is_shape:  # only files are in degrees where they do not say so

@@ -22,7 +22,7 @@ from tests.drawn_fields import feature, line, point, rectangle, ring, write_feat
 pytestmark = pytest.mark.usefixtures("first_layout")
 
 FIELD_FILES = [
-    ("text", "is not JSON"), ("bow", "crosses itself"), ("flat", "'flat'"),
+    ("text", "is not JSON"), ("bow", "crosses itself"), ("flat", "'flat.geojson'"),
     ("degrees", "look like degrees; leave out --local"), ("narrow", "working width of 3 m"),
     ("several", "holds 2 fields; choose one"), ("ground", "'lava'"), ("missing", "no field file"),
 ]  # fmt: skip
@@ -145,7 +145,7 @@ def test_obstacles_off_the_field_are_named(headland: Run, folder: Path) -> None:
         told = headland("field", "many.geojson#a", "--local").err
     finally:
         place.unlink()
-    assert "1 obstacle of 'many' is away from this field and is skipped." in " ".join(told.split())
+    assert "1 obstacle of 'many.geojson' is away from this field and is skipped." in " ".join(told.split())
 
 
 @pytest.mark.parametrize("command", ["plan", "field"])

@@ -68,7 +68,7 @@ def test_an_obstacle_and_a_hole_grow(saved: Any) -> None:
     pond = feature(polygon(get_coordinates(rough)), role="obstacle", name="pond")
     drawn = shapely.make_valid(shapely.Polygon(rough), method="structure")
     field = read_field(saved(collection(feature(polygon(SQUARE_M)), pond)), local=True)
-    assert field.remarks[0].startswith("The outline of obstacle 'pond' of 'plot' was cleaned to ")
+    assert field.remarks[0].startswith("The outline of obstacle 'pond' of 'plot.geojson' was cleaned to ")
     assert shapely.difference(drawn, field.obstacles[0].shape).area < 1e-3
     assert len(field.obstacles[0].shape.exterior.coords) <= 101
     tree = feature(polygon(get_coordinates(rough / 10.0)), name="tree")

@@ -164,7 +164,7 @@ class TestRefusals:
         (tmp_path / "x.abl").write_text("field Home\n56 10\n")
         assert "is in an unknown format, but fields are read from GeoJSON, " in refusal(tmp_path / "x.abl")
         (tmp_path / "y.abl").write_text("\ufeff \n{")
-        assert "'y' is not JSON" in refusal(tmp_path / "y.abl")
+        assert "'y.abl' is not JSON" in refusal(tmp_path / "y.abl")
 
     def test_endlessly_nested(self, saved: Any) -> None:
         assert "is not JSON" in refusal(saved("[" * 200_000))

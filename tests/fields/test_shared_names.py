@@ -68,7 +68,7 @@ def test_fifteen_features_are_fifteen_fields(saved: Any) -> None:
     assert len(set(names)) == 15 and tuple(told) == notes
     west = [read_field(name, local=True).boundary.bounds[0] for name in names]
     assert west == [300.0 * place for place in range(15)]
-    assert refusal(f"{file}#3", local=True) == "2 fields of 'plot' are named '3'; choose one of 3-1, 3-2."
+    assert refusal(f"{file}#3", local=True) == "2 fields of 'plot.geojson' are named '3'; choose one of 3-1, 3-2."
 
 
 def test_parts_of_a_multipolygon_and_names_with_a_hash(saved: Any) -> None:

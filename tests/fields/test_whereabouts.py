@@ -46,7 +46,7 @@ def written(folder: Path, *corners: tuple[float, float], line: tuple[float, floa
 
 def test_a_field_of_india_in_the_arctic_sea(tmp_path: Path) -> None:
     file = written(tmp_path, (28.0, 77.0))
-    assert refusal(file).startswith("'fields' lies at latitude 77.00, longitude 28.00, in the sea")
+    assert refusal(file).startswith("'fields.geojson' lies at latitude 77.00, longitude 28.00, in the sea")
     assert refusal(file).endswith("lies on land: add swap_axes.")
     assert read_field(file, swap_axes=True).remarks == ()
 
