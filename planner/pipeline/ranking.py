@@ -31,6 +31,7 @@ from planner.evaluation.pull_check import describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import format_clock
+from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import mark_chosen_plan
@@ -337,8 +338,19 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "elevation": None if physics.elevation is None else physics.elevation.source,
         "soil": None if physics.soil is None else physics.soil.name,
         "moisture_pct": None if physics.soil is None else physics.soil.moisture_pct,
+        "assumed": {} if context.cost_terms else _pick_usual_machines(request),
         **implement,
         **estimated,
+    }
+
+
+def _pick_usual_machines(request: PlanRequest) -> dict[str, Any]:
+    """Tractor, width and speed by their options, where they are those that are planned with unless others are named."""
+    usual = {option.name: option for option in PLAN_OPTIONS if option.parameter in ("tractor", "width_m", "speed_mps")}
+    return {
+        name: option.default
+        for name, option in usual.items()
+        if getattr(request, option.parameter) == getattr(PlanRequest, option.parameter)
     }
 
 
