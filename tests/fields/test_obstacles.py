@@ -111,7 +111,7 @@ class TestReading:
         assert field.remarks[0].startswith("Features of the field file that are not used: 1 Point with edge 'fence'.")
 
     @pytest.mark.parametrize(("one", "words"), [
-        (feature(point(50, 50), role="obstacle"), "Point of an obstacle of 'plot.geojson' has no 'radius_m'; give it, or"),
+        (feature(point(50, 50), role="obstacle"), "of an obstacle of 'plot.geojson' has no 'radius_m'; give it, or"),
         (feature(point(50, 50), role="obstacle", kind="cow"), "obstacle 'cow' of 'plot.geojson' has no 'radius_m'"),
         (feature(line([0, 0], [9, 9]), role="obstacle", kind="pole"), "has no 'width_m'; .*: ditch, "),
         (feature(point(50, 50), role="obstacle", radius_m=-1), "'radius_m' of .* is -1; it must be a number above 0"),
