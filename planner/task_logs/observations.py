@@ -14,9 +14,10 @@ import numpy as np
 import shapely
 
 from fields.arrays import Floats
-from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases, find_true_segments
+from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases
 from planner.task_logs.runs.run_records import ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
+from vehicle.identification.logs.series import find_spans
 from vehicle.model.effect_kinds import INTERVAL_COVERAGE
 
 BOOTSTRAP_SAMPLES = 1_000
@@ -175,10 +176,10 @@ class RunObservations:
 def _find_pass_speeds(run: ProjectedRun) -> Floats:
     """Mean speeds (n,) of the segments of work."""
     pass_speeds = []
-    for first, last in find_true_segments(run.is_working):
-        speed = run.speed_mps[first:last]
+    for first, last in find_spans(run.is_working):
+        speed = run.speed_mps[first : last + 1]
         speed = speed[speed > MOVING_MPS]
-        if run.time_s[last - 1] - run.time_s[first] >= MIN_PASS_S and len(speed):
+        if run.time_s[last] - run.time_s[first] >= MIN_PASS_S and len(speed):
             pass_speeds.append(float(speed.mean()))
     return np.array(pass_speeds)
 

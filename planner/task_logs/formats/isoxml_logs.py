@@ -9,22 +9,22 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from fields.arrays import Flags, Floats
-from fields.errors import FieldError
 from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
 from fields.units import DAY_S, KILO, MPS_PER_KMH
-from planner.task_logs.formats.log_format import LogFormat, find_dated_rows, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, find_dated_rows, read_each, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
     ACTIVE_S,
@@ -151,44 +151,37 @@ def _read_isoxml_logs(path: str, label: str) -> LogContents:
     members = open_folder_or_archive(path)
     if members.path != Path(path) and Path(path).name.lower() != isoxml.TASKDATA_FILE:
         raise LogError(f"{label} is a single file of task data; name its folder, or the TASKDATA.XML in it.")
-    runs: list[LoggedRun] = []
-    notes: list[str] = []
-    for taskdata_file in members.find_paths_by_name(isoxml.TASKDATA_FILE):  # each with its own limit of bytes
-        runs += _read_runs(open_folder_or_archive(path), taskdata_file, label, notes)
-    if not runs and not notes:
-        raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
-    return LogContents(tuple(runs), tuple(notes))
+    logs = (  # each with its own limit of bytes
+        log
+        for taskdata_file in members.find_paths_by_name(isoxml.TASKDATA_FILE)
+        for log in _iter_logs(open_folder_or_archive(path), taskdata_file, label)
+    )
+    return read_each(logs, f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
 
 
-def _read_runs(members: ArchiveMembers, taskdata_file: str, label: str, notes: list[str]) -> Iterator[LoggedRun]:
-    """The runs of one TASKDATA.XML."""
+def _iter_logs(
+    members: ArchiveMembers, taskdata_file: str, label: str
+) -> Iterator[tuple[str, Callable[[], LoggedRun]]]:
+    """Every time log of one TASKDATA.XML once, with what reads its run."""
     roots = list(isoxml.read_taskdata_roots(members, taskdata_file, label))
     partfields = {one.get("A", ""): one for root in roots for one in root.iter("PFD")}
-    values = _read_presentations(roots)
-    for task, name in _list_time_logs(roots):
-        try:
-            run = _read_run(members, taskdata_file, name, values)
-        except (FieldError, LogError) as refusal:
-            notes.append(f"{name} is skipped: {refusal}")
-            continue
-        partfield = partfields.get(task.get("E", ""))
-        run = run if partfield is None else _add_partfield(run, partfield)
-        yield replace(run, field=run.field or (task.get("B") or "").strip())
-
-
-def _list_time_logs(roots: list[Element]) -> Iterator[tuple[Element, str]]:
-    """Every time log once, with its task."""
-    seen: set[str] = set()
+    values, seen = _read_presentations(roots), set[str]()
     for task in (one for root in roots for one in root.iter("TSK")):
         for log in task.iter("TLG"):
             name = (log.get("A") or "").strip()
             if name and name not in seen:
                 seen.add(name)
-                yield task, name
+                partfield = partfields.get(task.get("E", ""))
+                yield name, partial(_read_run, members, taskdata_file, name, values, task, partfield)
 
 
 def _read_run(
-    members: ArchiveMembers, taskdata_file: str, name: str, values: dict[tuple[str, str], _ValuePresentation]
+    members: ArchiveMembers,
+    taskdata_file: str,
+    name: str,
+    values: dict[tuple[str, str], _ValuePresentation],
+    task: Element,
+    partfield: Element | None,
 ) -> LoggedRun:
     contents = []
     for ending in ("xml", "bin"):
@@ -217,7 +210,16 @@ def _read_run(
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
     )
-    return remove_unusable_rows(run, TLG_EPOCH)
+    run = remove_unusable_rows(run, TLG_EPOCH)
+    if partfield is not None:
+        area_m2 = parse_number(partfield.get("D"))
+        run = replace(
+            run,
+            field=(partfield.get("C") or "").strip() or partfield.get("A", ""),
+            outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(partfield)),
+            outline_m2=area_m2 if 0.0 < area_m2 < math.inf else None,
+        )
+    return replace(run, field=run.field or (task.get("B") or "").strip())
 
 
 def _find_any_section_on(log: TimeLog, notes: list[str]) -> Flags | None:
@@ -321,17 +323,6 @@ def _parse_presentation(element: Element | None) -> _ValuePresentation | None:
         )
     except ValueError:
         return None
-
-
-def _add_partfield(run: LoggedRun, element: Element) -> LoggedRun:
-    """The run with the name, outline and stated area of its field."""
-    area_m2 = parse_number(element.get("D"))
-    return replace(
-        run,
-        field=(element.get("C") or "").strip() or element.get("A", ""),
-        outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element)),
-        outline_m2=area_m2 if 0.0 < area_m2 < math.inf else None,
-    )
 
 
 LOG_FORMAT = LogFormat("ISOXML", (".xml", ".bin"), _read_isoxml_logs, lambda names: isoxml.TASKDATA_FILE in names)

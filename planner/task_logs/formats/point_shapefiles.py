@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -17,13 +18,12 @@ import numpy as np
 import shapely
 
 from fields.arrays import Flags, Floats
-from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
 from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
 from fields.geometry.geodesy import DEGREES_CRS, is_wgs84_longitude_latitude, project
 from fields.text_files import parse_number
-from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, read_each, remove_unusable_rows
 from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 
@@ -39,15 +39,10 @@ UNIX_EPOCH = datetime(1970, 1, 1)
 
 def _read_point_shapefiles(path: str, label: str) -> LogContents:
     members, names = find_shapefiles(Path(path))
-    runs, notes = [], []
-    for name in names:
-        try:
-            runs.append(_read_run(members, name))
-        except (FieldError, LogError) as refusal:
-            notes.append(f"{PurePosixPath(name).name} is skipped: {refusal}")
-    if not names:
-        raise LogError(f"{label} has no Shapefile; name the .shp file, its folder or a ZIP archive of it.")
-    return LogContents(tuple(runs), tuple(notes))
+    return read_each(
+        ((PurePosixPath(name).name, partial(_read_run, members, name)) for name in names),
+        f"{label} has no Shapefile; name the .shp file, its folder or a ZIP archive of it.",
+    )
 
 
 def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:

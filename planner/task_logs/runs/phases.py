@@ -17,6 +17,7 @@ import numpy.typing as npt
 from fields.arrays import Flags, Floats
 from planner.task_logs.runs.run_records import ACTIVE_M, AREA_M2, FUEL_L, INACTIVE_M, STANDING_MPS, ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING, TRANSIT, TURNING, UNLOGGED, WORKING, RunFigures
+from vehicle.identification.logs.series import find_spans
 
 MIN_STOP_S = 5.0
 MAX_TURN_M = 200.0
@@ -86,25 +87,18 @@ def _find_stops(durations_s: Floats, is_still: Flags) -> tuple[Flags, Floats]:
     ends = np.cumsum(np.concatenate([[0.0], durations_s]))
     is_stop = np.zeros(len(durations_s), dtype=np.bool_)
     stops = []
-    for first, last in find_true_segments(is_still):
-        seconds = float(ends[last] - ends[first])
+    for first, last in find_spans(is_still):
+        seconds = float(ends[last + 1] - ends[first])
         if seconds >= MIN_STOP_S:
-            is_stop[first:last] = True
+            is_stop[first : last + 1] = True
             stops.append(seconds)
     return is_stop, np.array(stops)
-
-
-def find_true_segments(flags: Flags) -> Iterator[tuple[int, int]]:
-    """First index and one past the last index of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _find_turns(run: ProjectedRun, is_standing: Flags) -> Iterator[LoggedTurn]:
     """Segments between two of work that are short enough for a turn."""
     durations_s, steps = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
-    for (_, end), (begin, _) in pairwise(find_true_segments(run.is_working)):
-        first, last = end - 1, begin
+    for (_, first), (last, _) in pairwise(find_spans(run.is_working)):
         length = float(steps[first:last].sum())
         if length > MAX_TURN_M:
             continue
