@@ -193,7 +193,6 @@ class NeighbourhoodMember(NeighbourFleets):
             fleet=neighbour.name,
             path=path,
             model=manager.guard.model[0],
-            boxes=manager.guard.boxes,
             speed_mps=speed_mps,
             braking_s=compute_stopping_time_s(speed_mps, manager.rules) / pace,
             is_waiting=Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND,

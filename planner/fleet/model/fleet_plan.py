@@ -120,7 +120,14 @@ def prepare_fleet_plan(
                 f"{LONGEST_STANDS_S:.0f} s (a day).",
                 parameter="plan",
             )
-    _check_coordinate_range(saved)
+    ends_m = [np.abs(leg.points).max() for mission in saved.plan.missions for leg in mission.legs]
+    farthest_m = float(max(map(abs, saved.origin_m))) + float(max(ends_m))
+    if not farthest_m <= FARTHEST_M:  # frames hold no coordinates beyond that
+        raise FleetManagerError(
+            f"The plan reaches {farthest_m:.3g} m from the origin of its coordinate system; at most {FARTHEST_M:g} m "
+            "are allowed: give origin_m and points in metres of the field.",
+            parameter="plan",
+        )
     scenario = read_request(saved)
     if tractor is not None:
         scenario = replace(scenario, tractor=str(tractor))
@@ -145,18 +152,6 @@ def prepare_fleet_plan(
     plan_field = _read_plan_field(scenario, saved, field)
     ground = _build_driving_area(saved, plan_field, max(implement.contact_width_m, machine.width_m))
     return FleetPlan(saved, scenario, machine, implement, *timed_plan, ground, plan_field, physics)
-
-
-def _check_coordinate_range(saved: SavedPlan) -> None:
-    """Raise FleetManagerError for a plan beyond the coordinates that frames can hold."""
-    ends_m = [np.abs(leg.points).max() for mission in saved.plan.missions for leg in mission.legs]
-    farthest_m = float(max(map(abs, saved.origin_m))) + float(max(ends_m))
-    if not farthest_m <= FARTHEST_M:
-        raise FleetManagerError(
-            f"The plan reaches {farthest_m:.3g} m from the origin of its coordinate system; at most {FARTHEST_M:g} m "
-            "are allowed: give origin_m and points in metres of the field.",
-            parameter="plan",
-        )
 
 
 def describe_timing(plan: FleetPlan) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from planner.fleet.safety.motion_prediction import get_wheel_angle_rad
 from planner.fleet.session.frame_timing import format_utc
 from planner.fleet.session.inbound_frames import StateFrame
 from vehicle.missions.plan import Mission, Plan
-from vehicle.missions.plan_file import SavedPlan, format_plan
+from vehicle.missions.plan_file import format_plan
 from vehicle.sim.compile import compute_contact_boxes, compute_point_speeds
 
 
@@ -78,12 +78,6 @@ def describe_mission(plan: FleetPlan, number: int) -> dict[str, Any]:
     text = format_plan(alone, crs=saved.crs, origin_m=saved.origin_m, point_speeds=speeds)
     document: dict[str, Any] = json.loads(text)
     return document
-
-
-def convert_to_plan_m(saved: SavedPlan, ring: list[list[float]]) -> tuple[tuple[float, float], ...]:
-    """Eastings and northings as metres of the plan."""
-    east, north = saved.origin_m
-    return tuple((x - east, y - north) for x, y in ring)
 
 
 def find_next_time_s(since_midnight_s: float) -> float:
