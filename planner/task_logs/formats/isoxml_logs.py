@@ -303,26 +303,20 @@ def _read_presentations(roots: list[Element]) -> dict[tuple[str, str], _ValuePre
     for device in (one for root in roots for one in root.iter("DVC")):
         device_presentations = {one.get("A"): one for one in device.findall("DVP")}
         for process_data in device.findall("DPD"):
-            value = _parse_presentation(device_presentations.get(process_data.get("F")))
-            if value is None:
+            shown = device_presentations.get(process_data.get("F"))
+            if shown is None:
                 continue
+            try:
+                offset, scale = float(shown.get("B") or 0), float(shown.get("C") or 1)
+            except ValueError:
+                continue
+            value = _ValuePresentation(offset, scale, (shown.get("E") or "").strip())
             ddi, key = (process_data.get("B") or "").upper().zfill(4), process_data.get("A")
             presentations.setdefault((ddi, ""), value)
             for element in device.findall("DET"):
                 if any(one.get("A") == key for one in element.findall("DOR")):
                     presentations[(ddi, element.get("A", ""))] = value
     return presentations
-
-
-def _parse_presentation(element: Element | None) -> _ValuePresentation | None:
-    if element is None:
-        return None
-    try:
-        return _ValuePresentation(
-            float(element.get("B") or 0), float(element.get("C") or 1), (element.get("E") or "").strip()
-        )
-    except ValueError:
-        return None
 
 
 LOG_FORMAT = LogFormat("ISOXML", (".xml", ".bin"), _read_isoxml_logs, lambda names: isoxml.TASKDATA_FILE in names)

@@ -70,7 +70,12 @@ def classify_phases(run: ProjectedRun) -> RunPhases:
     durations_s, steps_m = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
     gaps = (durations_s > MIN_STOP_S) & (durations_s > GAP_STEP_RATIO * np.median(durations_s))
     is_still = np.where(gaps, steps_m < STANDING_MPS * durations_s, run.speed_mps[:-1] < STANDING_MPS)
-    is_standing, stops_s = _find_stops(durations_s, is_still)
+    is_standing, stops_s = np.zeros(len(durations_s), dtype=np.bool_), []
+    for first, last in find_spans(is_still):
+        seconds = float(run.time_s[last + 1] - run.time_s[first])
+        if seconds >= MIN_STOP_S:
+            is_standing[first : last + 1] = True
+            stops_s.append(seconds)
     kinds = np.full(len(durations_s), ACTIVITY_KINDS.index(TRANSIT), dtype=np.int8)
     is_working = run.is_working[:-1] & ~gaps
     turns = tuple(_find_turns(run, is_standing)) if run.has_work_state else ()
@@ -79,20 +84,7 @@ def classify_phases(run: ProjectedRun) -> RunPhases:
     kinds[is_working] = ACTIVITY_KINDS.index(WORKING)
     kinds[gaps] = ACTIVITY_KINDS.index(UNLOGGED)
     kinds[is_standing] = ACTIVITY_KINDS.index(STANDING)
-    return RunPhases(kinds, stops_s, int((run.is_working[:-1] & ~run.is_working[1:]).sum()), turns)
-
-
-def _find_stops(durations_s: Floats, is_still: Flags) -> tuple[Flags, Floats]:
-    """The steps that belong to stops, and the length of each stop."""
-    ends = np.cumsum(np.concatenate([[0.0], durations_s]))
-    is_stop = np.zeros(len(durations_s), dtype=np.bool_)
-    stops = []
-    for first, last in find_spans(is_still):
-        seconds = float(ends[last + 1] - ends[first])
-        if seconds >= MIN_STOP_S:
-            is_stop[first : last + 1] = True
-            stops.append(seconds)
-    return is_stop, np.array(stops)
+    return RunPhases(kinds, np.array(stops_s), int((run.is_working[:-1] & ~run.is_working[1:]).sum()), turns)
 
 
 def _find_turns(run: ProjectedRun, is_standing: Flags) -> Iterator[LoggedTurn]:

@@ -55,7 +55,13 @@ def measure_coverage(
 def iter_worked_strips(run: ProjectedRun, width_m: float, tool_offset_m: float) -> Iterator[shapely.Geometry]:
     """The ground that a run worked with a tool of `width_m`, piece by piece, in metres of its system."""
     for line in trace_tool_lines(run, tool_offset_m):
-        yield from _build_tool_strips(line, width_m)
+        length = measure_along(line)
+        cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
+        for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(line) - 1], strict=True):
+            if last > first:
+                piece = shapely.LineString(line[first : last + 1]).simplify(SIMPLIFY_M)
+                if piece.length > 0.0:
+                    yield piece.buffer(0.5 * width_m, cap_style="flat", join_style="mitre", mitre_limit=2.0)
 
 
 def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Floats]:
@@ -67,17 +73,6 @@ def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Floats
         line = tool[rows[run.speed_mps[rows] >= STANDING_MPS]]
         if len(line) > 1 and float(np.hypot(*np.diff(line, axis=0).T).sum()) > SIMPLIFY_M:
             yield line
-
-
-def _build_tool_strips(line: Floats, width_m: float) -> Iterator[shapely.Geometry]:
-    """The ground under the tool along a path, piece by piece."""
-    length = measure_along(line)
-    cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
-    for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(line) - 1], strict=True):
-        if last > first:
-            piece = shapely.LineString(line[first : last + 1]).simplify(SIMPLIFY_M)
-            if piece.length > 0.0:
-                yield piece.buffer(0.5 * width_m, cap_style="flat", join_style="mitre", mitre_limit=2.0)
 
 
 def _find_overlap(strips: Sequence[shapely.Geometry]) -> shapely.Geometry:
