@@ -130,21 +130,18 @@ def plan_day_file(
         raise typer.Exit(NO_RESULT_STATUS)
 
 
-def _list_day_results(
-    result: DayResult, html: Path | None, png: Path | None, map_png: Path | None
-) -> tuple[Result, ...]:
+def _list_day_results(result: DayResult, html: Path | None, png: Path | None, map_png: Path | None) -> list[Result]:
     """The page and the pictures; says so if there is no map."""
     from reports.day.page import draw_gantt, draw_road_map, render_day_page
     from reports.plan.map_figure import render_png
 
+    results: list[Result] = [(html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result)))]
     road_map = draw_road_map(result) if map_png else None
-    if map_png and road_map is None:
+    if road_map is not None:
+        results.append((map_png, render_png(road_map)))
+    elif map_png:
         typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
-    return (
-        (html, lambda: render_day_page(result)),
-        (png, lambda: render_png(draw_gantt(result))),
-        (None if road_map is None else map_png, lambda: render_png(road_map)),
-    )
+    return results
 
 
 def _read_example() -> str:

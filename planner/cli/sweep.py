@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
-    DEFAULT_FIELD,
     NO_RESULT_STATUS,
     ClusterOption,
     CsvOption,
@@ -21,6 +20,7 @@ from planner.cli.common.options import (
     HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
+    expand_fields,
     get_option_name,
     in_computing,
     in_output,
@@ -36,7 +36,7 @@ from planner.cli.common.outputs import (
     list_input_files,
     write_before_printing,
 )
-from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
+from planner.cli.common.terminal import AnswerForm, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
@@ -227,7 +227,6 @@ def _read_question(
 ) -> _Question:
     """The question of the command line, with all fields of files; raises HeadlandError."""
     from fields.formats.features import ALL_FIELDS
-    from planner.pipeline.many_fields import expand_field_names
 
     given = read_given_options(context, options)
     names = {name for name in given.given_names if options.get(name) is not None}
@@ -239,10 +238,8 @@ def _read_question(
     if order is not None and all(axis.option is not HEADLAND_ORDER for axis in axes):
         values[f"headland_{order}"] = True
         names.add(f"headland_{order}")
-    reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
     named = [*fields, *(file if "#" in file else f"{file}#{ALL_FIELDS}" for file in files)]
-    found = expand_field_names(named or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
-    return _Question(replace(given, values=values, given_names=names), found, axes)
+    return _Question(replace(given, values=values, given_names=names), expand_fields(named, options), axes)
 
 
 def _run(swept: Sweep, executor_choice: ExecutorChoice, folder: Path | None) -> None:

@@ -49,7 +49,7 @@ FieldsArgument = Annotated[
         show_default="iwamizawa",
     ),
 ]
-DEFAULT_FIELD = "iwamizawa"
+DEFAULT_FIELD = PlanRequest.field
 NO_RESULT_STATUS = 3
 """Exit status where no plan meets the request, and where a diagnosis has nothing to save."""
 _HELP_TEXTS = {option.name: option.help for option in PLAN_OPTIONS}
@@ -211,13 +211,17 @@ def read_given_options(
     return GivenOptions(values, names, tuple(done), tuple(without))
 
 
-def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
-    """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+def expand_fields(fields: Sequence[str], options: Mapping[str, Any]) -> tuple[str, ...]:
+    """The named fields, with stars for all of a file, which is read as options say; raises HeadlandError."""
     from planner.pipeline.many_fields import expand_field_names
 
-    reading = {name: given.values[name] for name in ("local", "crs", "swap_axes")}
-    names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
-    width = given.values["width"]
+    reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
+    return expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+
+
+def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
+    """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+    names, width = expand_fields(fields or (), given.values), given.values["width"]
     widths_m = parse_widths(width)
     requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
     if re.fullmatch(r"\d+,\d+", width):

@@ -64,15 +64,14 @@ def read_finish_distribution(result: Mapping[str, Any], plan_file: str) -> Finis
 
 
 def forecast_finish_s(
-    states: Sequence[TractorState], halted: Sequence[bool], places: Sequence[LegPlace | None] | None = None
+    states: Sequence[TractorState], halted: Sequence[bool], places: Sequence[LegPlace | None]
 ) -> list[float]:
     """Seconds from now until each tractor is done (n,); infinite if it never will be.
 
     `halted` tractors stay where they are, and so do those that wait for them. `places` are the present legs and metres
     by the twins; without one a tractor is where it reported last.
     """
-    known_places = places or [None] * len(states)
-    rows = [_TractorForecast(*each) for each in zip(states, halted, known_places, strict=True)]
+    rows = [_TractorForecast(*each) for each in zip(states, halted, places, strict=True)]
     has_progress = True
     while has_progress:
         has_progress = sum(row.advance(rows, states) for row in rows) > 0

@@ -383,7 +383,7 @@ class SafetyGuard:
             return "it would come too near an obstacle"
         return None
 
-    def _is_at_obstacle(self, poses: Floats, obstacles: Sequence[shapely.Geometry]) -> bool:
+    def _is_at_obstacle(self, poses: Floats, obstacles: Iterable[shapely.Geometry]) -> bool:
         """Whether a machine (`poses` of its centre of mass) comes too near to an obstacle, or deeper into one."""
         machines = place_outlines(self.model[0], poses)
         for shape in obstacles:
