@@ -144,16 +144,9 @@ def _list_day_results(result: DayResult, html: Path | None, png: Path | None, ma
     return results
 
 
-def _read_example() -> str:
-    from planner.day.input_file import read_example_day_text
-
-    return read_example_day_text()
-
-
 add_example_commands(
     day,
     "day",
-    _read_example,
     lambda file: f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.",
 )
 

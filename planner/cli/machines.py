@@ -228,16 +228,9 @@ def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
 farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")
 
 
-def _read_example() -> str:
-    from planner.farm.inventory import read_example_farm_text
-
-    return read_example_farm_text()
-
-
 add_example_commands(
     farm,
     "farm",
-    _read_example,
     lambda file: f"An example was written to {file}. Adapt it, then check it with headland farm check {file}.",
 )
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -257,11 +256,6 @@ def is_suitable(field: DayField, implement: FarmImplement) -> bool:
     """Whether an implement meets the requirements of a field."""
     fits_name = field.implement in (None, implement.name)
     return fits_name and field.operation in (None, implement.operation or "till")
-
-
-def read_example_day_text() -> str:
-    """The day file that comes with Headland, as text."""
-    return (resources.files("planner.day") / "example.toml").read_text(encoding="utf-8")
 
 
 def _resolve_paths(day: DayFile, folder: Path) -> DayFile:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,7 +13,15 @@ from fields.text_files import quote_path, read_text
 from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
-from planner.farm.settings import FarmPrices, FarmTimes, FileSection, LearnedValue, Yard, parse_settings
+from planner.farm.settings import (
+    FarmPrices,
+    FarmTimes,
+    FileSection,
+    LearnedValue,
+    Yard,
+    parse_settings,
+    read_example_text,
+)
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
 
@@ -122,14 +129,9 @@ def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     return farm.model_copy(update={"tractors": tuple(tractors)})
 
 
-def read_example_farm_text() -> str:
-    """The farm file that comes with Headland, as text."""
-    return (resources.files("planner.farm") / "example.toml").read_text(encoding="utf-8")
-
-
 def load_example_farm() -> FarmFile:
     """The farm that comes with Headland."""
-    return parse_farm(read_example_farm_text(), "example.toml")
+    return parse_farm(read_example_text("farm"), "example.toml")
 
 
 def _pick_machine(machines: Sequence[Machine], name: str | None, kind: str) -> Machine:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from importlib import resources
 from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
@@ -56,6 +57,11 @@ def parse_settings(text: str, model: type[Section], file: str, entries: str, par
         raise RequestError(f"The {file} cannot be used: {faults}.", parameter=parameter) from None
     except (ValueError, RecursionError) as error:
         raise RequestError(f"The {file} is not TOML: {explain_parse_error(error)}.", parameter=parameter) from None
+
+
+def read_example_text(kind: str) -> str:
+    """The farm or day file that comes with Headland, as text; `kind` is "farm" or "day"."""
+    return (resources.files(f"planner.{kind}") / "example.toml").read_text(encoding="utf-8")
 
 
 def check_by(parse: Callable[[str], object]) -> AfterValidator:

@@ -86,14 +86,17 @@ def create_group(help_text: str, **options: Any) -> typer.Typer:
     return group
 
 
-def add_example_commands(
-    group: typer.Typer, kind: str, read_text: Callable[[], str], describe_next: Callable[[Path], str]
-) -> None:
-    """Give a group the commands that write and print the example of its kind of file.
+def add_example_commands(group: typer.Typer, kind: str, describe_next: Callable[[Path], str]) -> None:
+    """Give a group the commands that write and print the example of its kind of file, "farm" or "day".
 
     `describe_next` says that it was written and what to do with it.
     """
     place = typer.Argument(help=f"The file to write, such as {kind}.toml.")
+
+    def read_text() -> str:
+        from planner.farm.settings import read_example_text
+
+        return read_example_text(kind)
 
     def write_example(file: Path = place, force: ForceOption = False) -> None:
         check_output_paths((file, ".toml"), force=force)

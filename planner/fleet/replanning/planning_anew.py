@@ -276,7 +276,12 @@ def _drive_best(
         present = [helpers[number] for number in programme.list_present()]
         for number, mission in zip(programme.list_present(), composed.plan.missions, strict=True):
             if programme.tours[number] or len(mission.legs) > 1:  # else it stands where the legs that it keeps end
-                legs[helpers[number].number] += [_renumber_gates(leg, present) for leg in mission.legs]
+                for leg in mission.legs:
+                    gates = (
+                        LegGate(present[gate.tractor].number, present[gate.tractor].kept_legs + gate.leg, gate.after_m)
+                        for gate in leg.gates
+                    )
+                    legs[helpers[number].number].append(replace(leg, gates=tuple(gates)))
         return [tuple(each) for each in legs]
 
     def measure_alone_s(composed: ComposedPlan) -> list[float]:
@@ -303,14 +308,6 @@ def _drive_best(
     if isinstance(best, FleetManagerError):
         raise best
     return best
-
-
-def _renumber_gates(leg: Leg, helpers: Sequence[_Helper]) -> Leg:
-    gates = (
-        LegGate(helpers[gate.tractor].number, helpers[gate.tractor].kept_legs + gate.leg, gate.after_m)
-        for gate in leg.gates
-    )
-    return replace(leg, gates=tuple(gates))
 
 
 def _describe_stands(remaining: RemainingWork, whole: PlanningContext) -> list[str]:

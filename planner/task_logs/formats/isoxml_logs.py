@@ -222,16 +222,6 @@ def _read_run(
     return replace(run, field=run.field or (task.get("B") or "").strip())
 
 
-def _find_any_section_on(log: TimeLog, notes: list[str]) -> Flags | None:
-    """Whether any section is on by the condensed work states, two bits per section, 1 is on; None without them."""
-    states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED_STATE_DDIS]]
-    if not np.isfinite(states).any():
-        return None
-    notes.append("the work state is from the sections: working if any section is on")
-    bits = np.nan_to_num(states).astype(np.int64)
-    return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
-
-
 def _correct_days(time_s: Floats, notes: list[str]) -> Floats:
     """Times of a terminal that does not count the day at midnight, corrected with a note; rows without a day stay."""
     has_day = find_dated_rows(time_s, TLG_EPOCH)
@@ -247,11 +237,16 @@ def _find_work_state(log: TimeLog, notes: list[str]) -> Flags | None:
     """Whether any element of the machine works, else any of its sections; None if not logged."""
     places = log.find_ddi_columns(WORK_STATE_DDI)
     states = log.values[:, places]
+    if np.isfinite(states).any():
+        if len(places) > 1:
+            notes.append(f"{len(places)} elements have a work state; the run is working if any of them is")
+        return np.asarray((states == 1.0).any(axis=1))
+    states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED_STATE_DDIS]]
     if not np.isfinite(states).any():
-        return _find_any_section_on(log, notes)
-    if len(places) > 1:
-        notes.append(f"{len(places)} elements have a work state; the run is working if any of them is")
-    return np.asarray((states == 1.0).any(axis=1))
+        return None
+    notes.append("the work state is from the sections: working if any section is on")
+    bits = np.nan_to_num(states).astype(np.int64)  # two for each section, 1 is on
+    return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
 
 
 def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentation]) -> Floats | None:

@@ -49,7 +49,12 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     stem = PurePosixPath(name).stem
     columns, lonlat, encoding_note = _read_columns(members, name)
     time_s = _parse_times(columns)
-    metadata = _read_metadata(members, name, stem)
+    content = members.read_member_beside(name, stem + METADATA_SUFFIX)
+    try:
+        metadata = json.loads(content.decode("utf-8-sig")) if content else {}
+    except (ValueError, RecursionError):
+        metadata = {}
+    metadata = metadata if isinstance(metadata, dict) else {}
     notes = [encoding_note] if encoding_note else []
     works, elevation_m = _find_work_state(columns, notes), _find_elevation_m(columns, metadata, notes)
     run = LoggedRun(
@@ -159,15 +164,6 @@ def _find_unit(metadata: dict[str, Any], column: str) -> str:
     """The unit that the metadata give a column, "" without one."""
     attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
     return str(next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == column), None) or "")
-
-
-def _read_metadata(members: ArchiveMembers, name: str, stem: str) -> dict[str, Any]:
-    content = members.read_member_beside(name, stem + METADATA_SUFFIX)
-    try:
-        metadata = json.loads(content.decode("utf-8-sig")) if content else {}
-    except (ValueError, RecursionError):
-        return {}
-    return metadata if isinstance(metadata, dict) else {}
 
 
 LOG_FORMAT = LogFormat(
