@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from planner.fleet.model.alarms import AlarmRegister
-from planner.fleet.model.fleet_plan import FleetPlan, Ring
+from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import ControlLeaseError, FleetManagerError, FleetRules
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import MOVING_MPS, FleetEvent, Hold, TractorOrder, TractorState
@@ -20,6 +20,7 @@ from planner.fleet.safety.safety_guard import SafetyGuard
 
 MOST_OBSTACLES, MOST_PER_REPORTER, MOST_OUTLINE_POINTS = 100, 20, 200
 SAME_PLACE_M = 0.5  # by which an obstacle that is reported again may have moved
+Ring = tuple[tuple[float, float], ...]
 COVERAGE_STEP_M = 1.0
 MOST_COVERAGE_POINTS = 20_000  # per tractor: 20 km of track
 CoveragePoint = tuple[float, float] | None

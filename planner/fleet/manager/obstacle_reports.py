@@ -17,9 +17,8 @@ from __future__ import annotations
 
 import math
 
-from planner.fleet.manager.fleet_state import DOUBT_CODE, FleetObstacle, FleetState
+from planner.fleet.manager.fleet_state import DOUBT_CODE, FleetObstacle, FleetState, Ring
 from planner.fleet.model.alarms import CRITICAL, WARNING
-from planner.fleet.model.fleet_plan import Ring
 from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import Hold
 

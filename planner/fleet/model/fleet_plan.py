@@ -34,7 +34,6 @@ from vehicle.sim.world import World
 CLEARANCE_SHARE = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 SHORTEST_LEG_S = 0.05
 LONGEST_STANDS_S = DAY_S  # of one tractor of a plan, all its refills
-Ring = tuple[tuple[float, float], ...]
 TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
 """Timed missions, when each tractor is done (s), and the least distance of two (m)."""
 
@@ -67,28 +66,6 @@ class FleetPlan:
     def plan(self) -> Plan:
         """The plan alone."""
         return self.saved.plan
-
-    @property
-    def rings(self) -> tuple[Ring, ...]:
-        """Rings of the field, the outline first, in metres of the plan; empty if the field is unknown."""
-        if self.field is None:
-            return ()
-        rings = (self.field.boundary.exterior, *self.field.boundary.interiors)
-        return tuple(_shift_ring(ring, self._field_shift_m) for ring in rings)
-
-    @property
-    def obstacles(self) -> tuple[Ring, ...]:
-        """Rings of the obstacles of the field, in metres of the plan."""
-        if self.field is None:
-            return ()
-        parts = shapely.get_parts([obstacle.shape for obstacle in self.field.obstacles])
-        return tuple(_shift_ring(part.exterior, self._field_shift_m) for part in parts)
-
-    @property
-    def _field_shift_m(self) -> np.ndarray:
-        assert self.field is not None
-        shift: np.ndarray = np.asarray(self.field.origin_m) - np.asarray(self.saved.origin_m)
-        return shift
 
     @property
     def worked_m(self) -> float:
@@ -202,8 +179,10 @@ def _read_plan_field(scenario: PlanRequest, saved: SavedPlan, file: Path | None)
     return field
 
 
-def _shift_ring(ring: shapely.LinearRing, shift: np.ndarray) -> Ring:
-    return tuple((float(x), float(y)) for x, y in np.asarray(ring.coords)[:-1, :2] + shift)
+def build_field_outline(field: Field, saved: SavedPlan) -> shapely.Polygon:
+    """The outline of a field with its holes filled, in metres of a plan, whose origin may be another."""
+    shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
+    return shapely.Polygon(np.asarray(field.boundary.exterior.coords)[:, :2] + shift)
 
 
 def _build_driving_area(saved: SavedPlan, field: Field | None, width_m: float) -> shapely.Geometry:
@@ -212,6 +191,5 @@ def _build_driving_area(saved: SavedPlan, field: Field | None, width_m: float) -
     lines = np.array([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
     driven_area = unite(shapely.buffer(lines, 0.5 * width_m, quad_segs=4))
     if field is not None:
-        shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
-        driven_area = unite([driven_area, shapely.Polygon(_shift_ring(field.boundary.exterior, shift))])
+        driven_area = unite([driven_area, build_field_outline(field, saved)])
     return shapely.simplify(driven_area, 0.05)

@@ -14,7 +14,7 @@ from fields.arrays import Flags, Floats
 from fields.geometry.overlays import intersect
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
+from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorState
 from planner.fleet.safety.motion_prediction import (
     PREDICTION_ERROR_M,
     ROUNDING_M,
@@ -256,7 +256,8 @@ class SafetyGuard:
             for i, j, _, _ in self._find_own_approaches(poses, present, states, *limits_m)
         }
         for i, neighbour, _, _ in self._find_approaches(poses, states, neighbours, self.neighbour_release_m):
-            distances_m[i, neighbour.key] = self._measure_distance_m(poses[i, :1], neighbour)
+            now = poses[i, :1], neighbour.path[:1], self.model, neighbour.model[None]
+            distances_m[i, neighbour.key] = float(compute_outline_distances(*now)[0])
         areas = self.list_areas(states, neighbours)
         for i, area, _, to_area_m in self._find_area_approaches(poses, states, areas, to_release=True):
             distances_m[sort_pair(i, area.key)] = float(to_area_m[0])
@@ -269,21 +270,16 @@ class SafetyGuard:
 
     def measure_distance_m(self, first: TractorState, second: TractorState | NeighbourTractor) -> float:
         """Metres between a tractor and another one, of its fleet or not, now; infinite where one has not reported."""
-        if first.report is None:
+        own = [first] if isinstance(second, NeighbourTractor) else [first, second]
+        places = [[one.report.x_m, one.report.y_m, one.report.heading_rad] for one in own if one.report is not None]
+        if len(places) < len(own):
             return math.inf
-        pose = self._compute_centre_pose(first.report)
+        poses = compute_centre_poses(np.array(places), self.tractor)
         if isinstance(second, NeighbourTractor):
-            return self._measure_distance_m(pose, second)
-        if second.report is None:
-            return math.inf
-        return float(compute_outline_distances(pose, self._compute_centre_pose(second.report), self.model)[0])
-
-    def _compute_centre_pose(self, report: TractorReport) -> Floats:
-        """The pose (1, 3) of the centre of mass of a tractor that has reported."""
-        return compute_centre_poses(np.array([[report.x_m, report.y_m, report.heading_rad]]), self.tractor)
-
-    def _measure_distance_m(self, pose: Floats, neighbour: NeighbourTractor) -> float:
-        return float(compute_outline_distances(pose, neighbour.path[:1], self.model, neighbour.model[None])[0])
+            other = second.path[:1], self.model, second.model[None]
+        else:
+            other = poses[1:], self.model, self.model
+        return float(compute_outline_distances(poses[:1], *other)[0])
 
     def find_clear_to_go(
         self,
