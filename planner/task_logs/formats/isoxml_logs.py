@@ -45,17 +45,15 @@ TLG_EPOCH = datetime(1980, 1, 1)
 NO_DAY = 0xFFFF  # in place of a day that is not available
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
-COUNTER_DDIS = {
-    AREA_M2: ("0074", 1.0),
-    ACTIVE_M: ("0075", 1e-3),
-    INACTIVE_M: ("0076", 1e-3),
-    ACTIVE_S: ("0077", 1.0),
-    INACTIVE_S: ("0078", 1.0),
-    FUEL_L: ("0094", 1e-3),
+COUNTERS = {
+    AREA_M2: ("0074", 1.0, 300.0),
+    ACTIVE_M: ("0075", 1e-3, 6.0),
+    INACTIVE_M: ("0076", 1e-3, 15.0),
+    ACTIVE_S: ("0077", 1.0, 1.0),
+    INACTIVE_S: ("0078", 1.0, 1.0),
+    FUEL_L: ("0094", 1e-3, 0.05),
 }
-"""Totals of a task: their DDI and the unit of their values (ISO 11783-11)."""
-MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0, INACTIVE_S: 1.0, FUEL_L: 0.05}
-"""Largest plausible rise of totals per second."""
+"""Totals of a task: their DDI, the unit of their values (ISO 11783-11), and the largest plausible rise per second."""
 CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
 """Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
 SPEED_UNITS_MPS = {"km/h": MPS_PER_KMH, "m/s": 1.0, "mm/s": METRES_PER_MM}
@@ -267,11 +265,9 @@ def _compute_counter_rises(log: TimeLog, time_s: Floats) -> dict[str, float]:
     """The rises of totals over the log; of several elements the largest."""
     totals = {}
     time_s = np.where(find_dated_rows(time_s, TLG_EPOCH), time_s, np.nan)
-    for name, (ddi, unit) in COUNTER_DDIS.items():
-        rises = [
-            _sum_counter_rises(time_s, column * unit, MAX_RISE_PER_S[name])
-            for column in log.values[:, log.find_ddi_columns(ddi)].T
-        ]
+    for name, (ddi, unit, max_per_s) in COUNTERS.items():
+        columns = log.values[:, log.find_ddi_columns(ddi)].T
+        rises = [_sum_counter_rises(time_s, column * unit, max_per_s) for column in columns]
         known_rises = [one for one in rises if one is not None]
         if known_rises:
             totals[name] = max(known_rises)
