@@ -129,7 +129,7 @@ def compare_headlands(
     _check_any_way(comparison)
     rankings = [row.ranking for row in comparison.rows if row.ranking is not None]
     print_remarks(dict.fromkeys(remark for one in rankings for remark in one.field_remarks))
-    with write_before_printing([(html, render_headland_page(comparison))] if html else []):
+    with write_before_printing((html, lambda: render_headland_page(comparison))):
         form.print_answer(comparison, json=format_headland_json, csv=format_headland_csv, screen=build_headland_table)
     best = comparison.best
     if best is None or not best.is_complete or not all(each.meets_request for each in best.rows):

@@ -12,16 +12,15 @@ from planner.cli.common.options import (
     NO_RESULT_STATUS,
     AsJson,
     ExecutorChoice,
-    ForceOption,
+    add_example_commands,
     create_group,
     inject_request_options,
 )
 from planner.cli.common.outputs import (
-    OutputContent,
+    Result,
     check_cache_folder,
     check_output_paths,
     list_input_files,
-    render_requested,
     write_before_printing,
 )
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
@@ -121,7 +120,7 @@ def plan_day_file(
             prepared, cache=store, executor=executor, progress=bar.count, report_work=bar.show_work, samples=samples,
             seed=seed, field_minutes=field_minutes,
         )  # fmt: skip
-    with write_before_printing(_render_day(result, html, png, map_png)):
+    with write_before_printing(*_list_day_results(result, html, png, map_png)):
         form.print_answer(
             result, json=format_day_json, csv=format_day_csv, screen=build_day_screen, table=build_day_table
         )
@@ -131,46 +130,25 @@ def plan_day_file(
         raise typer.Exit(NO_RESULT_STATUS)
 
 
-def _render_day(
-    result: DayResult, html: Path | None, png: Path | None, map_png: Path | None
-) -> list[tuple[Path, OutputContent]]:
+def _list_day_results(result: DayResult, html: Path | None, png: Path | None, map_png: Path | None) -> list[Result]:
     """The page and the pictures; says so if there is no map."""
     from reports.day.page import draw_gantt, draw_road_map, render_day_page
     from reports.plan.map_figure import render_png
 
-    results = render_requested((html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result))))
+    results: list[Result] = [(html, lambda: render_day_page(result)), (png, lambda: render_png(draw_gantt(result)))]
     road_map = draw_road_map(result) if map_png else None
-    if map_png and road_map is not None:
+    if road_map is not None:
         results.append((map_png, render_png(road_map)))
     elif map_png:
         typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
     return results
 
 
-@day.command()
-def new(
-    file: Annotated[Path, typer.Argument(help="The file to write, such as day.toml.")], force: ForceOption = False
-) -> None:
-    """Write an example of a day file, to be adapted.
-
-    Example: headland day new day.toml
-    """
-    from planner.day.input_file import read_example_day_text
-
-    check_output_paths((file, ".toml"), force=force)
-    with write_before_printing([(file, read_example_day_text())]):
-        print_sentence(f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.")
-
-
-@day.command()
-def example() -> None:
-    """Print the example of a day file.
-
-    Example: headland day example > day.toml
-    """
-    from planner.day.input_file import read_example_day_text
-
-    typer.echo(read_example_day_text(), nl=False)
+add_example_commands(
+    day,
+    "day",
+    lambda file: f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.",
+)
 
 
 def _list_day_files(file: str, day_file: DayFile) -> dict[str | Path, str]:

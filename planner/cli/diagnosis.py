@@ -10,10 +10,9 @@ import typer
 
 from planner.cli.common.options import NO_RESULT_STATUS, AsJson, TractorOption
 from planner.cli.common.outputs import (
-    OutputContent,
+    Result,
     check_output_paths,
     list_input_files,
-    render_requested,
     write_before_printing,
 )
 from planner.cli.common.terminal import (
@@ -124,19 +123,19 @@ def diagnose(
         logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights, columns
     )
     soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
-    with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
+    with write_before_printing(*_list_results(diagnosis, hidden, html, save, next_drive), *soil_results):
         _print_diagnosis(diagnosis, hidden, json, explain)
     _explain_unwritten_files(diagnosis, save, next_drive, unsaved_soil)
 
 
-def _render_report(
+def _list_results(
     diagnosis: Diagnosis, hidden: HiddenEffect | None, html: Path | None, save: Path | None, next_drive: Path | None
-) -> list[tuple[Path, OutputContent]]:
+) -> tuple[Result, ...]:
     from reports.diagnosis.page import render_diagnosis_page
     from vehicle.model.tractor_writer import format_tractor_toml
 
     next_plan = diagnosis.next_drive_plan
-    return render_requested(
+    return (
         (html, lambda: render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)),
         (save if diagnosis.is_savable else None, lambda: format_tractor_toml(diagnosis.tractor)),
         (None if next_plan is None else next_drive, lambda: next_plan or ""),
@@ -193,9 +192,7 @@ def _choose_soil_line(save_soil: str | None, moisture: float | None, ground: str
     return parse_soil_line(save_soil, moisture, ground)
 
 
-def _render_soil(
-    diagnosis: Diagnosis, line: SoilLine | None
-) -> tuple[list[tuple[Path, OutputContent]], RequestError | None]:
+def _render_soil(diagnosis: Diagnosis, line: SoilLine | None) -> tuple[list[Result], RequestError | None]:
     """The table with the line, or why there is none."""
     from planner.pipeline.soil_rows import build_soil_row, format_soil_table
 
@@ -268,11 +265,10 @@ def replay(
     input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=[log])
     check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
     result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, heights=heights)
-    results = render_requested(
+    with write_before_printing(
         (png, lambda: render_png(draw_replay(result.replayed))),
         (html, lambda: render_replay_page(result.replayed, result.remarks)),
-    )
-    with write_before_printing(results):
+    ):
         AnswerForm(json).print_answer(
             result.replayed, result.remarks, json=format_replay_json, screen=build_replay_table
         )

@@ -10,7 +10,7 @@ import typer
 
 from fields.errors import suggest_name
 from planner.cli.common.options import AsJson, Html, Png, TractorOption
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, warm_up
 from planner.errors import RequestError
 from vehicle.errors import VehicleError
@@ -173,8 +173,7 @@ def print_experiments(
     from reports.plan.map_figure import render_png
     from reports.trials.report import build_trials_table, draw_experiment_panels, render_trials_page
 
-    results = render_requested(
+    with write_before_printing(
         (html, lambda: render_trials_page(sheets)), (png, lambda: render_png(draw_experiment_panels(sheets[0])))
-    )
-    with write_before_printing(results):
+    ):
         form.print_answer(*answers, json=json, screen=screen or (lambda *_: build_trials_table(sheets)))

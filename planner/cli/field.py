@@ -17,7 +17,7 @@ from planner.cli.common.options import (
     inject_request_options,
     read_given_options,
 )
-from planner.cli.common.outputs import check_output_paths, list_input_files, render_requested, write_before_printing
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 from planner.errors import RequestError
 
@@ -74,10 +74,10 @@ def field(
         order = WorkOrder(order.request, tractor=order.tractor, implement=order.implement)
         planning_context = prepare_context(order)
         facts = describe_field(planning_context)
-        results = render_requested((png, lambda: render_png(draw_plan_map(build_outline_picture(planning_context)))))
+        picture = render_png(draw_plan_map(build_outline_picture(planning_context))) if png else b""
     elevation = planning_context.physics.elevation
     print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
-    with write_before_printing(results):
+    with write_before_printing((png, picture)):
         AnswerForm(json).print_answer(
             facts, json=lambda one: format_json(one, EXPORT_DECIMALS, is_ascii=False), screen=build_field_report
         )
@@ -98,18 +98,17 @@ def write_heights(
     Example: headland field heights runs -o heights.tif
     """
     from fields.terrain.rasters import list_raster_files, render_raster
-    from planner.task_logs.runs.run_files import list_run_files, load_imported_runs
+    from planner.task_logs.runs.run_files import load_imported_runs
     from planner.task_logs.runs.worked_ground import build_run_heights
     from reports.common.text_tables import format_sentence
 
-    input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
-    files = list_raster_files(output)
+    input_files, files = list_input_files({}, runs=runs), list_raster_files(output)
     check_output_paths(*((file, "") for file in files), input_files=input_files, force=force)
     with create_progress_callback("Smoothing heights"):
         grid, crs = build_run_heights(load_imported_runs(runs))
         contents = render_raster(grid, crs, output)
     print_remarks(grid.remarks)
-    with write_before_printing(list(zip(files, contents, strict=True))):
+    with write_before_printing(*zip(files, contents, strict=True)):
         print_renderable(format_sentence(f"Written to {output}: {grid.source}."))
 
 

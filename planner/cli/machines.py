@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, FarmOption, ForceOption, Html, Png, create_group
+from planner.cli.common.options import AsJson, FarmOption, ForceOption, Html, Png, add_example_commands, create_group
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import (
     AnswerForm,
@@ -71,7 +71,7 @@ def fit(
     if output is None:
         typer.echo(format_error_table(table), nl=False)
         return
-    with write_before_printing([(output, format_error_table(table))]):
+    with write_before_printing((output, format_error_table(table))):
         print_sentence(f"{int(table[-1, 3])} fixes in {len(table)} cells of a millimetre; written to {output}.")
 
 
@@ -148,7 +148,7 @@ def new(
         "# Made by `headland tractor new`: [source] says which values were given, and by which rule others were "
         "assumed.\n"
     )
-    with write_before_printing([(file, banner + format_tractor_toml(machine))]):
+    with write_before_printing((file, banner + format_tractor_toml(machine))):
         print_renderable(build_trials_table, (_build_overview(machine, file),))
     if sheet.power_kw is None:
         print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
@@ -228,30 +228,11 @@ def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
 farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")
 
 
-@farm.command("new")
-def write_farm_example(
-    file: Annotated[Path, typer.Argument(help="The file to write, such as farm.toml.")], force: ForceOption = False
-) -> None:
-    """Write an example of a farm file, to be adapted.
-
-    Example: headland farm new farm.toml
-    """
-    from planner.farm.inventory import read_example_farm_text
-
-    check_output_paths((file, ".toml"), force=force)
-    with write_before_printing([(file, read_example_farm_text())]):
-        print_sentence(f"An example was written to {file}. Adapt it, then check it with headland farm check {file}.")
-
-
-@farm.command("example")
-def print_farm_example() -> None:
-    """Print the example of a farm file.
-
-    Example: headland farm example > farm.toml
-    """
-    from planner.farm.inventory import read_example_farm_text
-
-    typer.echo(read_example_farm_text(), nl=False)
+add_example_commands(
+    farm,
+    "farm",
+    lambda file: f"An example was written to {file}. Adapt it, then check it with headland farm check {file}.",
+)
 
 
 @farm.command("check")

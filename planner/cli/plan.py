@@ -28,10 +28,9 @@ from planner.cli.common.options import (
     render_refusal,
 )
 from planner.cli.common.outputs import (
-    OutputContent,
+    Result,
     check_output_paths,
     list_input_files,
-    render_requested,
     write_before_printing,
     write_results,
 )
@@ -239,7 +238,7 @@ def plan(
     learned = [mark_text(f"From the farm's own logs: {words}.") for words in values]
     print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
-    with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
+    with write_before_printing(*_list_plan_results(result, html, png, save, is_answer_seen)):
         if form.is_for_programs:
             print_remarks(result.ranking.day_sentences)
         form.print_answer(
@@ -275,9 +274,9 @@ def simulate_plans(order: WorkOrder, executor_choice: ExecutorChoice, pictures: 
         )
 
 
-def _render_plan_outputs(
+def _list_plan_results(
     result: PlanningResult, html: Path | None, png: Path | None, save: Path | None, is_answer_seen: bool
-) -> list[tuple[Path, OutputContent]]:
+) -> tuple[Result, ...]:
     """Files of the best plan, or of the field where no plan works.
 
     Prints on standard error that none meets the request, unless the answer on the terminal says so.
@@ -293,6 +292,4 @@ def _render_plan_outputs(
         shown = "; the map shows the field and where plans fail" if html or png else ""
         print_sentence(f"No plan is feasible, so there is no plan to save{shown}.", err=True)
     files = result.get_view().files
-    return render_requested(
-        (html, files[".html"]), (png, files[".png"]), (save if result.run else None, files[".json"])
-    )
+    return (html, files[".html"]), (png, files[".png"]), (save if result.run else None, files[".json"])

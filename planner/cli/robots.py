@@ -16,7 +16,7 @@ from typing import IO, Annotated, Any, Optional
 
 import typer
 
-from planner.cli.common.options import create_group
+from planner.cli.common.options import create_group, is_web_address
 from planner.cli.common.terminal import create_progress_callback, limit_linear_algebra_threads, warm_up
 from planner.errors import RequestError
 from planner.pipeline.interrupts import stop_repeating
@@ -190,7 +190,8 @@ def robot(
     from planner.pipeline.outputs.saved_plans import load_saved_plan, read_machines, read_request
     from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
 
-    _check_address(url)
+    if not is_web_address(url):
+        raise RequestError(f"--url {url!r} is not the address of a service; give one such as http://127.0.0.1:8765.")
     saved = load_saved_plan(plan)
     if not 1 <= tractor <= saved.plan.tractors:
         raise RequestError(f"--tractor is {tractor}; use 1 to {saved.plan.tractors}, the tractors of the plan.")
@@ -206,19 +207,6 @@ def robot(
         asyncio.run(RobotClient(driver, url, fleet_id, tractor, token).run(seconds))
     except KeyboardInterrupt:
         stop_repeating()
-
-
-def _check_address(url: str) -> None:
-    """Raise RequestError for what is not the address of a service."""
-    from urllib.parse import urlsplit
-
-    try:
-        parts = urlsplit(url)
-        is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
-    except ValueError:
-        is_address = False
-    if not is_address or " " in url or not url.isprintable():
-        raise RequestError(f"--url {url!r} is not the address of a service; give one such as http://127.0.0.1:8765.")
 
 
 def _parse_hidden_effects(texts: Sequence[str]) -> dict[str, float]:

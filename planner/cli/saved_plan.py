@@ -60,7 +60,7 @@ def export(
     folders = {parent for path in paths for parent in path.parents if parent == target or target in parent.parents}
     with make_folders(*sorted(folders, key=lambda folder: len(folder.parts))):
         check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"})
-        with write_before_printing(results):
+        with write_before_printing(*results):
             names = [str(path) for path in paths]
             AnswerForm(json).print_answer(guidance, guidance_files, names, json=export_json, screen=build_export_table)
 

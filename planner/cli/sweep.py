@@ -8,12 +8,10 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
-from urllib.parse import urlsplit
 
 import typer
 
 from planner.cli.common.options import (
-    DEFAULT_FIELD,
     NO_RESULT_STATUS,
     ClusterOption,
     CsvOption,
@@ -22,11 +20,13 @@ from planner.cli.common.options import (
     HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
+    expand_fields,
     get_option_name,
     in_computing,
     in_output,
     in_work,
     inject_request_options,
+    is_web_address,
     read_given_options,
     render_refusal,
 )
@@ -34,10 +34,9 @@ from planner.cli.common.outputs import (
     check_cache_folder,
     check_output_paths,
     list_input_files,
-    render_requested,
     write_before_printing,
 )
-from planner.cli.common.terminal import AnswerForm, print_remarks, print_renderable, warm_up
+from planner.cli.common.terminal import AnswerForm, print_renderable, warm_up
 from planner.cli.plan import simulate_plans
 from planner.errors import RequestError
 from planner.pipeline.interrupts import is_interrupt, stop_repeating
@@ -131,12 +130,11 @@ def sweep(
         _run(swept, executor_choice, cache)
     result = swept.build_result()
     picked = pick_plan(result, pick) if save is not None or pick is not None else None
-    files = render_requested(
+    with write_before_printing(
         (html, lambda: render_sweep_page(result)),
         (png, lambda: render_sweep_png(result)),
         (parquet, lambda: render_sweep_parquet(result)),
-    )
-    with write_before_printing(files):
+    ):
         form.print_answer(result, json=format_sweep_json, csv=format_sweep_csv, screen=build_sweep_screen)
     if picked is not None:
         order = swept.build_point_order(picked.numbers)
@@ -205,12 +203,7 @@ class _Question:
 
         if not service:
             return ""
-        try:
-            parts = urlsplit(service)
-            is_address = parts.scheme in ("http", "https") and bool(parts.netloc)
-        except ValueError:  # such as half an IPv6 address
-            is_address = False
-        if not is_address or any(mark in service for mark in "?#@ "):
+        if not is_web_address(service) or any(mark in service for mark in "?#@"):
             raise RequestError(f"--service is {service[:80]!r}; give an address such as https://farm.example.")
         if len(self.fields) > 1:
             raise RequestError(f"--service is for one field, and {len(self.fields)} are given; give one.")
@@ -234,7 +227,6 @@ def _read_question(
 ) -> _Question:
     """The question of the command line, with all fields of files; raises HeadlandError."""
     from fields.formats.features import ALL_FIELDS
-    from planner.pipeline.many_fields import expand_field_names
 
     given = read_given_options(context, options)
     names = {name for name in given.given_names if options.get(name) is not None}
@@ -246,10 +238,8 @@ def _read_question(
     if order is not None and all(axis.option is not HEADLAND_ORDER for axis in axes):
         values[f"headland_{order}"] = True
         names.add(f"headland_{order}")
-    reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
     named = [*fields, *(file if "#" in file else f"{file}#{ALL_FIELDS}" for file in files)]
-    found = expand_field_names(named or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
-    return _Question(replace(given, values=values, given_names=names), found, axes)
+    return _Question(replace(given, values=values, given_names=names), expand_fields(named, options), axes)
 
 
 def _run(swept: Sweep, executor_choice: ExecutorChoice, folder: Path | None) -> None:
@@ -316,7 +306,7 @@ def _drive(
     best = driven.ranking.best
     if best is None or driven.run is None:
         raise RequestError(f"This combination cannot be driven: {driven.ranking.refusal} Pick another row.")
-    files = [] if save is None else [(save, write_saved_plan(driven.context, driven.run.plan, driven.ranking))]
-    with write_before_printing(files):
+    run = driven.run
+    with write_before_printing((save, lambda: write_saved_plan(driven.context, run.plan, driven.ranking))):
         if not is_quiet:
             print_renderable(compare_with_drive, result, picked, best)

@@ -10,8 +10,8 @@ import typer
 from planner.cli.common.options import AsJson, Html, PlanArgument, Png, RunsArgument, create_group
 from planner.cli.common.outputs import (
     check_output_paths,
+    list_input_files,
     refuse_overwrite,
-    render_requested,
     write_before_printing,
     write_into_folder,
 )
@@ -26,10 +26,9 @@ def compare(plan: PlanArgument, runs: RunsArgument, html: Html = None, png: Png 
     Example: headland compare plan.json runs --html compare.html
     """
     from planner.pipeline.plan_comparison import compare_plan_with_runs
-    from planner.task_logs.runs.run_files import list_run_files
 
-    input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
-    check_output_paths((html, ".html"), (png, ".png"), input_files=input_files | {plan: "the plan"})
+    input_files = list_input_files({}, runs=runs) | {plan: "the plan"}
+    check_output_paths((html, ".html"), (png, ".png"), input_files=input_files)
     warm_up()
     with create_progress_callback("Driving the plan again"):
         comparison = compare_plan_with_runs(plan, runs)
@@ -41,10 +40,9 @@ def compare(plan: PlanArgument, runs: RunsArgument, html: Html = None, png: Png 
         render_comparison_page,
     )
 
-    results = render_requested(
+    with write_before_printing(
         (html, lambda: render_comparison_page(comparison)), (png, lambda: render_png(draw_comparison(comparison)))
-    )
-    with write_before_printing(results):
+    ):
         AnswerForm(json).print_answer(comparison, json=format_comparison_json, screen=build_comparison_table)
 
 
@@ -69,11 +67,10 @@ def learn(
     """
     from planner.farm.inventory import parse_farm
     from planner.task_logs.farm_learning import learn_farm_values
-    from planner.task_logs.runs.run_files import list_run_files
     from reports.common.text_tables import format_sentence
     from reports.task_logs.report import build_learned_table, format_learned_json
 
-    input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
+    input_files = list_input_files({}, runs=runs)
     if output is not None:
         check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"}, force=False)
     warm_up()
@@ -83,7 +80,7 @@ def learn(
     if output is not None:
         parse_farm(learned_farm.text, str(output), output.parent)  # paths of tractor files are relative to it
     check_output_paths((target, ".toml"), input_files=input_files)
-    with write_before_printing([(target, learned_farm.text)]):
+    with write_before_printing((target, learned_farm.text)):
         AnswerForm(json).print_answer(
             learned_farm.values, learned_farm.notes, json=format_learned_json, screen=build_learned_table
         )

@@ -3,60 +3,30 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
-from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    Field,
-    StrictInt,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, Field, StrictInt, field_validator, model_validator
 
 from fields.geometry.chosen_places import parse_obstacle_place
-from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
-from fields.text_files import explain_parse_error, read_text
+from fields.text_files import read_text
 from fields.units import DAY_S
-from planner.errors import MAX_FAULTS, RequestError, shorten_value, suggest_name
+from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FileSection, Yard, define_number, define_value
+from planner.farm.settings import FROM_TIMES, FileSection, Yard, check_by, define_number, define_value, parse_settings
 from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
-from planner.request.option_texts import (
-    MAX_TRACTORS,
-    convert_time_to_text,
-    format_clock,
-    parse_clock,
-    parse_number_pair,
-)
+from planner.request.option_texts import MAX_TRACTORS, format_clock, parse_clock, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from strategies.names import STRATEGY_NAMES, list_strategy_names
-from vehicle.model.validation_messages import describe_validation_errors
 
 EXAMPLE = "example"
 SUN = "sun"
 MAX_ROAD_KM = 1000.0
 MAX_NIGHT_WINDOW_S = DAY_S // 2
-FROM_TIMES = BeforeValidator(convert_time_to_text)
-"""Times and dates without quotes, as TOML has them."""
-
-
-def _check_by(parse: Callable[[str], object]) -> AfterValidator:
-    """A validator that leaves a text as it is, where `parse` raises no ValueError; None stays."""
-
-    def check_text(text: str | None) -> str | None:
-        if text is not None:
-            parse(text)
-        return text
-
-    return AfterValidator(check_text)
 
 
 def _check_daylight(text: str) -> None:
@@ -108,8 +78,8 @@ def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-Window = Annotated[str, FROM_TIMES, _check_by(parse_hours)]
-ObstaclePlace = Annotated[str, _check_by(parse_obstacle_place)]
+Window = Annotated[str, FROM_TIMES, check_by(parse_hours)]
+ObstaclePlace = Annotated[str, check_by(parse_obstacle_place)]
 
 
 class DayField(FileSection):
@@ -127,7 +97,7 @@ class DayField(FileSection):
         None, "such as 'EPSG:25832', in quotes", "that of the file", strict=True, min_length=1
     )
     swap_axes: bool = define_value(False, "true: the file has latitude or northing first", "no", strict=True)
-    entrance: Annotated[str | None, _check_by(lambda text: parse_number_pair(text, "entrance"))] = define_value(
+    entrance: Annotated[str | None, check_by(lambda text: parse_number_pair(text, "entrance"))] = define_value(
         None, "'lon,lat' (x,y of a field in metres)", "that of the file", strict=True
     )
     obstacles: tuple[ObstaclePlace, ...] = define_value((), "such as '9.53,56.21,2': lon,lat,radius in m", "none more")
@@ -188,13 +158,13 @@ class DayFile(FileSection):
     fleets: tuple[DayFleet, ...] = Field(description="one [[fleets]] each")
     roads: tuple[DayRoad, ...] = define_value((), "roads between places", "straight lines times road_factor")
     farm: str | None = define_value(None, "a farm file, or 'example'", "a farm of defaults", strict=True)
-    start: Annotated[str | None, FROM_TIMES, _check_by(lambda text: parse_clock(text, "the start"))] = define_value(
+    start: Annotated[str | None, FROM_TIMES, check_by(lambda text: parse_clock(text, "the start"))] = define_value(
         None, "hh:mm", "shift_start of the farm"
     )
-    light: Annotated[str | None, FROM_TIMES, _check_by(_check_daylight)] = define_value(
+    light: Annotated[str | None, FROM_TIMES, check_by(_check_daylight)] = define_value(
         None, "'sun', or hours such as '06:10-20:40'", "robots need none", strict=True
     )
-    date: Annotated[str | None, FROM_TIMES, _check_by(_check_date)] = define_value(
+    date: Annotated[str | None, FROM_TIMES, check_by(_check_date)] = define_value(
         None, "yyyy-mm-dd in quotes", strict=True
     )
     utc_offset_h: float | None = define_number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
@@ -239,15 +209,7 @@ def parse_day(
     certainty_pct: float | None = None,
 ) -> tuple[DayFile, FarmFile]:
     """The day of a text and its farm; `label` is its name in messages."""
-    values: dict[str, Any] = {}
-    try:
-        values = parse_toml(text)
-        day = DayFile.model_validate(values)
-    except ValidationError as error:
-        faults = _insert_entry_names(describe_validation_errors(error, DayFile, MAX_FAULTS), values)
-        raise RequestError(f"The day file {label} cannot be used: {faults}.") from None
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"The day file {label} is not TOML: {explain_parse_error(error)}.") from None
+    day = parse_settings(text, DayFile, f"day file {label}", r"\b(fields|fleets|roads)\.(\d+)(?=[.:])")
     overrides = {"farm": farm, "rain": rain, "certainty_pct": certainty_pct}
     given_overrides = {key: value for key, value in overrides.items() if value is not None}
     day = _resolve_paths(day, folder).model_copy(update=given_overrides)
@@ -296,11 +258,6 @@ def is_suitable(field: DayField, implement: FarmImplement) -> bool:
     return fits_name and field.operation in (None, implement.operation or "till")
 
 
-def read_example_day_text() -> str:
-    """The day file that comes with Headland, as text."""
-    return (resources.files("planner.day") / "example.toml").read_text(encoding="utf-8")
-
-
 def _resolve_paths(day: DayFile, folder: Path) -> DayFile:
     """The day with the paths of its files relative to the folder."""
 
@@ -317,17 +274,6 @@ def _resolve_paths(day: DayFile, folder: Path) -> DayFile:
     if day.rain is not None and day.rain.strip().lower().endswith(".csv"):
         updates["rain"] = str(folder / day.rain.strip())
     return day.model_copy(update=updates)
-
-
-def _insert_entry_names(faults: str, values: Mapping[str, Any]) -> str:
-    """Faults with the names of fields and fleets, if they have any, instead of their numbers."""
-
-    def name_entry(match: re.Match[str]) -> str:
-        kind, position = match[1], int(match[2])
-        name = values[kind][position].get("name") if isinstance(values[kind][position], Mapping) else None
-        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {position + 1}"
-
-    return re.sub(r"\b(fields|fleets|roads)\.(\d+)(?=[.:])", name_entry, faults)
 
 
 def _find_day_contradictions(day: DayFile, farm: FarmFile) -> Iterator[str]:

@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ValidationError, field_validator, model_validator
+from pydantic import field_validator, model_validator
 
-from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error, quote_path, read_text
-from planner.errors import MAX_FAULTS, RequestError, shorten_value, suggest_name
+from fields.text_files import quote_path, read_text
+from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
-from planner.farm.settings import FarmPrices, FarmTimes, FileSection, LearnedValue, Yard
+from planner.farm.settings import (
+    FarmPrices,
+    FarmTimes,
+    FileSection,
+    LearnedValue,
+    Yard,
+    parse_settings,
+    read_example_text,
+)
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
-from vehicle.model.validation_messages import describe_validation_errors
 
 Machine = TypeVar("Machine", FarmTractor, FarmImplement)
 OLD_UNCERTAINTY_SECTION = "chances"
@@ -103,33 +108,13 @@ def load_farm(path: str | Path) -> FarmFile:
 
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
-    values: dict[str, Any] = {}
-
-    def name_machine(match: re.Match[str]) -> str:
-        """The name of a machine, if it has any, instead of its number."""
-        kind, number = match[1], int(match[2])
-        name = values[kind][number].get("name")
-        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
-
-    try:
-        values = parse_toml(text)
-        if OLD_UNCERTAINTY_SECTION in values:
-            raise RequestError(
-                f"The farm file {label} has a section [{OLD_UNCERTAINTY_SECTION}], which is now [uncertainty]; rename "
-                "it, also in the keys of [[learned]].",
-                parameter="farm",
-            )
-        farm = FarmFile.model_validate(values)
-    except ValidationError as error:
-        found = describe_validation_errors(error, FarmFile, MAX_FAULTS)
-        faults = re.sub(r"\b(tractors|implements)\.(\d+)(?=\.)", name_machine, found)
-        raise RequestError(f"The farm file {label} cannot be used: {faults}.", parameter="farm") from None
-    except RequestError:
-        raise
-    except (ValueError, RecursionError) as error:
+    if re.search(rf"^\s*\[\s*{OLD_UNCERTAINTY_SECTION}\s*\]", text, re.MULTILINE):
         raise RequestError(
-            f"The farm file {label} is not TOML: {explain_parse_error(error)}.", parameter="farm"
-        ) from None
+            f"The farm file {label} has a section [{OLD_UNCERTAINTY_SECTION}], which is now [uncertainty]; rename "
+            "it, also in the keys of [[learned]].",
+            parameter="farm",
+        )
+    farm = parse_settings(text, FarmFile, f"farm file {label}", r"\b(tractors|implements)\.(\d+)(?=\.)", "farm")
     if "tractors" not in farm.model_fields_set:
         return farm
     tractors = []
@@ -144,14 +129,9 @@ def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     return farm.model_copy(update={"tractors": tuple(tractors)})
 
 
-def read_example_farm_text() -> str:
-    """The farm file that comes with Headland, as text."""
-    return (resources.files("planner.farm") / "example.toml").read_text(encoding="utf-8")
-
-
 def load_example_farm() -> FarmFile:
     """The farm that comes with Headland."""
-    return parse_farm(read_example_farm_text(), "example.toml")
+    return parse_farm(read_example_text("farm"), "example.toml")
 
 
 def _pick_machine(machines: Sequence[Machine], name: str | None, kind: str) -> Machine:

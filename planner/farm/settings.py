@@ -6,13 +6,19 @@ All prices are in one currency; defaults are euros of about 2025.
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping
+from importlib import resources
+from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
+from fields.nested_text import parse_toml
+from fields.text_files import explain_parse_error
 from fields.units import DAY_S
+from planner.errors import MAX_FAULTS, RequestError
 from planner.request.option_texts import convert_time_to_text, parse_clock
 from planner.request.plan_request import MAX_PRICE
+from vehicle.model.validation_messages import describe_validation_errors
 
 SOURCE_KEY = "source"
 NONE_GIVEN = "no default"
@@ -20,12 +26,53 @@ _EQUATIONS = "ASAE machinery cost equations (D497, EP496; standards of 2000)"
 MAX_DURATION_S = 7.0 * DAY_S
 MAX_BREAK_S = DAY_S // 2
 FROM_TIMES = BeforeValidator(convert_time_to_text)
+"""Times and dates without quotes, as TOML has them."""
+Section = TypeVar("Section", bound="FileSection")
 
 
 class FileSection(BaseModel):
     """A frozen part of a farm file; unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def parse_settings(text: str, model: type[Section], file: str, entries: str, parameter: str | None = None) -> Section:
+    """The settings of a text (TOML); `file` is what it is and its name, as messages have them.
+
+    Raises RequestError with all faults in one sentence; `entries` is a pattern of kind and number of entries of lists
+    in it, which are called by their names if they have any.
+    """
+    values: dict[str, Any] = {}
+
+    def name_entry(match: re.Match[str]) -> str:
+        kind, number = match[1], int(match[2])
+        name = values[kind][number].get("name") if isinstance(values[kind][number], Mapping) else None
+        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
+
+    try:
+        values = parse_toml(text)
+        return model.model_validate(values)
+    except ValidationError as error:
+        faults = re.sub(entries, name_entry, describe_validation_errors(error, model, MAX_FAULTS))
+        raise RequestError(f"The {file} cannot be used: {faults}.", parameter=parameter) from None
+    except (ValueError, RecursionError) as error:
+        raise RequestError(f"The {file} is not TOML: {explain_parse_error(error)}.", parameter=parameter) from None
+
+
+def read_example_text(kind: str) -> str:
+    """The farm or day file that comes with Headland, as text; `kind` is "farm" or "day"."""
+    return (resources.files(f"planner.{kind}") / "example.toml").read_text(encoding="utf-8")
+
+
+def check_by(parse: Callable[[str], object]) -> AfterValidator:
+    """A validator that leaves a text as it is, where `parse` raises no ValueError; None stays."""
+
+    def check_text(text: str | None) -> str | None:
+        if text is not None:
+            parse(text)
+        return text
+
+    return AfterValidator(check_text)
 
 
 def define_number(default: float | None, low: float, high: float, description: str, source: str = NONE_GIVEN) -> Any:
@@ -167,17 +214,6 @@ class FarmPrices(FileSection):
         return not amounts.isdisjoint(self.model_fields_set)
 
 
-def _validate_clock(text: str | None) -> str | None:
-    if text is not None:
-        parse_clock(text, "the time")
-    return text
-
-
-def _validate_break(text: str) -> str:
-    _parse_break(text)
-    return text
-
-
 def _parse_break(text: str) -> tuple[int, int]:
     """ "12:00-12:30" as seconds of the day (from, to); an end past midnight is above a day."""
     match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
@@ -192,8 +228,8 @@ def _parse_break(text: str) -> tuple[int, int]:
     return start, start + length_s
 
 
-Clock = Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)]
-Break = Annotated[str, FROM_TIMES, AfterValidator(_validate_break)]
+Clock = Annotated[str | None, FROM_TIMES, check_by(lambda text: parse_clock(text, "the time"))]
+Break = Annotated[str, FROM_TIMES, check_by(_parse_break)]
 
 
 class FarmTimes(FileSection):

@@ -106,12 +106,13 @@ def build_farm_sheet(farm: FarmFile, label: str) -> ExperimentSheet:
     tables = []
     for section in dict.fromkeys(value.section for value in values):
         own = [value for value in values if value.section == section]
-        rows = tuple((f"{v.key}, {v.description}", _format_value(v.value), v.source) for v in own)
+        rows = tuple((f"{v.key}, {v.description}", format_value(v.value), v.source) for v in own)
         tables.append(TextTable(f"[{section}]", ("Key", "Value", "Source"), rows))
     return ExperimentSheet("farm", f"The farm of {label}", tuple(sentences), (), (), tuple(tables))
 
 
-def _format_value(value: Any) -> str:
+def format_value(value: Any) -> str:
+    """A value as people read it."""
     if value is None:
         return "-"
     if isinstance(value, bool):

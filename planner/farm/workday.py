@@ -23,16 +23,8 @@ ROAD, UNFOLD, FOLD, BREAK, NIGHT = "road", "unfold", "fold", "break", "night"
 MAX_DAYS = 1000
 
 
-@dataclass(frozen=True)
-class YardRoad:
-    """The road between yard and field, one way: metres and seconds."""
-
-    length_m: float
-    seconds: float
-
-
-def estimate_field_road(field: Field, yard: Yard, times: FarmTimes) -> YardRoad | None:
-    """The road to the entrance of a field, or to its middle without one: the straight line times a factor.
+def estimate_road_m(field: Field, yard: Yard, times: FarmTimes) -> float | None:
+    """Metres of the road to the entrance of a field, or to its middle without one: the straight line times a factor.
 
     None if the farm has no yard or the field is not georeferenced. Raises RequestError for a yard farther than
     MAX_ROAD_KM away.
@@ -49,8 +41,7 @@ def estimate_field_road(field: Field, yard: Yard, times: FarmTimes) -> YardRoad 
             f"{MAX_ROAD_KM:g} km are allowed, so correct its [yard] or leave it out.",
             parameter="farm",
         )
-    length_m = line_m * times.road_factor
-    return YardRoad(length_m, length_m / (times.road_speed_kmh * MPS_PER_KMH))
+    return line_m * times.road_factor
 
 
 def locate_road_end(field: Field) -> tuple[float, float]:
@@ -171,13 +162,13 @@ def build_workday(field: Field, start_s: int | None, times: FarmTimes, yard: Yar
 
     `gate_fold_s` of unfolding and of folding belong to the drive, as they are done inside the entrance.
     """
-    road = estimate_field_road(field, yard, times)
-    road_duties = () if road is None else (Duty(ROAD, road.seconds),)
+    road_m = estimate_road_m(field, yard, times)
+    road_duties = () if road_m is None else (Duty(ROAD, road_m / (times.road_speed_kmh * MPS_PER_KMH)),)
     return Workday(
         start_s,
         (*road_duties, Duty(UNFOLD, max(0.0, times.unfold_s - gate_fold_s))),
         (Duty(FOLD, max(0.0, times.fold_s - gate_fold_s)), *road_duties),
         times.break_spans_s,
         times.shift_span_s,
-        0.0 if road is None else road.length_m,
+        road_m or 0.0,
     )

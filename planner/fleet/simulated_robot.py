@@ -104,7 +104,12 @@ class RobotDriver:
             else:
                 self.stepper.drive_automatically()
         elif kind == "command":
-            self._take_command(frame)
+            self._ordered_to_drive = self._stopped_by_silence = False
+            if self._late_s > SILENCE_S:
+                self.stepper.halt()
+            else:
+                steering_rad = math.radians(frame["steering_command_deg"])
+                self.stepper.drive_remotely(steering_rad, float(frame["speed_command_mps"]))
         elif kind == "plan":
             self._replace_mission_legs(frame["plan"])
             self.stepper.base_legs = int(frame["base_end"])
@@ -129,13 +134,6 @@ class RobotDriver:
         east, north = self.origin_m
         heading = math.radians(90.0 - float(frame["heading_deg"]))
         return float(frame["easting_m"]) - east, float(frame["northing_m"]) - north, heading
-
-    def _take_command(self, frame: dict[str, Any]) -> None:
-        self._ordered_to_drive = self._stopped_by_silence = False
-        if self._late_s > SILENCE_S:
-            self.stepper.halt()
-            return
-        self.stepper.drive_remotely(math.radians(frame["steering_command_deg"]), float(frame["speed_command_mps"]))
 
     def _replace_mission_legs(self, plan: dict[str, Any]) -> None:
         """Replace its legs; those driven so far are unchanged."""

@@ -16,7 +16,7 @@ from planner.evaluation.preparation import read_planned_field
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.example_logs import find_work_state, locate_antenna
 from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
-from planner.task_logs.runs.phases import find_true_segments, summarise_run
+from planner.task_logs.runs.phases import summarise_run
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg, compute_speeds, reproject_run
 from planner.task_logs.runs.worked_ground import measure_coverage, trace_tool_lines
@@ -32,6 +32,7 @@ from reports.task_logs.run_results import (
     RunFigures,
     TimeDifference,
 )
+from vehicle.identification.logs.series import find_spans
 
 NEAR_FIELD_M, MIN_INSIDE_SHARE = 20.0, 0.5
 """A run belongs to the field if more than this share of its positions is in it or this near."""
@@ -140,9 +141,7 @@ def _build_comparison_side(
     covered: GroundCoverage | None = (
         measure_coverage(runs, field, width, tool_offset_m) if is_field_known and has_work_state else None
     )
-    idle_lines = [
-        run.xy[max(first - 1, 0) : last + 1] for run in runs for first, last in find_true_segments(~run.is_working)
-    ]
+    idle_lines = [run.xy[max(first - 1, 0) : last + 2] for run in runs for first, last in find_spans(~run.is_working)]
     return ComparisonSide(
         len(runs),
         _sum_figures([summarise_run(run) for run in runs]),

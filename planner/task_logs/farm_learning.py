@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tomlkit
 
 from fields.text_files import count_noun, quote_path, read_text
 from fields.units import MPS_PER_KMH
@@ -19,8 +20,15 @@ from planner.errors import RequestError
 from planner.evaluation.preparation import MAX_REVERSE_SPEED_MPS
 from planner.farm.inventory import FarmFile, load_farm, parse_farm
 from planner.farm.machines import FarmImplement
+from planner.farm.value_sources import format_value
 from planner.request.plan_request import MAX_SPEED_KMH, MIN_SPEED_KMH
-from planner.task_logs.observations import IntervalEstimate, RunObservations
+from planner.task_logs.observations import (
+    MIN_EVENTS,
+    IntervalEstimate,
+    RunObservations,
+    estimate_cv,
+    estimate_statistic,
+)
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun
 from reports.task_logs.run_results import LearnedOutcome
@@ -110,18 +118,8 @@ def append_block(text: str, section: str, entries: Mapping[str, Any]) -> str:
     """The text with a [[section]] of these entries at its end."""
     end = "\r\n" if "\r\n" in text else "\n"
     newline_before = "" if not text or text.endswith(("\n", "\r")) else end
-    body = "".join(f"{key} = {format_toml_value(value)}{end}" for key, value in entries.items())
+    body = "".join(f"{key} = {tomlkit.item(value).as_string()}{end}" for key, value in entries.items())
     return f"{text}{newline_before}{end}[[{section}]]{end}{body}"
-
-
-def format_toml_value(value: Any) -> str:
-    """A number, a text, or a list of these, in TOML syntax."""
-    if isinstance(value, str):
-        inside = value.replace("\\", "\\\\").replace('"', '\\"')
-        return '"' + "".join(letter if letter.isprintable() else f"\\U{ord(letter):08x}" for letter in inside) + '"'
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(format_toml_value, value)) + "]"
-    return repr(float(value)) if isinstance(value, float) else str(value)
 
 
 class TurnSpeedFit:
@@ -243,7 +241,7 @@ def _learn_values(
 ) -> Iterator[LearnedOutcome]:
     """Every value with enough events; too few events are noted."""
     name = f"implements.{farm_implement.name}"
-    speed = observations.estimate_speed_mps()
+    speed = estimate_statistic(observations.pass_speeds, np.median, MIN_EVENTS)
     if speed is not None and MIN_SPEED_KMH <= speed.value / MPS_PER_KMH <= MAX_SPEED_KMH:
         yield _build_learned_value(
             f"{name}.speed_kmh", speed, "median of {events} passes in {runs}", 1.0 / MPS_PER_KMH, 2
@@ -252,11 +250,21 @@ def _learn_values(
     yield from _learn_headland_order(name, observations, notes)
     for key, estimate, template, decimals in (
         ("speed_cv", observations.estimate_pass_cv(), "speed of {events} passes in {runs}", 3),
-        ("turn_cv", observations.estimate_turn_cv(), "time of {events} turns to the next track in {runs}", 3),
+        (
+            "turn_cv",
+            estimate_cv(observations.list_u_turn_seconds(1)),
+            "time of {events} turns to the next track in {runs}",
+            3,
+        ),
         ("turn_more_cv", observations.estimate_long_turn_cv(), "time of {events} turns over more tracks in {runs}", 3),
         ("stops_per_hour", observations.estimate_stops_per_hour(), "{events} stops in {runs}, per hour of driving", 2),
-        ("stop_s", observations.estimate_mean_stop_s(), "mean of {events} stops in {runs}", 1),
-        ("stop_cv", observations.estimate_stop_cv(), "length of {events} stops in {runs}", 2),
+        (
+            "stop_s",
+            estimate_statistic(observations.stops_s, np.mean, MIN_EVENTS),
+            "mean of {events} stops in {runs}",
+            1,
+        ),
+        ("stop_cv", estimate_cv(observations.stops_s), "length of {events} stops in {runs}", 2),
     ):
         if estimate is None:
             notes.append(f"Too few events to learn {key}.")
@@ -328,12 +336,12 @@ def _insert_learned_values(
         old_value = getattr(holder, key)
         is_own = learned.key not in earlier_values or earlier_values[learned.key] != old_value
         if is_given and is_own and not replace_given:
-            outcomes.append(replace(learned, done=f"kept {_format_value(old_value)}"))
+            outcomes.append(replace(learned, done=f"kept {format_value(old_value)}"))
             continue
         interval = "" if learned.low is None else f", 95 % {learned.low:g} to {learned.high:g}"
         comment = f"own logs: {learned.measured}{interval}"
-        text = set_value(text, section, number, key, format_toml_value(learned.value), comment)
-        outcomes.append(replace(learned, done=f"was {_format_value(old_value)}" if is_given else "added"))
+        text = set_value(text, section, number, key, tomlkit.item(learned.value).as_string(), comment)
+        outcomes.append(replace(learned, done=f"was {format_value(old_value)}" if is_given else "added"))
         accepted.append(learned)
     text = remove_blocks(text, LEARNED_SECTION, {learned.key for learned in accepted})
     for learned in accepted:
@@ -354,10 +362,6 @@ def _locate_toml_value(farm_file: FarmFile, key: str) -> tuple[str, int | None, 
         return section, None, rest
     name, _, last = rest.rpartition(".")
     return section, [implement.name for implement in farm_file.implements].index(name), last
-
-
-def _format_value(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _check_edit(text: str, label: str, folder: Path, farm_file: FarmFile, outcomes: Sequence[LearnedOutcome]) -> None:

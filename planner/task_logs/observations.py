@@ -14,9 +14,10 @@ import numpy as np
 import shapely
 
 from fields.arrays import Floats
-from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases, find_true_segments
+from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases
 from planner.task_logs.runs.run_records import ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
+from vehicle.identification.logs.series import find_spans
 from vehicle.model.effect_kinds import INTERVAL_COVERAGE
 
 BOOTSTRAP_SAMPLES = 1_000
@@ -93,6 +94,11 @@ def compute_variation_coefficient(values: Floats) -> float:
     return float(np.std(values, ddof=1) / np.mean(values)) if len(values) > 1 else 0.0
 
 
+def estimate_cv(events: Mapping[str, Floats]) -> IntervalEstimate | None:
+    """The coefficient of variation of the events of all runs; None for too few."""
+    return estimate_statistic(events, compute_variation_coefficient, 2 * MIN_EVENTS)
+
+
 class RunObservations:
     """Events of runs by kind; `width_m` converts the offset of a turn to a number of swaths."""
 
@@ -103,10 +109,6 @@ class RunObservations:
         self.phases_by_run: dict[str, RunPhases] = {run.name: classify_phases(run) for run in self.runs}
         self.pass_speeds = {run.name: _find_pass_speeds(run) for run in self.runs}
         self.stops_s = {name: run_phases.stops_s for name, run_phases in self.phases_by_run.items()}
-
-    def estimate_speed_mps(self) -> IntervalEstimate | None:
-        """The working speed: the median of the mean speeds of passes."""
-        return estimate_statistic(self.pass_speeds, np.median, MIN_EVENTS)
 
     def estimate_pass_cv(self) -> IntervalEstimate | None:
         """Coefficient of variation of the mean speed of passes, relative to their run."""
@@ -131,10 +133,6 @@ class RunObservations:
         estimate = estimate_statistic(turns[swaths], np.median, MIN_EVENTS)
         return None if estimate is None else (swaths, estimate)
 
-    def estimate_turn_cv(self) -> IntervalEstimate | None:
-        """Coefficient of variation of the time of turns to the next swath."""
-        return estimate_statistic(self.list_u_turn_seconds(1), compute_variation_coefficient, 2 * MIN_EVENTS)
-
     def estimate_long_turn_cv(self) -> IntervalEstimate | None:
         """Coefficient of variation of the time of longer turns, relative to the mean over as many swaths."""
         ratios: dict[str, list[float]] = {run.name: [] for run in self.runs}
@@ -145,7 +143,7 @@ class RunObservations:
                 for name, seconds in turns_by_run.items():
                     ratios[name] += (seconds / all_turns.mean()).tolist()
         events = {name: np.array(values) for name, values in ratios.items()}
-        return estimate_statistic(events, compute_variation_coefficient, 2 * MIN_EVENTS)
+        return estimate_cv(events)
 
     def estimate_stops_per_hour(self) -> IntervalEstimate | None:
         """Stops per hour of driving."""
@@ -155,14 +153,6 @@ class RunObservations:
             hours = float(np.diff(run.time_s)[is_moving].sum()) / 3600.0
             events[run.name] = len(self.stops_s[run.name]), hours
         return estimate_hourly_rate(events)
-
-    def estimate_mean_stop_s(self) -> IntervalEstimate | None:
-        """Mean length of a stop."""
-        return estimate_statistic(self.stops_s, np.mean, MIN_EVENTS)
-
-    def estimate_stop_cv(self) -> IntervalEstimate | None:
-        """Coefficient of variation of the length of stops."""
-        return estimate_statistic(self.stops_s, compute_variation_coefficient, 2 * MIN_EVENTS)
 
     def estimate_headland_first_share(self) -> IntervalEstimate | None:
         """The share of runs that worked the edge of the field before its inside; None if no run shows it."""
@@ -175,10 +165,10 @@ class RunObservations:
 def _find_pass_speeds(run: ProjectedRun) -> Floats:
     """Mean speeds (n,) of the segments of work."""
     pass_speeds = []
-    for first, last in find_true_segments(run.is_working):
-        speed = run.speed_mps[first:last]
+    for first, last in find_spans(run.is_working):
+        speed = run.speed_mps[first : last + 1]
         speed = speed[speed > MOVING_MPS]
-        if run.time_s[last - 1] - run.time_s[first] >= MIN_PASS_S and len(speed):
+        if run.time_s[last] - run.time_s[first] >= MIN_PASS_S and len(speed):
             pass_speeds.append(float(speed.mean()))
     return np.array(pass_speeds)
 

@@ -7,9 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.day.formulation import build_day_hours
-from planner.day.input_file import parse_day, read_example_day_text
+from planner.day.input_file import parse_day
 from planner.day.places import compute_sun_hours
 from planner.errors import RequestError
+from planner.farm.settings import read_example_text
 
 MINUTE = 60
 
@@ -57,7 +58,7 @@ def test_where_the_sun_does_not_set_or_rise() -> None:
 
 
 def test_the_light_of_a_day() -> None:
-    text = read_example_day_text().replace(
+    text = read_example_text("day").replace(
         'light = "06:10-20:40"', 'light = "sun"\ndate = "2026-05-01"\nutc_offset_h = 2.0'
     )
     day, farm = parse_day(text, "day.toml")

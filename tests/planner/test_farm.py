@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.errors import HeadlandError, RequestError
-from planner.farm.inventory import FarmFile, load_example_farm, load_farm, parse_farm, read_example_farm_text
+from planner.farm.inventory import FarmFile, load_example_farm, load_farm, parse_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
-from planner.farm.settings import NONE_GIVEN, FarmPrices, FarmTimes, Yard, get_default_source
+from planner.farm.settings import NONE_GIVEN, FarmPrices, FarmTimes, Yard, get_default_source, read_example_text
 from planner.farm.value_sources import GIVEN, build_farm_sheet, format_farm_json, list_values
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest
@@ -68,7 +68,7 @@ def test_the_example_is_a_farm() -> None:
     assert farm.get_implement("cultivator").area_per_load_m2 is None
     assert farm.get_implement("drill").speed_kmh == 7.0
     sections = set(FarmFile.model_fields) - {"learned"}  # what headland learn writes
-    assert set(tomllib.loads(read_example_farm_text())) == sections, "the example shows every section"
+    assert set(tomllib.loads(read_example_text("farm"))) == sections, "the example shows every section"
 
 
 def test_an_empty_file_is_the_farm_of_the_defaults() -> None:

@@ -16,7 +16,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
-from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Duty, Workday, build_workday, estimate_field_road
+from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday, build_workday, estimate_road_m
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.ranking import describe_next_day_times, describe_workday
 from planner.request.option_texts import format_later_clock
@@ -97,25 +97,24 @@ class TestRoad:
         """A hundredth of a degree of latitude is 1113.9 m at 57 degrees (WGS84)."""
         centre = FIELD.boundary.centroid
         ((lon, lat),) = FIELD.to_wgs84([(centre.x, centre.y)]).tolist()
-        road = estimate_field_road(
-            FIELD, Yard(lon=lon, lat=lat - 0.01), FarmTimes(road_speed_kmh=36.0, road_factor=1.5)
-        )
-        assert road.length_m == pytest.approx(1.5 * 1113.9, rel=1e-3)
-        assert road.seconds == pytest.approx(road.length_m / 10.0)
+        yard, times = Yard(lon=lon, lat=lat - 0.01), FarmTimes(road_speed_kmh=36.0, road_factor=1.5)
+        road_m = estimate_road_m(FIELD, yard, times)
+        assert road_m == pytest.approx(1.5 * 1113.9, rel=1e-3)
+        day = build_workday(FIELD, None, times, yard)
+        assert day.road_m == road_m and day.sum_duties_s(ROAD) == pytest.approx(2.0 * road_m / 10.0)
 
     def test_ends_at_the_entrance(self) -> None:
         gate = replace(FIELD, entrance=(0.0, 0.0))
         ((lon, lat),) = gate.to_wgs84([(0.0, 0.0)]).tolist()
-        road = estimate_field_road(gate, Yard(lon=lon, lat=lat), FarmTimes())
-        assert road.length_m == pytest.approx(0.0, abs=1e-3)
+        assert estimate_road_m(gate, Yard(lon=lon, lat=lat), FarmTimes()) == pytest.approx(0.0, abs=1e-3)
 
     def test_has_no_length_without_yard_or_earth(self) -> None:
-        assert estimate_field_road(FIELD, Yard(), FarmTimes()) is None
-        assert estimate_field_road(replace(FIELD, crs=None), Yard(lon=9.0, lat=56.0), FarmTimes()) is None
+        assert estimate_road_m(FIELD, Yard(), FarmTimes()) is None
+        assert estimate_road_m(replace(FIELD, crs=None), Yard(lon=9.0, lat=56.0), FarmTimes()) is None
 
     def test_from_a_yard_beyond_reach_is_refused(self) -> None:
         with pytest.raises(RequestError, match="km from field 'far' in a straight line"):
-            estimate_field_road(FIELD, Yard(lon=-9.0, lat=56.0), FarmTimes())
+            estimate_road_m(FIELD, Yard(lon=-9.0, lat=56.0), FarmTimes())
 
 
 class TestDay:
@@ -126,10 +125,10 @@ class TestDay:
 
     def test_has_the_road_twice_and_both_hands(self) -> None:
         day = self.day()
-        road = estimate_field_road(FIELD, Yard(lon=9.83, lat=56.83), self.TIMES)
-        assert day.duties_before == (Duty(ROAD, road.seconds), Duty(UNFOLD, 60.0))
-        assert day.duties_after == (Duty(FOLD, 90.0), Duty(ROAD, road.seconds))
-        assert day.before_field_s + day.after_field_s == pytest.approx(2.0 * road.seconds + 150.0)
+        road_s = pytest.approx(estimate_road_m(FIELD, Yard(lon=9.83, lat=56.83), self.TIMES) / 10.0)
+        assert [(one.kind, one.seconds) for one in day.duties_before] == [(ROAD, road_s), (UNFOLD, 60.0)]
+        assert [(one.kind, one.seconds) for one in day.duties_after] == [(FOLD, 90.0), (ROAD, road_s)]
+        assert day.before_field_s + day.after_field_s == pytest.approx(day.sum_duties_s(ROAD) + 150.0)
 
     def test_a_plan_counts_it(self) -> None:
         """Two tractors: transport of both; ready, done and home by the clock; a deadline is one of field work."""

@@ -8,8 +8,7 @@ from typing import Any
 from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
-from planner.day.input_file import read_example_day_text
-from planner.farm.inventory import read_example_farm_text
+from planner.farm.settings import read_example_text
 from planner.fleet.model.tractor_state import POSITIONS, PROGRESS, SPEED, MotionDoubt
 from planner.fleet.safety.compliance import describe_doubt
 from planner.service.access.browsers import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
@@ -163,7 +162,7 @@ def _forms(app: FastAPI) -> None:
 
     @app.get("/api/v1/forms/{kind}")
     def example(kind: str) -> dict[str, Any]:
-        return FORMS[kind](read_example_day_text() if kind == "day" else read_example_farm_text(), [])
+        return FORMS[kind](read_example_text(kind), [])
 
     @app.post("/api/v1/forms/{kind}")
     async def change(kind: str, request: Request) -> dict[str, Any]:

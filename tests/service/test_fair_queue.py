@@ -11,7 +11,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.farm.inventory import read_example_farm_text
+from planner.farm.settings import read_example_text
 from planner.service.errors import BusyError
 from planner.service.jobs import file_reading
 from planner.service.jobs.file_reading import (
@@ -214,7 +214,7 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[TestClient,
         ("fields", "a.geojson", json.dumps({"type": "Polygon", "coordinates": [RING]}).encode()),
         ("logs", "a.csv", LOG.encode()),
         ("tables", "a.csv", b"time,east_mm,north_mm\n"),
-        ("farms", "example.toml", read_example_farm_text().encode()),
+        ("farms", "example.toml", read_example_text("farm").encode()),
     ],
 )  # fmt: skip
 def test_every_kind_is_read_in_a_process_of_its_own(

@@ -16,7 +16,7 @@ import shapely
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.farm.inventory import read_example_farm_text
+from planner.farm.settings import read_example_text
 from planner.pipeline.outputs.guidance_lines import build_guidance
 from reports.plan.guidance_export import find_guidance_format, write_guidance
 from tests.fields.farm_files import partfield, pattern, points, polygon, taskdata
@@ -112,7 +112,7 @@ def test_a_farm_brings_the_tractors_that_were_uploaded(client: TestClient, token
     farm = b"[[tractors]]\nname = 'own'\nfile = 'mine.toml'\ncount = 2\n"
     assert upload(client, "farms", token, "farm.toml", farm).status_code == 201
     assert client.get("/api/v1/farms/farm/summary").json()["tractors"][0]["name"] == "own"
-    assert upload(client, "farms", token, "example.toml", read_example_farm_text().encode()).status_code == 201
+    assert upload(client, "farms", token, "example.toml", read_example_text("farm").encode()).status_code == 201
 
 
 def test_a_field_of_task_data(client: TestClient, token: dict[str, str]) -> None:

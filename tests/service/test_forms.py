@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 from starlette.testclient import TestClient
 
-from planner.day.input_file import DayField, DayFile, DayFleet, DayRoad, read_example_day_text
-from planner.farm.inventory import FarmFile, read_example_farm_text
+from planner.day.input_file import DayField, DayFile, DayFleet, DayRoad
+from planner.farm.inventory import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
-from planner.farm.settings import FarmPrices, FarmTimes, Yard
+from planner.farm.settings import FarmPrices, FarmTimes, Yard, read_example_text
 from planner.service.jobs.input_files import OPTIONS_BY_NAME
 from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.readings import read_day_form, read_farm_form
@@ -24,7 +24,7 @@ from tests.service.conftest import Shared
 from tests.service.test_library import add, add_field
 from vehicle.datasheet.sheet import Datasheet
 
-DAY = read_example_day_text()
+DAY = read_example_text("day")
 
 
 def change(client: TestClient, kind: str, text: str, *changes: tuple[list[Any], Any]) -> Any:
@@ -41,7 +41,7 @@ def find_fault(form: Any, *path: str | int) -> str:
     return sentence
 
 
-@pytest.mark.parametrize(("kind", "text"), [("day", DAY), ("farm", read_example_farm_text())])
+@pytest.mark.parametrize(("kind", "text"), [("day", DAY), ("farm", read_example_text("farm"))])
 def test_the_example_is_a_form_without_faults_and_nothing_is_stored(shared: Shared, kind: str, text: str) -> None:
     client, _ = shared
     form = client.get(f"/api/v1/forms/{kind}").json()
@@ -97,7 +97,7 @@ def test_contradictions_are_told_of_where_their_names_are(shared: Shared) -> Non
         form, "farm"
     )
     assert add_field(client, token, "nowhere").status_code == 201
-    farm = read_example_farm_text().replace("EG105", "robot").encode()
+    farm = read_example_text("farm").replace("EG105", "robot").encode()
     assert add(client, token, "farms", "gone.toml", farm).status_code == 201
     form = change(client, "day", form["text"])
     assert form["choices"]["tractor"] == ["Fendt 724", "robot"]

@@ -11,7 +11,7 @@ import pytest
 
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.manager.fleet_state import RUNNING, STOPPED
-from planner.fleet.manager.operator_orders import STOP_SEEN_S
+from planner.fleet.manager.obstacle_reports import LOOK_DELAY_S
 from planner.fleet.manager.remaining_work import RemainingWork, check_proposal_still_fits
 from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import TractorReport
@@ -31,9 +31,9 @@ def test_nobody_lets_go_on_what_somebody_else_has_just_stopped() -> None:
         lambda who, now: fleet.manager.operators.resume_tractors(who, None, now),
     ):
         with pytest.raises(FleetManagerError, match="just stopped by anna"):
-            order("bert", 10.0 + 0.9 * STOP_SEEN_S)
+            order("bert", 10.0 + 0.9 * LOOK_DELAY_S)
     assert fleet.manager.state == STOPPED
-    fleet.manager.operators.resume_tractors("bert", None, 10.0 + STOP_SEEN_S)
+    fleet.manager.operators.resume_tractors("bert", None, 10.0 + LOOK_DELAY_S)
     assert fleet.manager.state == RUNNING
     fleet.manager.operators.pause_tractors("anna", 1, 20.0)
     fleet.manager.operators.resume_tractors("bert", 0, 20.1)  # another tractor

@@ -7,7 +7,7 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.farm.inventory import read_example_farm_text
+from planner.farm.settings import read_example_text
 from planner.service.store.tables import Owner
 from tests.service.conftest import SMALL, bearer
 
@@ -191,7 +191,7 @@ def test_a_plan_is_renamed_copied_searched_and_deleted(app: FastAPI, client: Tes
 
 def test_a_tractor_that_a_farm_names_stays(client: TestClient, token: Header) -> None:
     assert client.post("/api/v1/tractors/eg105/copy", json={"name": "mine"}, headers=dict(token)).status_code == 201
-    farm = read_example_farm_text().replace('file = "eg105"', 'file = "mine.toml"').encode()
+    farm = read_example_text("farm").replace('file = "eg105"', 'file = "mine.toml"').encode()
     assert add(client, token, "farms", "own.toml", farm).status_code == 201
     for answer in (
         client.delete("/api/v1/tractors/mine", headers=dict(token)),

@@ -10,7 +10,7 @@ import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page
 
-from planner.farm.inventory import read_example_farm_text
+from planner.farm.settings import read_example_text
 from planner.service.settings import ServiceSettings
 from planner.service.store.tables import Owner
 from tests.service.accessibility import find_faults_at_widths, open_all_details
@@ -249,7 +249,7 @@ def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
 
 def test_a_plan_begins_with_the_tractors_and_the_width_of_its_farm(service: Service) -> None:
     watched, app = service
-    app.state.store.add_file("farm", "own", read_example_farm_text().encode())
+    app.state.store.add_file("farm", "own", read_example_text("farm").encode())
     page = watched.open("/plan")
     page.wait_for_selector("text=Earlier plans")
 
@@ -276,7 +276,7 @@ def test_a_plan_begins_with_the_tractors_and_the_width_of_its_farm(service: Serv
 def test_every_choice_of_a_plan_is_asked_and_asked_again(service: Service, tmp_path: Path) -> None:
     watched, app = service
     store = app.state.store
-    store.add_file("farm", "own", read_example_farm_text().encode())
+    store.add_file("farm", "own", read_example_text("farm").encode())
     (tmp_path / "mast.geojson").write_text(json.dumps(MAST_FIELD))
     page = watched.open("/plan")
     page.click("summary:has-text('How the file is read')")

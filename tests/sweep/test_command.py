@@ -68,6 +68,7 @@ def test_table_json_csv_files_and_a_drive(headland: Run, field: Path, tmp_path: 
     ("--width 3,6 --leave-out 2", "Every width of a sweep numbers its tracks anew"),
     ("--json --csv", "choose one"),
     ("--service farm", "give an address such as https://farm.example"),
+    ("--service https://farm.example:99999", "give an address such as https://farm.example"),
     ("--tractor eg105,nosuch", "The tractor 'nosuch' is neither a file nor one of"),
     ("--soil loam,mudd", "The soil 'mudd' is unknown"),
     ("--width 3,6 --rain noon", "--rain 'noon' is none of"),

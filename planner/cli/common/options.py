@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
 import typer
 from typer.models import ArgumentInfo
 
-from planner.cli.common.terminal import print_remarks
+from planner.cli.common.outputs import check_output_paths, write_before_printing
+from planner.cli.common.terminal import print_remarks, print_sentence
 from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.option_texts import parse_widths
 from planner.request.plan_options import PLAN_OPTIONS
@@ -48,7 +49,7 @@ FieldsArgument = Annotated[
         show_default="iwamizawa",
     ),
 ]
-DEFAULT_FIELD = "iwamizawa"
+DEFAULT_FIELD = PlanRequest.field
 NO_RESULT_STATUS = 3
 """Exit status where no plan meets the request, and where a diagnosis has nothing to save."""
 _HELP_TEXTS = {option.name: option.help for option in PLAN_OPTIONS}
@@ -83,6 +84,43 @@ def create_group(help_text: str, **options: Any) -> typer.Typer:
     group = typer.Typer(help=help_text, no_args_is_help=True, **options)
     group.callback()(lambda: None)
     return group
+
+
+def add_example_commands(group: typer.Typer, kind: str, describe_next: Callable[[Path], str]) -> None:
+    """Give a group the commands that write and print the example of its kind of file, "farm" or "day".
+
+    `describe_next` says that it was written and what to do with it.
+    """
+    place = typer.Argument(help=f"The file to write, such as {kind}.toml.")
+
+    def read_text() -> str:
+        from planner.farm.settings import read_example_text
+
+        return read_example_text(kind)
+
+    def write_example(file: Path = place, force: ForceOption = False) -> None:
+        check_output_paths((file, ".toml"), force=force)
+        with write_before_printing((file, read_text())):
+            print_sentence(describe_next(file))
+
+    group.command(
+        "new", help=f"Write an example of a {kind} file, to be adapted.\n\nExample: headland {kind} new {kind}.toml"
+    )(write_example)
+    group.command(
+        "example", help=f"Print the example of a {kind} file.\n\nExample: headland {kind} example > {kind}.toml"
+    )(lambda: typer.echo(read_text(), nl=False))
+
+
+def is_web_address(text: str) -> bool:
+    """Whether a text is the address of a service: http or https, a host, and perhaps a port."""
+    from urllib.parse import urlsplit
+
+    try:
+        parts = urlsplit(text)
+        is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:  # such as half an IPv6 address
+        return False
+    return is_address and " " not in text and text.isprintable()
 
 
 def render_refusal(refusal: HeadlandError) -> str:
@@ -176,13 +214,17 @@ def read_given_options(
     return GivenOptions(values, names, tuple(done), tuple(without))
 
 
-def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
-    """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+def expand_fields(fields: Sequence[str], options: Mapping[str, Any]) -> tuple[str, ...]:
+    """The named fields, with stars for all of a file, which is read as options say; raises HeadlandError."""
     from planner.pipeline.many_fields import expand_field_names
 
-    reading = {name: given.values[name] for name in ("local", "crs", "swap_axes")}
-    names = expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
-    width = given.values["width"]
+    reading = {name: options[name] for name in ("local", "crs", "swap_axes")}
+    return expand_field_names(fields or [DEFAULT_FIELD], **reading, show_remarks=print_remarks)
+
+
+def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
+    """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
+    names, width = expand_fields(fields or (), given.values), given.values["width"]
     widths_m = parse_widths(width)
     requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
     if re.fullmatch(r"\d+,\d+", width):

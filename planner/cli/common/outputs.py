@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from fields.text_files import explain_error, quote_path
 from planner.errors import HeadlandError, RequestError
@@ -18,6 +18,8 @@ from planner.errors import HeadlandError, RequestError
 Output = tuple[Path | None, str]
 """A file to write or None, and its required ending ("" for any)."""
 OutputContent = str | bytes
+Result = tuple[Path | None, OutputContent | Callable[[], OutputContent]]
+"""A file to write or None, and its content or what makes it."""
 _PLAIN_INPUTS = {
     "gnss_table": "the table of GNSS errors",
     "mapping": "the mapping of columns",
@@ -32,8 +34,13 @@ class WriteError(HeadlandError):
     status = 1
 
 
-def list_input_files(options: Mapping[str, Any], *, logs: Sequence[str] = ()) -> dict[str | Path, str]:
-    """The files that options by name and `logs` have a command read, and what they are, for `check_output_paths`."""
+def list_input_files(
+    options: Mapping[str, Any], *, logs: Sequence[str] = (), runs: Sequence[Path] = ()
+) -> dict[str | Path, str]:
+    """The files that options by name, logs and imported runs have a command read, and what they are.
+
+    For `check_output_paths`.
+    """
     from fields.documents.sources import list_field_files
     from vehicle.model.tractor import list_tractor_names
 
@@ -42,6 +49,10 @@ def list_input_files(options: Mapping[str, Any], *, logs: Sequence[str] = ()) ->
         from vehicle.identification.logs.reader import find_log_files
 
         files |= {path: f"the log {path}" for path in find_log_files(logs)}
+    if runs:
+        from planner.task_logs.runs.run_files import list_run_files
+
+        files |= {path: f"the log {path}" for path in list_run_files(runs)}
     given = {name: text for name, text in options.items() if text is not None}
     for text in (given[name].strip() for name in ("rain", "rain_mm") if name in given):
         files |= {text: "the file of rain"} if text.lower().endswith(".csv") else {}
@@ -76,16 +87,16 @@ def check_output_paths(
     requested = [(path, suffix) for path, suffix in outputs if path is not None]
     for path, suffix in requested:
         if os.path.isdir(path):
-            _refuse(f"{path} is a folder; give the name of a file in it.")
+            raise RequestError(f"{path} is a folder; give the name of a file in it.")
         if suffix and path.suffix.lower() != suffix:
             named = _format_path(path.with_suffix(suffix))
-            _refuse(f"{_format_path(path)} does not end in {suffix}; name the file {named}.")
+            raise RequestError(f"{_format_path(path)} does not end in {suffix}; name the file {named}.")
     ignores_case = {path: _check_writable_place(path) for path, _ in requested}
     occupied = [(Path(path), description) for path, description in (input_files or {}).items() if os.path.exists(path)]
     for path, _ in requested:
         for occupied_path, description in occupied:
             if _is_same_file(path, occupied_path, ignores_case[path]):
-                _refuse(f"{path} would overwrite {description}; choose another file.")
+                raise RequestError(f"{path} would overwrite {description}; choose another file.")
         occupied.append((path, "another result"))
         refuse_overwrite(path, force)
 
@@ -101,31 +112,35 @@ def _check_writable_place(path: Path) -> bool:
     target = _resolve_links(path)
     if not os.path.isdir(target.parent):
         parent = target.parent if os.path.islink(path) else path.parent
-        _refuse(f"{_format_path(path)} cannot be written: the folder {parent} does not exist; make it first.")
+        raise RequestError(
+            f"{_format_path(path)} cannot be written: the folder {parent} does not exist; make it first."
+        )
     try:
         status = os.stat(target)
     except FileNotFoundError:
         status = None
     except OSError as error:
-        _refuse(f"{quote_path(path)} cannot be written: {explain_error(error)}; choose another name.")
+        raise RequestError(
+            f"{quote_path(path)} cannot be written: {explain_error(error)}; choose another name."
+        ) from None
     if status is not None:
         if not stat.S_ISREG(status.st_mode):
-            _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
+            raise RequestError(f"{path} is a device or a pipe, not a file; give the name of a file.")
         for stream in filter(None, (sys.__stdout__, sys.__stderr__)):
             is_same = False
             with suppress(OSError, ValueError):
                 is_same = os.path.samestat(status, os.fstat(stream.fileno()))
             if is_same:
-                _refuse(f"{path} is where this command prints to; choose another file.")
+                raise RequestError(f"{path} is where this command prints to; choose another file.")
     if not os.access(target if status else target.parent, os.W_OK):
-        _refuse(f"{path} cannot be written: no permission; choose another place.")
+        raise RequestError(f"{path} cannot be written: no permission; choose another place.")
     draft = _build_draft_path(target)
     try:
         draft.touch(exist_ok=False)
         ignores_case = draft.with_name(draft.name.upper()).exists()
         draft.unlink()
     except OSError as error:
-        _refuse(f"{path} cannot be written: {explain_error(error)}; choose another place.")
+        raise RequestError(f"{path} cannot be written: {explain_error(error)}; choose another place.") from None
     return ignores_case
 
 
@@ -143,7 +158,7 @@ def _is_same_file(path: Path, other_path: Path, ignores_case: bool) -> bool:
 def refuse_overwrite(path: Path, force: bool) -> None:
     """Raise RequestError for a file that exists, unless `force` allows overwriting it."""
     if not force and os.path.lexists(path):
-        _refuse(f"{_format_path(path)} exists already; choose another name, or add --force to overwrite it.")
+        raise RequestError(f"{_format_path(path)} exists already; choose another name, or add --force to overwrite it.")
 
 
 @contextmanager
@@ -161,7 +176,7 @@ def make_folders(*folders: Path) -> Iterator[None]:
                     ) from None
                 made.append(folder)
             if not os.path.isdir(folder):
-                _refuse(f"{quote_path(folder)} is a file; name a folder.")
+                raise RequestError(f"{quote_path(folder)} is a file; name a folder.")
         yield
     except BaseException:
         for folder in reversed(made):
@@ -187,11 +202,6 @@ def write_into_folder(
     with make_folders(folder):
         check_output_paths(*((path, "") for path, _ in results), input_files=input_files)
         write_results(results)
-
-
-def render_requested(*results: tuple[Path | None, Callable[[], OutputContent]]) -> list[tuple[Path, OutputContent]]:
-    """The results that a path was given for, made now."""
-    return [(path, render()) for path, render in results if path]
 
 
 def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:
@@ -226,14 +236,18 @@ def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:
 
 
 @contextmanager
-def write_before_printing(results: Sequence[tuple[Path, OutputContent]]) -> Iterator[None]:
-    """Write the results, then run the body; an exception of the body gets a note on what was written."""
-    write_results(results)
+def write_before_printing(*results: Result) -> Iterator[None]:
+    """Make and write the results that a path was given for, then run the body.
+
+    An exception of the body gets a note on what was written.
+    """
+    made = [(path, content() if callable(content) else content) for path, content in results if path is not None]
+    write_results(made)
     try:
         yield
     except BaseException as error:
-        if results:
-            error.add_note(_describe_written([path for path, _ in results]))
+        if made:
+            error.add_note(_describe_written([path for path, _ in made]))
         raise
 
 
@@ -256,7 +270,3 @@ def _build_draft_path(target: Path) -> Path:
 def _format_path(path: Path) -> str:
     """A path for a sentence, without quotes."""
     return quote_path(path)[1:-1]
-
-
-def _refuse(sentence: str) -> NoReturn:
-    raise RequestError(sentence)

@@ -39,24 +39,19 @@ class SeparationMonitor:
         self._clear_since: dict[NearPair, float] = {}
         self._free_since: dict[int, float] = {}
         self._stands_since: dict[int, float] = {}
-        self._parting: dict[NearPair, float] = {}
-
-    @property
-    def has_parting_pairs(self) -> bool:
-        """Whether any pair is still moving apart."""
-        return bool(self._parting)
+        self.parting: dict[NearPair, float] = {}
 
     def is_parting(self, danger: SafetyDanger) -> bool:
         """Whether a pair in danger is moving apart and comes no nearer than it was."""
         if danger.second is None:
             return False
-        distance_m = self._parting.get((danger.first, danger.second))
+        distance_m = self.parting.get((danger.first, danger.second))
         return distance_m is not None and danger.least_distance_m >= max(distance_m - PARTING_SLACK_M, CONTACT_M)
 
     def mark_endangered(self, first: int, second: int | TractorKey) -> None:
         """A pair has to stop, now or soon: it is neither clear nor moving apart."""
         self._clear_since.pop((first, second), None)
-        self._parting.pop((first, second), None)
+        self.parting.pop((first, second), None)
 
     def find_cleared_pairs(
         self,
@@ -67,9 +62,9 @@ class SeparationMonitor:
     ) -> list[NearPair]:
         """Which of these pairs have been apart for `release_s`. `close_pairs` are not apart; pairs with a `standing`
         tractor do not count as apart, as it would come near if it resumed."""
-        for pair in list(self._parting):
+        for pair in list(self.parting):
             if pair not in close_pairs:
-                del self._parting[pair]
+                del self.parting[pair]
         clear = [pair for pair in pairs if pair not in close_pairs and not any(number in standing for number in pair)]
         self._clear_since = {pair: self._clear_since.get(pair, now) for pair in clear}
         return [pair for pair, since in self._clear_since.items() if now - since >= self.release_s]
@@ -89,7 +84,7 @@ class SeparationMonitor:
 
     def start_parting(self, number: int, close_pairs: Mapping[NearPair, float]) -> None:
         """A tractor resumes; all other standing ones start their waiting time again."""
-        self._parting |= {pair: distance_m for pair, distance_m in close_pairs.items() if number in pair}
+        self.parting |= {pair: distance_m for pair, distance_m in close_pairs.items() if number in pair}
         self.restart_waiting_times()
 
     def is_free(self, number: int) -> bool:
@@ -169,7 +164,7 @@ class DangerWatch:
                 if Hold.FENCE in state.holds and fleet.guard.is_inside_fence(state):
                     state.holds.discard(Hold.FENCE)
         pairs = self.find_alarmed_pairs()
-        if pairs or self.separation.has_parting_pairs or any(Hold.TOO_NEAR in state.holds for state in fleet.states):
+        if pairs or self.separation.parting or any(Hold.TOO_NEAR in state.holds for state in fleet.states):
             self._resolve_near_pairs(pairs, neighbours, now)
 
     def find_alarmed_pairs(self) -> list[NearPair]:

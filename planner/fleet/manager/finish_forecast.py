@@ -40,16 +40,16 @@ class FinishDistribution:
         if not math.isfinite(work_s):
             return None
         remaining_share = max(work_s, 0.0) / self.planned_s
-        beyond_s = available_s - remaining_share * self.p50_s
-        return round(NORMAL.cdf(self._compute_score(beyond_s, math.sqrt(remaining_share))), 4)
-
-    def _compute_score(self, beyond_s: float, share: float) -> float:
-        near_s, far_s = share * (self.p80_s - self.p50_s), share * (self.p95_s - self.p50_s)
+        beyond_s, spread = available_s - remaining_share * self.p50_s, math.sqrt(remaining_share)
+        near_s, far_s = spread * (self.p80_s - self.p50_s), spread * (self.p95_s - self.p50_s)
+        near_score, far_score = NORMAL_SCORES
         if near_s <= 0.0 or far_s <= near_s:
-            return math.copysign(math.inf, beyond_s)
-        if beyond_s <= near_s:
-            return NORMAL_SCORES[0] * beyond_s / near_s
-        return NORMAL_SCORES[0] + (NORMAL_SCORES[1] - NORMAL_SCORES[0]) * (beyond_s - near_s) / (far_s - near_s)
+            score = math.copysign(math.inf, beyond_s)
+        elif beyond_s <= near_s:
+            score = near_score * beyond_s / near_s
+        else:
+            score = near_score + (far_score - near_score) * (beyond_s - near_s) / (far_s - near_s)
+        return round(NORMAL.cdf(score), 4)
 
 
 def read_finish_distribution(result: Mapping[str, Any], plan_file: str) -> FinishDistribution | None:
@@ -64,15 +64,14 @@ def read_finish_distribution(result: Mapping[str, Any], plan_file: str) -> Finis
 
 
 def forecast_finish_s(
-    states: Sequence[TractorState], halted: Sequence[bool], places: Sequence[LegPlace | None] | None = None
+    states: Sequence[TractorState], halted: Sequence[bool], places: Sequence[LegPlace | None]
 ) -> list[float]:
     """Seconds from now until each tractor is done (n,); infinite if it never will be.
 
     `halted` tractors stay where they are, and so do those that wait for them. `places` are the present legs and metres
     by the twins; without one a tractor is where it reported last.
     """
-    known_places = places or [None] * len(states)
-    rows = [_TractorForecast(*each) for each in zip(states, halted, known_places, strict=True)]
+    rows = [_TractorForecast(*each) for each in zip(states, halted, places, strict=True)]
     has_progress = True
     while has_progress:
         has_progress = sum(row.advance(rows, states) for row in rows) > 0

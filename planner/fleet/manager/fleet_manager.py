@@ -24,7 +24,6 @@ from planner.fleet.model.tractor_state import (
     Hold,
     MotionDoubt,
     TractorReport,
-    TractorState,
 )
 from planner.fleet.safety.compliance import (
     REPEAT_STOP_S,
@@ -123,7 +122,12 @@ class FleetManager(FleetState):
         self._check_reported_motion(number, report, is_possible, now, delay_s)
         if not is_possible or state.doubt is not None:
             return
-        _advance_progress(state, report, driving_s)
+        if (report.leg, report.leg_m) >= (state.leg, state.leg_m):  # legs never go back
+            before_s = state.mission.compute_driven_s(state.leg, state.leg_m)
+            state.leg, state.leg_m = report.leg, report.leg_m
+            if driving_s > 0.0:
+                state.driving_s += driving_s
+                state.planned_driving_s += state.mission.compute_driven_s(state.leg, state.leg_m) - before_s
         self.add_coverage(number, report.x_m, report.y_m, bool(report.implement))
         if report.errors and (previous is None or previous.errors != report.errors):
             sentence = f"Tractor {number + 1} reports: {'; '.join(report.errors)}."
@@ -344,14 +348,3 @@ class FleetManager(FleetState):
         if twin_place is None or state.mode != AUTOMATIC or state.done:
             return None
         return state.mission.locate_ahead(state.leg, state.leg_m, state.base_end, twin_place)
-
-
-def _advance_progress(state: TractorState, report: TractorReport, driving_s: float) -> None:
-    """Move a tractor on to the reported place; legs never go back."""
-    if (report.leg, report.leg_m) < (state.leg, state.leg_m):
-        return
-    before_s = state.mission.compute_driven_s(state.leg, state.leg_m)
-    state.leg, state.leg_m = report.leg, report.leg_m
-    if driving_s > 0.0:
-        state.driving_s += driving_s
-        state.planned_driving_s += state.mission.compute_driven_s(state.leg, state.leg_m) - before_s

@@ -21,7 +21,6 @@ from planner.fleet.safety.safety_guard import SafetyGuard
 MOST_OBSTACLES, MOST_PER_REPORTER, MOST_OUTLINE_POINTS = 100, 20, 200
 SAME_PLACE_M = 0.5  # by which an obstacle that is reported again may have moved
 Ring = tuple[tuple[float, float], ...]
-
 COVERAGE_STEP_M = 1.0
 MOST_COVERAGE_POINTS = 20_000  # per tractor: 20 km of track
 CoveragePoint = tuple[float, float] | None

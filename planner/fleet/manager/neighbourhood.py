@@ -25,7 +25,7 @@ from fields.arrays import Floats, Integers
 from fields.errors import FieldError
 from fields.geometry.geodesy import project
 from planner.fleet.manager.fleet_manager import FleetManager
-from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.fleet_plan import FleetPlan, build_field_outline
 from planner.fleet.model.tractor_state import BY_HAND, Hold
 from planner.fleet.safety.motion_prediction import (
     NeighbourFleets,
@@ -49,7 +49,7 @@ class IncomparablePlacesError(ValueError):
 def build_plan_extent(plan: FleetPlan) -> shapely.Geometry:
     """The field of a plan, if known, and the lines that its tractors drive; metres of the plan."""
     lines = shapely.MultiLineString([line for mission in plan.timed_missions for line in mission.lines])
-    field = [shapely.Polygon(plan.rings[0])] if plan.rings else []
+    field = [] if plan.field is None else [build_field_outline(plan.field, plan.saved)]
     return shapely.GeometryCollection([*field, lines])
 
 
@@ -193,7 +193,6 @@ class NeighbourhoodMember(NeighbourFleets):
             fleet=neighbour.name,
             path=path,
             model=manager.guard.model[0],
-            boxes=manager.guard.boxes,
             speed_mps=speed_mps,
             braking_s=compute_stopping_time_s(speed_mps, manager.rules) / pace,
             is_waiting=Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND,

@@ -22,7 +22,7 @@ from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import Hold
 
-LOOK_DELAY_S = 1.0  # after a report, in which nobody can have looked
+LOOK_DELAY_S = 1.0  # after a report or a stop, in which nobody can have seen it
 CLEARED_RADIUS_M = 15.0  # around the place that an operator has looked at
 SETTLED_S = 2.0  # without an unreadable frame, after which a readable one replaces it
 UNREADABLE_CODE = "unread obstacle"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED, FleetState, join_fleet_names
-from planner.fleet.manager.obstacle_reports import ObstacleReports
+from planner.fleet.manager.obstacle_reports import LOOK_DELAY_S, ObstacleReports
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetManagerError
@@ -26,7 +26,6 @@ from planner.fleet.model.tractor_state import (
 from planner.fleet.safety.safety_guard import SafetyGuard
 
 RESTARTED, NEIGHBOUR_STOPPED = "restarted", "neighbour stopped"
-STOP_SEEN_S = 1.0  # time for others to see a stop
 REJOIN_RAD = math.radians(45.0)  # between a tractor and its leg, for it to resume by itself
 
 
@@ -38,7 +37,7 @@ class OperatorOrders:
         self._last_stops = [("", -math.inf)] * fleet.plan.tractor_count  # who last stopped each, and when
 
     def start_fleet_work(self, who: str, now: float) -> None:
-        """Let all tractors drive. Raises FleetManagerError within STOP_SEEN_S of a stop by somebody else."""
+        """Let all tractors drive. Raises FleetManagerError within LOOK_DELAY_S of a stop by somebody else."""
         self._check_recent_stop(who, None, now)
         self.fleet.started_s = now if self.fleet.started_s is None else self.fleet.started_s
         self.fleet.state = RUNNING
@@ -60,7 +59,7 @@ class OperatorOrders:
     def resume_tractors(self, who: str, number: int | None, now: float) -> None:
         """Resume one tractor or all; resuming one also confirms a look at its unreadable obstacle, or at its place.
 
-        Raises FleetManagerError if the one stands too far off its leg or across it, or within STOP_SEEN_S of a stop by
+        Raises FleetManagerError if the one stands too far off its leg or across it, or within LOOK_DELAY_S of a stop by
         somebody else.
         """
         self._check_recent_stop(who, number, now)
@@ -79,10 +78,10 @@ class OperatorOrders:
         self.fleet.send_stop_or_resume()
 
     def _check_recent_stop(self, who: str, number: int | None, now: float) -> None:
-        """Raise FleetManagerError if somebody else has stopped a tractor less than STOP_SEEN_S ago."""
+        """Raise FleetManagerError if somebody else has stopped a tractor less than LOOK_DELAY_S ago."""
         for chosen in self._list_addressed_numbers(number):
             stopped_by, stopped_at_s = self._last_stops[chosen]
-            if stopped_by != who and now - stopped_at_s < STOP_SEEN_S:
+            if stopped_by != who and now - stopped_at_s < LOOK_DELAY_S:
                 raise FleetManagerError(
                     f"Tractor {chosen + 1} was just stopped by {stopped_by}; find out why, then resume it."
                 )

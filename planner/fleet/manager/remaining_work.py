@@ -138,8 +138,15 @@ def check_proposal_still_fits(
                 f"The link to tractor {number + 1} broke as it moved, after the plan was made; replan.",
                 parameter="proposal",
             )
-        moved_m = _compute_moved_m(previous, state)
-        has_moved = state.leg > previous.leg or moved_m > _estimate_rolled_distance_m(previous, remaining, fleet)
+        moved_m, speed_mps = 0.0, 0.0 if previous.report is None else previous.report.speed_mps
+        if state.report is not None:
+            moved_m = math.inf if previous.report is None else math.dist(state.report[:2], previous.report[:2])
+        may_roll_m = (
+            STAND_TOLERANCE_M
+            + speed_mps * fleet.rules.reaction_s * remaining.times
+            + compute_braking_distance_m(speed_mps, fleet.rules)
+        )
+        has_moved = state.leg > previous.leg or moved_m > may_roll_m
         must_wait = (
             proposed_plan is not None
             and remaining.has_tractor_driven(number)
@@ -157,22 +164,3 @@ def check_proposal_still_fits(
                 parameter="proposal",
             )
     _check_on_legs(fleet, remaining.excluded)
-
-
-def _compute_moved_m(previous: TractorState, state: TractorState) -> float:
-    """Metres that a tractor has moved; infinite for one that reports for the first time."""
-    if state.report is None:
-        return 0.0
-    if previous.report is None:
-        return math.inf
-    return math.dist((state.report.x_m, state.report.y_m), (previous.report.x_m, previous.report.y_m))
-
-
-def _estimate_rolled_distance_m(previous: TractorState, remaining: RemainingWork, fleet: FleetState) -> float:
-    """Metres that it may have rolled until it stood."""
-    speed_mps = 0.0 if previous.report is None else previous.report.speed_mps
-    return (
-        STAND_TOLERANCE_M
-        + speed_mps * fleet.rules.reaction_s * remaining.times
-        + compute_braking_distance_m(speed_mps, fleet.rules)
-    )

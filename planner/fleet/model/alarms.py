@@ -58,51 +58,41 @@ class AlarmRegister:
         While an alarm is on its level never falls. Numbers with a decimal point are measured and keep changing: the
         sentence is updated, but it does not count as a new alarm.
         """
-        if (code, tractor) in self._on:
-            return self._update_alarm(self._items[self._on[code, tractor]], level, sentence)
-        unseen = next((a for a in self._items.values() if a.over and (a.code, a.tractor) == (code, tractor)), None)
-        if unseen is None:
-            self._last += 1
-            alarm = FleetAlarm(self._last, code, level, tractor, sentence, now)
-        else:  # it comes and goes: one alarm is enough
-            level = CRITICAL if unseen.level == CRITICAL else level
-            alarm = replace(unseen, sentence=sentence, level=level, over=False)
-        self._items[alarm.id], self._on[code, tractor] = alarm, alarm.id
-        self.version += 1
-        return alarm
+        alarm, is_new = self.find_alarm_on(code, tractor), True
+        if alarm is not None:
+            is_rising = level == CRITICAL and alarm.level != CRITICAL
+            if not is_rising and sentence == alarm.sentence:
+                return None
+            is_new = is_rising or DECIMAL_NUMBER.sub("", sentence) != DECIMAL_NUMBER.sub("", alarm.sentence)
+            alarm = replace(alarm, acknowledged=None if is_new else alarm.acknowledged)
+        else:  # one that comes and goes is one alarm
+            alarm = next((a for a in self._items.values() if a.over and (a.code, a.tractor) == (code, tractor)), None)
+            if alarm is None:
+                self._last += 1
+                alarm = FleetAlarm(self._last, code, level, tractor, sentence, now)
+        level = CRITICAL if CRITICAL in (level, alarm.level) else level
+        self._store(replace(alarm, sentence=sentence, level=level, over=False))
+        self._on[code, tractor] = alarm.id
+        return self._items[alarm.id] if is_new else None
 
-    def _update_alarm(self, previous: FleetAlarm, level: str, sentence: str) -> FleetAlarm | None:
-        is_rising = level == CRITICAL and previous.level != CRITICAL
-        if not is_rising and sentence == previous.sentence:
-            return None
-        is_new = is_rising or DECIMAL_NUMBER.sub("", sentence) != DECIMAL_NUMBER.sub("", previous.sentence)
-        alarm = replace(
-            previous,
-            level=CRITICAL if is_rising else previous.level,
-            sentence=sentence,
-            acknowledged=None if is_new else previous.acknowledged,
-        )
-        self._items[previous.id] = alarm
+    def _store(self, alarm: FleetAlarm) -> None:
+        """Keep an alarm as it is now, unless it is over and acknowledged."""
+        self._items[alarm.id] = alarm
         self.version += 1
-        return alarm if is_new else None
+        if alarm.over and alarm.acknowledged is not None:
+            del self._items[alarm.id]
 
     def reword(self, code: str, tractor: int | None, sentence: str) -> None:
         """Change the sentence of an alarm that is on; nobody has to acknowledge it again."""
-        number = self._on.get((code, tractor))
-        if number is not None and self._items[number].sentence != sentence:
-            self._items[number] = replace(self._items[number], sentence=sentence)
-            self.version += 1
+        alarm = self.find_alarm_on(code, tractor)
+        if alarm is not None and alarm.sentence != sentence:
+            self._store(replace(alarm, sentence=sentence))
 
     def end_alarm(self, code: str, tractor: int | None) -> None:
         """The cause is gone; the alarm stays until somebody has acknowledged it."""
         number = self._on.pop((code, tractor), None)
-        if number is None:
-            return
-        alarm = replace(self._items[number], over=True)
-        self._items[number] = alarm
-        self.version += 1
-        if alarm.acknowledged is not None:
-            del self._items[number]
+        if number is not None:
+            self._store(replace(self._items[number], over=True))
 
     def acknowledge(self, number: int, who: str) -> FleetAlarm:
         """Acknowledge an alarm. Raises FleetManagerError if there is no alarm of this number."""
@@ -111,10 +101,7 @@ class AlarmRegister:
                 f"There is no alarm {number}; it is over and was already acknowledged.", parameter="alarm"
             )
         alarm = replace(self._items[number], acknowledged=who)
-        self._items[number] = alarm
-        self.version += 1
-        if alarm.over:
-            del self._items[number]
+        self._store(alarm)
         return alarm
 
     def restore(self, alarms: Iterable[FleetAlarm]) -> None:

@@ -34,7 +34,6 @@ from vehicle.sim.world import World
 CLEARANCE_SHARE = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 SHORTEST_LEG_S = 0.05
 LONGEST_STANDS_S = DAY_S  # of one tractor of a plan, all its refills
-Ring = tuple[tuple[float, float], ...]
 TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
 """Timed missions, when each tractor is done (s), and the least distance of two (m)."""
 
@@ -69,28 +68,6 @@ class FleetPlan:
         return self.saved.plan
 
     @property
-    def rings(self) -> tuple[Ring, ...]:
-        """Rings of the field, the outline first, in metres of the plan; empty if the field is unknown."""
-        if self.field is None:
-            return ()
-        rings = (self.field.boundary.exterior, *self.field.boundary.interiors)
-        return tuple(_shift_ring(ring, self._field_shift_m) for ring in rings)
-
-    @property
-    def obstacles(self) -> tuple[Ring, ...]:
-        """Rings of the obstacles of the field, in metres of the plan."""
-        if self.field is None:
-            return ()
-        parts = shapely.get_parts([obstacle.shape for obstacle in self.field.obstacles])
-        return tuple(_shift_ring(part.exterior, self._field_shift_m) for part in parts)
-
-    @property
-    def _field_shift_m(self) -> np.ndarray:
-        assert self.field is not None
-        shift: np.ndarray = np.asarray(self.field.origin_m) - np.asarray(self.saved.origin_m)
-        return shift
-
-    @property
     def worked_m(self) -> float:
         """Metres of all working legs."""
         return sum(timed_mission.worked_m[-1] for timed_mission in self.timed_missions)
@@ -120,7 +97,14 @@ def prepare_fleet_plan(
                 f"{LONGEST_STANDS_S:.0f} s (a day).",
                 parameter="plan",
             )
-    _check_coordinate_range(saved)
+    ends_m = [np.abs(leg.points).max() for mission in saved.plan.missions for leg in mission.legs]
+    farthest_m = float(max(map(abs, saved.origin_m))) + float(max(ends_m))
+    if not farthest_m <= FARTHEST_M:  # frames hold no coordinates beyond that
+        raise FleetManagerError(
+            f"The plan reaches {farthest_m:.3g} m from the origin of its coordinate system; at most {FARTHEST_M:g} m "
+            "are allowed: give origin_m and points in metres of the field.",
+            parameter="plan",
+        )
     scenario = read_request(saved)
     if tractor is not None:
         scenario = replace(scenario, tractor=str(tractor))
@@ -145,18 +129,6 @@ def prepare_fleet_plan(
     plan_field = _read_plan_field(scenario, saved, field)
     ground = _build_driving_area(saved, plan_field, max(implement.contact_width_m, machine.width_m))
     return FleetPlan(saved, scenario, machine, implement, *timed_plan, ground, plan_field, physics)
-
-
-def _check_coordinate_range(saved: SavedPlan) -> None:
-    """Raise FleetManagerError for a plan beyond the coordinates that frames can hold."""
-    ends_m = [np.abs(leg.points).max() for mission in saved.plan.missions for leg in mission.legs]
-    farthest_m = float(max(map(abs, saved.origin_m))) + float(max(ends_m))
-    if not farthest_m <= FARTHEST_M:
-        raise FleetManagerError(
-            f"The plan reaches {farthest_m:.3g} m from the origin of its coordinate system; at most {FARTHEST_M:g} m "
-            "are allowed: give origin_m and points in metres of the field.",
-            parameter="plan",
-        )
 
 
 def describe_timing(plan: FleetPlan) -> dict[str, Any]:
@@ -207,8 +179,10 @@ def _read_plan_field(scenario: PlanRequest, saved: SavedPlan, file: Path | None)
     return field
 
 
-def _shift_ring(ring: shapely.LinearRing, shift: np.ndarray) -> Ring:
-    return tuple((float(x), float(y)) for x, y in np.asarray(ring.coords)[:-1, :2] + shift)
+def build_field_outline(field: Field, saved: SavedPlan) -> shapely.Polygon:
+    """The outline of a field with its holes filled, in metres of a plan, whose origin may be another."""
+    shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
+    return shapely.Polygon(np.asarray(field.boundary.exterior.coords)[:, :2] + shift)
 
 
 def _build_driving_area(saved: SavedPlan, field: Field | None, width_m: float) -> shapely.Geometry:
@@ -217,6 +191,5 @@ def _build_driving_area(saved: SavedPlan, field: Field | None, width_m: float) -
     lines = np.array([shapely.LineString(leg.points) for m in saved.plan.missions for leg in m.legs])
     driven_area = unite(shapely.buffer(lines, 0.5 * width_m, quad_segs=4))
     if field is not None:
-        shift = np.asarray(field.origin_m) - np.asarray(saved.origin_m)
-        driven_area = unite([driven_area, shapely.Polygon(_shift_ring(field.boundary.exterior, shift))])
+        driven_area = unite([driven_area, build_field_outline(field, saved)])
     return shapely.simplify(driven_area, 0.05)

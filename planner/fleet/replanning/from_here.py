@@ -95,8 +95,11 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
     """The remaining plan from where all tractors are; leg k counts from the present leg."""
     missions_from_here = []
     for number, (legs, state) in enumerate(zip(missions, remaining.states, strict=True)):
-        if remaining.stays(number, len(legs)):
-            missions_from_here.append(Mission((_build_stationary_leg(remaining, number, legs),)))
+        if remaining.stays(number, len(legs)):  # in the way of the others where it is; one on the road is far away
+            x, y, heading = remaining.get_pose(number)
+            place = np.array([x - ROAD_M * (number + 1) if remaining.is_on_road(number) else x, y])
+            stub = np.array([place, place + STUB_LENGTH_M * np.array([math.cos(heading), math.sin(heading)])])
+            missions_from_here.append(Mission((Leg(stub, 1.0, ground=legs[0].ground, task=LegTask()),)))
             continue
         first_leg = cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
         rows = [first_leg, *legs[state.leg + 1 :]]
@@ -104,15 +107,6 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
             rows[k] = replace(rows[k], may_wait=False)
         missions_from_here.append(Mission(tuple(renumber_leg_gates(leg, remaining, -1) for leg in rows)))
     return Plan(tuple(missions_from_here))
-
-
-def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg, ...]) -> Leg:
-    """A stub leg for a tractor that stays where it is; one on the road is moved far away."""
-    x, y, heading = remaining.get_pose(number)
-    if remaining.is_on_road(number):
-        x -= ROAD_M * (number + 1)
-    ahead = np.array([math.cos(heading), math.sin(heading)])
-    return Leg(np.array([(x, y), (x, y) + STUB_LENGTH_M * ahead]), 1.0, ground=legs[0].ground, task=LegTask())
 
 
 def cut_leg(leg: Leg, done_m: float) -> Leg:

@@ -24,7 +24,7 @@ from planner.evaluation.site import build_lane_ground, build_site, build_site_mo
 from planner.evaluation.work_order import WorkOrder
 from planner.fleet.manager.remaining_work import RemainingWork
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetManagerError
+from planner.fleet.model.rules import FleetManagerError, FleetRules
 from planner.fleet.replanning.from_here import RestDriver, build_whole_plan, cut_leg, drop_settled_gates
 from planner.fleet.safety.motion_prediction import PREDICTION_ERROR_M
 from planner.pipeline.going_on import PLAN_ERROR_M, list_driven_part, sum_used
@@ -41,7 +41,6 @@ from vehicle.missions.plan import ENTER, LEAVE, SWATH, Leg, LegGate, Mission
 from vehicle.missions.run import SimulationRun
 
 PLANNING_S = 60.0  # of real time: a driving fleet has come so far when its new plan is sent
-OBSTACLE_MARGIN_M = 0.5
 MENTIONED_M = 0.5  # of track that stays unworked
 CLOSED_TEXT = "The entrance is blocked by {causes}: tractors on the field stay there, and none can come in."
 
@@ -182,7 +181,7 @@ def _build_taken_ground(remaining: RemainingWork, context: PlanningContext, half
                 ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
                 tail, nose = place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead
                 shapes.append(shapely.buffer(shapely.LineString([tail, nose]), away_m))
-    found["an obstacle"] = [shapely.buffer(shape, OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    found["an obstacle"] = [shapely.buffer(shape, FleetRules.obstacle_margin_m) for shape in remaining.obstacles]
     return _TakenGround({cause: unite(shapes) for cause, shapes in found.items()})
 
 
@@ -277,7 +276,12 @@ def _drive_best(
         present = [helpers[number] for number in programme.list_present()]
         for number, mission in zip(programme.list_present(), composed.plan.missions, strict=True):
             if programme.tours[number] or len(mission.legs) > 1:  # else it stands where the legs that it keeps end
-                legs[helpers[number].number] += [_renumber_gates(leg, present) for leg in mission.legs]
+                for leg in mission.legs:
+                    gates = (
+                        LegGate(present[gate.tractor].number, present[gate.tractor].kept_legs + gate.leg, gate.after_m)
+                        for gate in leg.gates
+                    )
+                    legs[helpers[number].number].append(replace(leg, gates=tuple(gates)))
         return [tuple(each) for each in legs]
 
     def measure_alone_s(composed: ComposedPlan) -> list[float]:
@@ -304,14 +308,6 @@ def _drive_best(
     if isinstance(best, FleetManagerError):
         raise best
     return best
-
-
-def _renumber_gates(leg: Leg, helpers: Sequence[_Helper]) -> Leg:
-    gates = (
-        LegGate(helpers[gate.tractor].number, helpers[gate.tractor].kept_legs + gate.leg, gate.after_m)
-        for gate in leg.gates
-    )
-    return replace(leg, gates=tuple(gates))
 
 
 def _describe_stands(remaining: RemainingWork, whole: PlanningContext) -> list[str]:
@@ -350,28 +346,22 @@ def _describe_place(remaining: RemainingWork, number: int) -> str:
 
 def _describe_caught(remaining: RemainingWork, taken: _TakenGround, half_m: float, reach_m: float) -> list[str]:
     """What helps where what is left out, or an obstacle, is in the way of what tractors keep."""
-    numbers = [
-        number for number, state in enumerate(remaining.states) if not remaining.stays(number, len(state.mission.legs))
-    ]
-    causes = [taken.name_causes(_build_kept_way(remaining, number, half_m, reach_m)) for number in numbers]
-    return [
-        f"What tractor {number + 1} keeps leads too near {cause}: clear the way, or leave tractor {number + 1} out as "
-        "well."
-        for number, cause in zip(numbers, causes, strict=True)
-        if cause
-    ]
-
-
-def _build_kept_way(remaining: RemainingWork, number: int, half_m: float, reach_m: float) -> shapely.Geometry:
-    """The ground of a tractor on what it cannot be told to wait on, `reach_m` ahead of its end included."""
-    state, count = remaining.states[number], remaining.count_base_legs(number)
-    if count == 0:
-        return shapely.Polygon()
-    present, *others = state.mission.legs[state.leg : state.leg + count]
-    points = np.concatenate([leg.points for leg in (cut_leg(present, state.leg_m), *others)])
-    onward = points[-1] - points[-2]
-    end = points[-1] + reach_m * onward / np.hypot(*onward)
-    return shapely.LineString([*points, end]).buffer(half_m)
+    sentences = []
+    for number, state in enumerate(remaining.states):
+        count = remaining.count_base_legs(number)  # it cannot be told to wait on these
+        if count == 0 or remaining.stays(number, len(state.mission.legs)):
+            continue
+        present, *others = state.mission.legs[state.leg : state.leg + count]
+        points = np.concatenate([leg.points for leg in (cut_leg(present, state.leg_m), *others)])
+        onward = points[-1] - points[-2]
+        end = points[-1] + reach_m * onward / np.hypot(*onward)
+        cause = taken.name_causes(shapely.LineString([*points, end]).buffer(half_m))
+        if cause:
+            sentences.append(
+                f"What tractor {number + 1} keeps leads too near {cause}: clear the way, or leave tractor {number + 1} "
+                "out as well."
+            )
+    return sentences
 
 
 def _describe_open_work(near: str, unreachable_m: float, blocked_m: float) -> list[str]:

@@ -93,19 +93,15 @@ def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
     allowed_s = _allow_order_s(state, rules)
     if motion.observed_s <= allowed_s:  # the order may still be under way: it brakes from the speed at which it hears
         motion.speed_mps = max(motion.speed_mps, report.speed_mps)
-    if _is_braking(report, motion, rules) and not state.is_moving_unreported:
+    lost_mps = 0.25 * rules.deceleration_mps2 * rules.times * motion.observed_s  # a quarter of what its brake can
+    is_slower = motion.observed_s > 0.0 and report.speed_mps <= motion.speed_mps - lost_mps
+    is_braking = report.mode == STOPPED or report.speed_command_mps == 0.0 or is_slower
+    if is_braking and not state.is_moving_unreported:
         allowed_s += 2.0 * compute_stopping_time_s(motion.speed_mps, rules) / rules.times
     is_noticed = motion.observed_s >= allowed_s
     if is_noticed and report.speed_mps >= MOVING_MPS:
         state.stood_at = None  # once it stands again, it is judged from there
     return is_noticed
-
-
-def _is_braking(report: TractorReport, motion: DisobeyingMotion, rules: FleetRules) -> bool:
-    """Whether it reports braking, or slows down at least a quarter as fast as its brake can."""
-    lost_mps = 0.25 * rules.deceleration_mps2 * rules.times * motion.observed_s
-    is_slower = motion.observed_s > 0.0 and report.speed_mps <= motion.speed_mps - lost_mps
-    return report.mode == STOPPED or report.speed_command_mps == 0.0 or is_slower
 
 
 def find_impossible_place_reason(report: TractorReport, state: TractorState) -> str | None:

@@ -10,13 +10,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 import shapely
-import shapely.affinity
 
 from fields.arrays import Floats
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
-from vehicle.model.tractor import Implement, Tractor
-from vehicle.sim.compile import list_contact_boxes
+from strategies.path_planning.machine_body import MachineBody, MachineBox
+from vehicle.model.tractor import Tractor
 
 STEP_S = 0.5
 STRAIGHT_RAD = 1e-4
@@ -135,12 +134,6 @@ def compute_centre_poses(poses: Floats, tractor: Tractor) -> Floats:
     return moved
 
 
-def build_footprint(tractor: Tractor, implement: Implement) -> shapely.MultiPolygon:
-    """Outlines of tractor and implement, the centre of mass at the origin, forward along x."""
-    boxes = list_contact_boxes(tractor, implement)
-    return shapely.MultiPolygon([shapely.box(rear, -half, front, half) for rear, front, half in boxes])
-
-
 def is_leading_away(path: Floats, place: Floats, distances_m: Floats, least_m: float) -> bool:
     """Whether a path (steps, 3) leads away to `least_m` from a machine at `place`, and not back; judged by the
     distances (steps,) of the outlines, and by the distance of the centres until then."""
@@ -154,11 +147,17 @@ def is_leading_away(path: Floats, place: Floats, distances_m: Floats, least_m: f
     )
 
 
-def place_outline(boxes: shapely.MultiPolygon, pose: Floats) -> shapely.Geometry:
-    """The outline of a machine, `boxes` as of `build_footprint`, at x, y (m) and heading (mathematical, rad)."""
-    x, y, heading = pose.tolist()
-    cos, sin = math.cos(heading), math.sin(heading)
-    return shapely.unary_union(shapely.affinity.affine_transform(boxes, [cos, -sin, sin, cos, x, y]))
+def list_boxes(model: AnyArray) -> tuple[MachineBox, ...]:
+    """The boxes of the tractor and implement of a compiled record: tail, nose and half width from the centre of mass
+    (m)."""
+    names = ("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")
+    return tuple((float(model[rear]), float(model[front]), float(model[half])) for rear, front, half in names)
+
+
+def place_outlines(model: AnyArray, poses: Floats) -> npt.NDArray[np.object_]:
+    """The outlines of the machine of a compiled record at poses (n, 3) of its centre of mass."""
+    boxes = MachineBody(list_boxes(model), 0.0).place_boxes(poses)
+    return np.asarray(shapely.union_all(boxes.reshape(len(poses), -1), axis=1))
 
 
 @dataclass(frozen=True)
@@ -209,29 +208,36 @@ class PossibleArea:
 
 
 @dataclass(frozen=True, eq=False)
-class NeighbourTractor:
-    """A tractor of another fleet, in metres and seconds of the observing fleet.
+class WatchedTractor:
+    """A tractor that others keep away from, in metres and at the time steps of the observing fleet.
 
-    `path` (steps, 3) are predicted poses of its centre of mass at the observer's time steps; `model` is its compiled
-    record, `boxes` its outlines as of `build_footprint`. `is_waiting` means that it stands because another
-    is near and will resume by itself, `is_free` that its path is clear now, `has_priority` that its fleet has the right
-    of way, `is_linked` that orders can reach it, and `is_queueing` that it stands at its entrance, see
-    `SafetyGuard.is_queueing`. `area` is where it may be if it is in doubt.
+    `path` (steps, 3) are predicted poses of its centre of mass, `model` is its compiled record. `is_queueing` means
+    that it stands at its entrance, see `SafetyGuard.is_queueing`; tractors of the observing fleet do not count as such.
+    """
+
+    path: AnyArray
+    model: AnyArray
+    is_queueing: bool = False
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class NeighbourTractor(WatchedTractor):
+    """A tractor of another fleet, in seconds of the observing fleet.
+
+    `is_waiting` means that it stands because another is near and will resume by itself, `is_free` that its path is
+    clear now, `has_priority` that its fleet has the right of way, and `is_linked` that orders can reach it. `area` is
+    where it may be if it is in doubt.
     """
 
     key: TractorKey
     name: str
     fleet: str
-    path: AnyArray
-    model: AnyArray
-    boxes: shapely.MultiPolygon
     speed_mps: float
     braking_s: float
     is_waiting: bool
     is_free: bool
     has_priority: bool
     is_linked: bool
-    is_queueing: bool
     area: PossibleArea | None
 
 

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import shapely
 
 from fields.arrays import Flags, Floats
 from fields.geometry.overlays import intersect
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetRules
-from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorReport, TractorState
+from planner.fleet.model.tractor_state import AUTOMATIC, BY_HAND, MOVING_MPS, Hold, TractorState
 from planner.fleet.safety.motion_prediction import (
     PREDICTION_ERROR_M,
     ROUNDING_M,
@@ -26,37 +25,25 @@ from planner.fleet.safety.motion_prediction import (
     SafetyDanger,
     TractorKey,
     TwinPredictions,
-    build_footprint,
+    WatchedTractor,
     build_standing_path,
     build_time_steps,
     compute_centre_poses,
     compute_stopping_time_s,
     get_wheel_angle_rad,
     is_leading_away,
-    place_outline,
+    list_boxes,
+    place_outlines,
     predict_arc,
     predict_path,
     sort_pair,
 )
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.sim.clearance import CONTACT_M
-from vehicle.sim.compile import build_model_record, list_contact_boxes
+from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
 
 RELEASE_SHARE = 0.9  # of the plan's least distance: asking for more would keep tractors standing for ever
-
-
-@dataclass(frozen=True, eq=False)
-class _PredictedPath:
-    """Predicted poses (steps, 3) of the centre of mass of another tractor, and the distances to keep: ahead and beside,
-    and both again for a tractor that resumes. `is_queueing` as of NeighbourTractor."""
-
-    poses: Floats
-    model: npt.NDArray[Any]
-    boxes: shapely.MultiPolygon
-    clearances_m: tuple[float, float]
-    release_clearances_m: tuple[float, float]
-    is_queueing: bool = False
 
 
 class SafetyGuard:
@@ -70,8 +57,7 @@ class SafetyGuard:
     def __init__(self, plan: FleetPlan, rules: FleetRules, twins: TwinPredictions | None = None) -> None:
         self.tractor, self.rules, self.twins = plan.tractor, rules, twins or TwinPredictions()
         self.model = np.array([build_model_record(plan.tractor, plan.implement)])
-        self.boxes = build_footprint(plan.tractor, plan.implement)
-        self.box_table = np.array(list_contact_boxes(plan.tractor, plan.implement))
+        self.box_table = np.array(list_boxes(self.model[0]))
         self.reach_m = float(self.model[0]["reach"])
         clearance_m, beside_m = min(rules.clearance_m, plan.clearance_m), min(rules.beside_m, rules.clearance_m)
         more_m = max(min(rules.release_m, RELEASE_SHARE * plan.min_clearance_m - clearance_m), 0.0)
@@ -270,7 +256,8 @@ class SafetyGuard:
             for i, j, _, _ in self._find_own_approaches(poses, present, states, *limits_m)
         }
         for i, neighbour, _, _ in self._find_approaches(poses, states, neighbours, self.neighbour_release_m):
-            distances_m[i, neighbour.key] = self._measure_distance_m(poses[i, :1], neighbour)
+            now = poses[i, :1], neighbour.path[:1], self.model, neighbour.model[None]
+            distances_m[i, neighbour.key] = float(compute_outline_distances(*now)[0])
         areas = self.list_areas(states, neighbours)
         for i, area, _, to_area_m in self._find_area_approaches(poses, states, areas, to_release=True):
             distances_m[sort_pair(i, area.key)] = float(to_area_m[0])
@@ -283,21 +270,16 @@ class SafetyGuard:
 
     def measure_distance_m(self, first: TractorState, second: TractorState | NeighbourTractor) -> float:
         """Metres between a tractor and another one, of its fleet or not, now; infinite where one has not reported."""
-        if first.report is None:
+        own = [first] if isinstance(second, NeighbourTractor) else [first, second]
+        places = [[one.report.x_m, one.report.y_m, one.report.heading_rad] for one in own if one.report is not None]
+        if len(places) < len(own):
             return math.inf
-        pose = self._compute_centre_pose(first.report)
+        poses = compute_centre_poses(np.array(places), self.tractor)
         if isinstance(second, NeighbourTractor):
-            return self._measure_distance_m(pose, second)
-        if second.report is None:
-            return math.inf
-        return float(compute_outline_distances(pose, self._compute_centre_pose(second.report), self.model)[0])
-
-    def _compute_centre_pose(self, report: TractorReport) -> Floats:
-        """The pose (1, 3) of the centre of mass of a tractor that has reported."""
-        return compute_centre_poses(np.array([[report.x_m, report.y_m, report.heading_rad]]), self.tractor)
-
-    def _measure_distance_m(self, pose: Floats, neighbour: NeighbourTractor) -> float:
-        return float(compute_outline_distances(pose, neighbour.path[:1], self.model, neighbour.model[None])[0])
+            other = second.path[:1], self.model, second.model[None]
+        else:
+            other = poses[1:], self.model, self.model
+        return float(compute_outline_distances(poses[:1], *other)[0])
 
     def find_clear_to_go(
         self,
@@ -318,7 +300,7 @@ class SafetyGuard:
         self,
         number: int,
         state: TractorState,
-        paths: Mapping[int | TractorKey, _PredictedPath],
+        paths: Mapping[int | TractorKey, WatchedTractor],
         areas: Sequence[PossibleArea],
     ) -> bool:
         if state.report is None:
@@ -330,31 +312,32 @@ class SafetyGuard:
         for area in areas:
             if area.key != number and area.measure_distances_m(own_poses, self.box_table).min() < area.release_m:
                 return False
-        return all(self._is_clear_of_path(own_poses, path) for key, path in paths.items() if key != number)
+        return all(self._is_clear_of_path(own_poses, other) for key, other in paths.items() if key != number)
 
-    def _is_clear_of_path(self, own_poses: Floats, other_path: _PredictedPath) -> bool:
+    def _is_clear_of_path(self, own_poses: Floats, other: WatchedTractor) -> bool:
         """Whether a path (steps, 3) keeps the release distance to another one, or leads away to that distance."""
-        other_model = other_path.model[None]
+        is_foreign, other_model = isinstance(other, NeighbourTractor), other.model[None]
+        release_m = self.neighbour_release_m if is_foreign else self.release_clearances_m
         approaches_found = find_close_approaches_between(
-            own_poses[None], self.model, other_path.poses[None], other_model, *other_path.release_clearances_m
+            own_poses[None], self.model, other.path[None], other_model, *release_m
         )
         if not approaches_found:
             return True
-        distances_m = compute_outline_distances(own_poses, other_path.poses, self.model, other_model)
+        distances_m = compute_outline_distances(own_poses, other.path, self.model, other_model)
         if (
-            other_path.is_queueing
+            other.is_queueing
             and approaches_found[0][2] == 0
-            and is_leading_away(own_poses, other_path.poses[0], distances_m, other_path.release_clearances_m[0])
+            and is_leading_away(own_poses, other.path[0], distances_m, release_m[0])
         ):
             return True
         if approaches_found[0][2] > 0 or distances_m[0] <= CONTACT_M or distances_m.min() < distances_m[0] - ROUNDING_M:
             return False
-        last_step = own_poses[-1:][None], self.model, other_path.poses[-1:][None], other_model
-        return not find_close_approaches_between(*last_step, *other_path.release_clearances_m)
+        last_step = own_poses[-1:][None], self.model, other.path[-1:][None], other_model
+        return not find_close_approaches_between(*last_step, *release_m)
 
     def _build_paths(
         self, states: Sequence[TractorState], neighbours: Sequence[NeighbourTractor]
-    ) -> dict[int | TractorKey, _PredictedPath]:
+    ) -> dict[int | TractorKey, WatchedTractor]:
         """Predicted paths of all tractors on the field and near it. Tractors that stand because another is near keep
         standing, unless they are driven by hand."""
         paths = self.predict_paths(states)
@@ -362,23 +345,11 @@ class SafetyGuard:
             if state.report is not None and Hold.TOO_NEAR in state.holds and state.mode not in BY_HAND:
                 paths[number] = build_standing_path(state.report, self.rules)
         present_numbers = np.flatnonzero(self.find_tractors_on_field(states))
-        model = self.model[0]
-        predicted_paths: dict[int | TractorKey, _PredictedPath] = {
-            number: _PredictedPath(poses, model, self.boxes, self.clearances_m, self.release_clearances_m)
-            for number, poses in zip(
-                present_numbers.tolist(), compute_centre_poses(paths[present_numbers], self.tractor), strict=True
-            )
+        poses = compute_centre_poses(paths[present_numbers], self.tractor)
+        own = zip(present_numbers.tolist(), poses, strict=True)
+        return {number: WatchedTractor(path, self.model[0]) for number, path in own} | {
+            one.key: replace(one, path=_repeat_first_pose(one.path)) if one.is_waiting else one for one in neighbours
         }
-        for neighbour in neighbours:
-            predicted_paths[neighbour.key] = _PredictedPath(
-                _repeat_first_pose(neighbour.path) if neighbour.is_waiting else neighbour.path,
-                neighbour.model,
-                neighbour.boxes,
-                self.neighbour_clearances_m,
-                self.neighbour_release_m,
-                neighbour.is_queueing,
-            )
-        return predicted_paths
 
     def find_command_harm(
         self,
@@ -408,9 +379,9 @@ class SafetyGuard:
             return "it would come too near an obstacle"
         return None
 
-    def _is_at_obstacle(self, poses: Floats, obstacles: Sequence[shapely.Geometry]) -> bool:
+    def _is_at_obstacle(self, poses: Floats, obstacles: Iterable[shapely.Geometry]) -> bool:
         """Whether a machine (`poses` of its centre of mass) comes too near to an obstacle, or deeper into one."""
-        machines = np.array([place_outline(self.boxes, pose) for pose in poses])
+        machines = place_outlines(self.model[0], poses)
         for shape in obstacles:
             distances_m = shapely.distance(machines, shape) - shapely.area(intersect(machines, shape))
             if distances_m[1:].min(initial=np.inf) < min(self.rules.obstacle_margin_m, distances_m[0] - ROUNDING_M):
@@ -421,7 +392,7 @@ class SafetyGuard:
         self,
         number: int,
         path: Floats,
-        paths: Mapping[int | TractorKey, _PredictedPath],
+        paths: Mapping[int | TractorKey, WatchedTractor],
         areas: Sequence[PossibleArea],
     ) -> int | TractorKey | None:
         """The tractor that a path comes too near to; None if it keeps clear of all, or leads away."""
@@ -431,18 +402,17 @@ class SafetyGuard:
             least_m = min(area.clearance_m, distances_m[0] - ROUNDING_M)
             if area.key != number and distances_m[1:].min(initial=np.inf) < least_m:
                 return area.key
-        for other_key, predicted_path in paths.items():
+        for other_key, other in paths.items():
             if other_key == number:
                 continue
-            other_poses = predicted_path.poses[: len(own_poses)]
-            distances_m = compute_outline_distances(own_poses, other_poses, self.model, predicted_path.model[None])
-            ahead_m, beside_m = predicted_path.clearances_m
+            other_poses = other.path[: len(own_poses)]
+            distances_m = compute_outline_distances(own_poses, other_poses, self.model, other.model[None])
+            is_foreign = isinstance(other, NeighbourTractor)
+            ahead_m, beside_m = self.neighbour_clearances_m if is_foreign else self.clearances_m
             least_m = beside_m if distances_m[0] < ahead_m else ahead_m
             if distances_m[1:].min(initial=np.inf) < min(least_m, distances_m[0] - ROUNDING_M):
                 return other_key
-            if distances_m[0] <= 0.0 and self._is_at_obstacle(
-                own_poses, [place_outline(predicted_path.boxes, other_poses[0])]
-            ):
+            if distances_m[0] <= 0.0 and self._is_at_obstacle(own_poses, place_outlines(other.model, other_poses[:1])):
                 return other_key
         return None
 

@@ -27,7 +27,6 @@ from planner.fleet.session.fleet_twins import OLDEST_STATE_S, FleetTwins
 from planner.fleet.session.frame_content import (
     build_antenna_pose_values,
     build_report,
-    convert_to_plan_m,
     describe_mission,
 )
 from planner.fleet.session.frame_timing import (
@@ -245,7 +244,8 @@ class FleetSession:
                 check_order_fresh(frame, time.time())
                 operators.resume_tractors(who, _convert_to_index(frame.tractor), now)
             case inbound_frames.ObstacleFrame():
-                ring = convert_to_plan_m(self.manager.plan.saved, frame.polygon_m)
+                east, north = self.manager.plan.saved.origin_m
+                ring = tuple((x - east, y - north) for x, y in frame.polygon_m)
                 reporting_tractor = client.tractor if client.role == TRACTOR else None
                 obstacle_reports.add(who, ring, frame.name, now, reporting_tractor)
             case inbound_frames.ClearFrame():

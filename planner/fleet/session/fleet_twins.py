@@ -31,9 +31,6 @@ DOUBT_PERIOD_S = 1.0  # between two checks of a twin
 LEAP_DELAY_S, LEAP_SHOWN_S = 5.0, 60.0  # after which a jump of the fix is shown, and for how long
 
 
-USUAL_TRACTOR = "eg105"
-
-
 class FleetTwins(TwinPredictions):
     """The twins of a fleet. Their clock is the simulated one, `times` as fast as real time, from `begin_s` on (seconds
     since 1970, the clock of states)."""
@@ -186,7 +183,7 @@ class FleetTwins(TwinPredictions):
 def warm_up() -> None:
     """Load, or the first time compile, the functions of twins and of what watches tractors: a minute then, else a
     second."""
-    tractor, implement = load_tractor(USUAL_TRACTOR), Implement()
+    tractor, implement = load_tractor("eg105"), Implement()
     for method in ("predict", "thesis"):
         twin = Twin(tractor, implement, PoseFix(0.0, 0.0, 0.0, 0.0, 1.0, 0.0), method=method)
         twin.add_command(0.1, 0.1, 1.0)

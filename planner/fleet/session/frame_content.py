@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
@@ -24,7 +25,7 @@ from planner.fleet.safety.motion_prediction import get_wheel_angle_rad
 from planner.fleet.session.frame_timing import format_utc
 from planner.fleet.session.inbound_frames import StateFrame
 from vehicle.missions.plan import Mission, Plan
-from vehicle.missions.plan_file import SavedPlan, format_plan
+from vehicle.missions.plan_file import format_plan
 from vehicle.sim.compile import compute_contact_boxes, compute_point_speeds
 
 
@@ -80,12 +81,6 @@ def describe_mission(plan: FleetPlan, number: int) -> dict[str, Any]:
     return document
 
 
-def convert_to_plan_m(saved: SavedPlan, ring: list[list[float]]) -> tuple[tuple[float, float], ...]:
-    """Eastings and northings as metres of the plan."""
-    east, north = saved.origin_m
-    return tuple((x - east, y - north) for x, y in ring)
-
-
 def find_next_time_s(since_midnight_s: float) -> float:
     """The next local time of day, in seconds since 1970."""
     now = datetime.now()
@@ -95,8 +90,13 @@ def find_next_time_s(since_midnight_s: float) -> float:
 
 def build_scene(manager: FleetManager, deadline_s: float | None) -> dict[str, Any]:
     """The scene frame; points in metres of the coordinate system."""
-    plan = manager.plan
-    origin = np.asarray(plan.saved.origin_m)
+    plan, field, origin_m = manager.plan, manager.plan.field, manager.plan.saved.origin_m
+    outlines, blocks = list[list[list[float]]](), list[list[list[float]]]()
+    if field is not None:
+        rings = (field.boundary.exterior, *field.boundary.interiors)
+        outlines = [_encode_points(ring.coords[:-1], field.origin_m) for ring in rings]
+        parts = shapely.get_parts([obstacle.shape for obstacle in field.obstacles])
+        blocks = [_encode_points(part.exterior.coords[:-1], field.origin_m) for part in parts]
     boxes = {name: round(metres, 3) for name, metres in compute_contact_boxes(plan.tractor, plan.implement).items()}
     machine = {
         "boxes_m": boxes,
@@ -104,36 +104,38 @@ def build_scene(manager: FleetManager, deadline_s: float | None) -> dict[str, An
         "wheelbase_m": plan.tractor.wheelbase_m,
         "max_steering_deg": plan.tractor.max_steering_deg,
     }
-    fence = [np.asarray(part.exterior.coords) for part in shapely.get_parts(shapely.simplify(manager.guard.fence, 0.2))]
     return {
         "kind": "scene",
         "version": manager.scene_version,
         "crs": plan.saved.crs,
-        "origin_m": list(plan.saved.origin_m),
-        "field": [_round_points(np.asarray(ring) + origin) for ring in plan.rings],
-        "field_obstacles": [_round_points(np.asarray(ring) + origin) for ring in plan.obstacles],
-        "fence": [_round_points(ring + origin) for ring in fence],
+        "origin_m": list(origin_m),
+        "field": outlines,
+        "field_obstacles": blocks,
+        "fence": [
+            _encode_points(part.exterior.coords, origin_m)
+            for part in shapely.get_parts(shapely.simplify(manager.guard.fence, 0.2))
+        ],
         "obstacles": [
             {
                 "id": block.id,
                 "name": block.name,
                 "who": block.who,
-                "polygon_m": _round_points(np.asarray(block.ring) + origin),
+                "polygon_m": _encode_points(block.ring, origin_m),
             }
             for block in manager.obstacles.items.values()
         ],
         "width_m": plan.implement.width_m,
         "deadline_s": deadline_s,
         "tractors": [
-            {"tractor": number + 1, "legs": [encode_leg(leg, plan.saved.origin_m) for leg in timed_mission.legs]}
-            | machine
+            {"tractor": number + 1, "legs": [encode_leg(leg, origin_m) for leg in timed_mission.legs]} | machine
             for number, timed_mission in enumerate(plan.timed_missions)
         ],
     }
 
 
-def _round_points(points: np.ndarray) -> list[list[float]]:
-    return np.round(points, 2).tolist()  # type: ignore[no-any-return]
+def _encode_points(points: Sequence[Sequence[float]], origin_m: tuple[float, float]) -> list[list[float]]:
+    """Points in metres from an origin as in frames; heights are left out."""
+    return np.round(np.array(points)[:, :2] + origin_m, 2).tolist()  # type: ignore[no-any-return]
 
 
 def build_tick_tractor(manager: FleetManager, number: int, now: float, state_s: float | None) -> dict[str, Any]:

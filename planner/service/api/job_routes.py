@@ -15,8 +15,7 @@ from starlette.concurrency import run_in_threadpool
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
-from planner.day.input_file import read_example_day_text
-from planner.farm.inventory import read_example_farm_text
+from planner.farm.settings import read_example_text
 from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS, UNLAID
 from planner.service.access.browsers import REPORT_SECURITY_POLICY
@@ -364,7 +363,7 @@ def build_plan_form() -> PlanFormInfo:
 @form_router.get("/{kind}", operation_id="read_form_example")
 async def read_form_example(request: Request, caller: ReadAccess, kind: FormKind) -> FormInfo:
     """The example that comes with Headland, as a form."""
-    text = read_example_day_text() if kind == "day" else read_example_farm_text()
+    text = read_example_text(kind)
     return await _read_form(request, caller, kind, text, [])
 
 

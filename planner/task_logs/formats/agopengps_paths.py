@@ -6,16 +6,16 @@ computed from distances and speeds.
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import PurePosixPath
 
 import numpy as np
 
-from fields.errors import FieldError
 from fields.formats import agopengps
 from fields.formats.archive import ArchiveMembers
 from fields.text_files import count_noun
 from fields.units import MPS_PER_KMH
-from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, read_each, remove_unusable_rows
 from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 
@@ -26,20 +26,21 @@ NO_CLOCK_NOTE = "recorded paths have no clock; times are from distance and speed
 
 def _read_paths(path: str, label: str) -> LogContents:
     members = ArchiveMembers(path)
-    runs, notes = [], []
-    for field_file in [one for one in members if PurePosixPath(one).name.lower() == agopengps.FIELD_FILE]:
-        folder = PurePosixPath(field_file).parent
-        for name in [one for one in members if PurePosixPath(one).parent == folder]:
-            file_name = PurePosixPath(name).name.lower()
-            if file_name != RECORDED_PATH_FILE and not file_name.endswith(RECORDED_PATH_EXTENSION):
-                continue
-            try:
-                runs.append(_read_run(members, field_file, name, label))
-            except (FieldError, LogError) as refusal:
-                notes.append(f"{name} is skipped: {refusal}")
-    if not runs and not notes:
-        raise LogError(f"{label} has no recorded path (RecPath.txt); record one in AgOpenGPS, or name another folder.")
-    return LogContents(tuple(runs), tuple(notes))
+    logs = [
+        (name, partial(_read_run, members, field_file, name, label))
+        for field_file in members
+        if PurePosixPath(field_file).name.lower() == agopengps.FIELD_FILE
+        for name in members
+        if PurePosixPath(name).parent == PurePosixPath(field_file).parent and _is_recorded_path(name)
+    ]
+    return read_each(
+        logs, f"{label} has no recorded path (RecPath.txt); record one in AgOpenGPS, or name another folder."
+    )
+
+
+def _is_recorded_path(name: str) -> bool:
+    file_name = PurePosixPath(name).name.lower()
+    return file_name == RECORDED_PATH_FILE or file_name.endswith(RECORDED_PATH_EXTENSION)
 
 
 def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -> LoggedRun:

@@ -9,22 +9,22 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from fields.arrays import Flags, Floats
-from fields.errors import FieldError
 from fields.formats import isoxml
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.markup import parse_root
 from fields.text_files import count_noun, parse_number
 from fields.units import DAY_S, KILO, MPS_PER_KMH
-from planner.task_logs.formats.log_format import LogFormat, find_dated_rows, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, find_dated_rows, read_each, remove_unusable_rows
 from planner.task_logs.runs.run_records import (
     ACTIVE_M,
     ACTIVE_S,
@@ -45,17 +45,15 @@ TLG_EPOCH = datetime(1980, 1, 1)
 NO_DAY = 0xFFFF  # in place of a day that is not available
 MAX_COLUMNS = 255
 WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
-COUNTER_DDIS = {
-    AREA_M2: ("0074", 1.0),
-    ACTIVE_M: ("0075", 1e-3),
-    INACTIVE_M: ("0076", 1e-3),
-    ACTIVE_S: ("0077", 1.0),
-    INACTIVE_S: ("0078", 1.0),
-    FUEL_L: ("0094", 1e-3),
+COUNTERS = {
+    AREA_M2: ("0074", 1.0, 300.0),
+    ACTIVE_M: ("0075", 1e-3, 6.0),
+    INACTIVE_M: ("0076", 1e-3, 15.0),
+    ACTIVE_S: ("0077", 1.0, 1.0),
+    INACTIVE_S: ("0078", 1.0, 1.0),
+    FUEL_L: ("0094", 1e-3, 0.05),
 }
-"""Totals of a task: their DDI and the unit of their values (ISO 11783-11)."""
-MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0, INACTIVE_S: 1.0, FUEL_L: 0.05}
-"""Largest plausible rise of totals per second."""
+"""Totals of a task: their DDI, the unit of their values (ISO 11783-11), and the largest plausible rise per second."""
 CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
 """Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
 SPEED_UNITS_MPS = {"km/h": MPS_PER_KMH, "m/s": 1.0, "mm/s": METRES_PER_MM}
@@ -151,44 +149,37 @@ def _read_isoxml_logs(path: str, label: str) -> LogContents:
     members = open_folder_or_archive(path)
     if members.path != Path(path) and Path(path).name.lower() != isoxml.TASKDATA_FILE:
         raise LogError(f"{label} is a single file of task data; name its folder, or the TASKDATA.XML in it.")
-    runs: list[LoggedRun] = []
-    notes: list[str] = []
-    for taskdata_file in members.find_paths_by_name(isoxml.TASKDATA_FILE):  # each with its own limit of bytes
-        runs += _read_runs(open_folder_or_archive(path), taskdata_file, label, notes)
-    if not runs and not notes:
-        raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
-    return LogContents(tuple(runs), tuple(notes))
+    logs = (  # each with its own limit of bytes
+        log
+        for taskdata_file in members.find_paths_by_name(isoxml.TASKDATA_FILE)
+        for log in _iter_logs(open_folder_or_archive(path), taskdata_file, label)
+    )
+    return read_each(logs, f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
 
 
-def _read_runs(members: ArchiveMembers, taskdata_file: str, label: str, notes: list[str]) -> Iterator[LoggedRun]:
-    """The runs of one TASKDATA.XML."""
+def _iter_logs(
+    members: ArchiveMembers, taskdata_file: str, label: str
+) -> Iterator[tuple[str, Callable[[], LoggedRun]]]:
+    """Every time log of one TASKDATA.XML once, with what reads its run."""
     roots = list(isoxml.read_taskdata_roots(members, taskdata_file, label))
     partfields = {one.get("A", ""): one for root in roots for one in root.iter("PFD")}
-    values = _read_presentations(roots)
-    for task, name in _list_time_logs(roots):
-        try:
-            run = _read_run(members, taskdata_file, name, values)
-        except (FieldError, LogError) as refusal:
-            notes.append(f"{name} is skipped: {refusal}")
-            continue
-        partfield = partfields.get(task.get("E", ""))
-        run = run if partfield is None else _add_partfield(run, partfield)
-        yield replace(run, field=run.field or (task.get("B") or "").strip())
-
-
-def _list_time_logs(roots: list[Element]) -> Iterator[tuple[Element, str]]:
-    """Every time log once, with its task."""
-    seen: set[str] = set()
+    values, seen = _read_presentations(roots), set[str]()
     for task in (one for root in roots for one in root.iter("TSK")):
         for log in task.iter("TLG"):
             name = (log.get("A") or "").strip()
             if name and name not in seen:
                 seen.add(name)
-                yield task, name
+                partfield = partfields.get(task.get("E", ""))
+                yield name, partial(_read_run, members, taskdata_file, name, values, task, partfield)
 
 
 def _read_run(
-    members: ArchiveMembers, taskdata_file: str, name: str, values: dict[tuple[str, str], _ValuePresentation]
+    members: ArchiveMembers,
+    taskdata_file: str,
+    name: str,
+    values: dict[tuple[str, str], _ValuePresentation],
+    task: Element,
+    partfield: Element | None,
 ) -> LoggedRun:
     contents = []
     for ending in ("xml", "bin"):
@@ -217,17 +208,16 @@ def _read_run(
         notes=tuple(notes),
         elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
     )
-    return remove_unusable_rows(run, TLG_EPOCH)
-
-
-def _find_any_section_on(log: TimeLog, notes: list[str]) -> Flags | None:
-    """Whether any section is on by the condensed work states, two bits per section, 1 is on; None without them."""
-    states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED_STATE_DDIS]]
-    if not np.isfinite(states).any():
-        return None
-    notes.append("the work state is from the sections: working if any section is on")
-    bits = np.nan_to_num(states).astype(np.int64)
-    return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
+    run = remove_unusable_rows(run, TLG_EPOCH)
+    if partfield is not None:
+        area_m2 = parse_number(partfield.get("D"))
+        run = replace(
+            run,
+            field=(partfield.get("C") or "").strip() or partfield.get("A", ""),
+            outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(partfield)),
+            outline_m2=area_m2 if 0.0 < area_m2 < math.inf else None,
+        )
+    return replace(run, field=run.field or (task.get("B") or "").strip())
 
 
 def _correct_days(time_s: Floats, notes: list[str]) -> Floats:
@@ -245,11 +235,16 @@ def _find_work_state(log: TimeLog, notes: list[str]) -> Flags | None:
     """Whether any element of the machine works, else any of its sections; None if not logged."""
     places = log.find_ddi_columns(WORK_STATE_DDI)
     states = log.values[:, places]
+    if np.isfinite(states).any():
+        if len(places) > 1:
+            notes.append(f"{len(places)} elements have a work state; the run is working if any of them is")
+        return np.asarray((states == 1.0).any(axis=1))
+    states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED_STATE_DDIS]]
     if not np.isfinite(states).any():
-        return _find_any_section_on(log, notes)
-    if len(places) > 1:
-        notes.append(f"{len(places)} elements have a work state; the run is working if any of them is")
-    return np.asarray((states == 1.0).any(axis=1))
+        return None
+    notes.append("the work state is from the sections: working if any section is on")
+    bits = np.nan_to_num(states).astype(np.int64)  # two for each section, 1 is on
+    return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
 
 
 def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentation]) -> Floats | None:
@@ -270,11 +265,9 @@ def _compute_counter_rises(log: TimeLog, time_s: Floats) -> dict[str, float]:
     """The rises of totals over the log; of several elements the largest."""
     totals = {}
     time_s = np.where(find_dated_rows(time_s, TLG_EPOCH), time_s, np.nan)
-    for name, (ddi, unit) in COUNTER_DDIS.items():
-        rises = [
-            _sum_counter_rises(time_s, column * unit, MAX_RISE_PER_S[name])
-            for column in log.values[:, log.find_ddi_columns(ddi)].T
-        ]
+    for name, (ddi, unit, max_per_s) in COUNTERS.items():
+        columns = log.values[:, log.find_ddi_columns(ddi)].T
+        rises = [_sum_counter_rises(time_s, column * unit, max_per_s) for column in columns]
         known_rises = [one for one in rises if one is not None]
         if known_rises:
             totals[name] = max(known_rises)
@@ -301,37 +294,20 @@ def _read_presentations(roots: list[Element]) -> dict[tuple[str, str], _ValuePre
     for device in (one for root in roots for one in root.iter("DVC")):
         device_presentations = {one.get("A"): one for one in device.findall("DVP")}
         for process_data in device.findall("DPD"):
-            value = _parse_presentation(device_presentations.get(process_data.get("F")))
-            if value is None:
+            shown = device_presentations.get(process_data.get("F"))
+            if shown is None:
                 continue
+            try:
+                offset, scale = float(shown.get("B") or 0), float(shown.get("C") or 1)
+            except ValueError:
+                continue
+            value = _ValuePresentation(offset, scale, (shown.get("E") or "").strip())
             ddi, key = (process_data.get("B") or "").upper().zfill(4), process_data.get("A")
             presentations.setdefault((ddi, ""), value)
             for element in device.findall("DET"):
                 if any(one.get("A") == key for one in element.findall("DOR")):
                     presentations[(ddi, element.get("A", ""))] = value
     return presentations
-
-
-def _parse_presentation(element: Element | None) -> _ValuePresentation | None:
-    if element is None:
-        return None
-    try:
-        return _ValuePresentation(
-            float(element.get("B") or 0), float(element.get("C") or 1), (element.get("E") or "").strip()
-        )
-    except ValueError:
-        return None
-
-
-def _add_partfield(run: LoggedRun, element: Element) -> LoggedRun:
-    """The run with the name, outline and stated area of its field."""
-    area_m2 = parse_number(element.get("D"))
-    return replace(
-        run,
-        field=(element.get("C") or "").strip() or element.get("A", ""),
-        outline=tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element)),
-        outline_m2=area_m2 if 0.0 < area_m2 < math.inf else None,
-    )
 
 
 LOG_FORMAT = LogFormat("ISOXML", (".xml", ".bin"), _read_isoxml_logs, lambda names: isoxml.TASKDATA_FILE in names)

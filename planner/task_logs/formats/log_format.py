@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from datetime import datetime, timedelta
 
 import numpy as np
 
 from fields.arrays import Flags, Floats
+from fields.errors import FieldError
 from fields.raw_document import FileFormat
 from fields.text_files import count_noun
 from fields.units import DAY_S
@@ -24,6 +26,22 @@ UNDATED_S = (-DAY_S, 7 * DAY_S)
 """From an epoch, in any time zone, for as long as a receiver may count before it knows the day."""
 
 LogFormat = FileFormat[LogContents]
+
+
+def read_each(logs: Iterable[tuple[str, Callable[[], LoggedRun]]], nothing_found: str) -> LogContents:
+    """The runs of logs, each with its name; a note says why one that cannot be read is skipped.
+
+    Raises LogError with the sentence `nothing_found` where there are no logs.
+    """
+    runs, notes = list[LoggedRun](), list[str]()
+    for name, read in logs:
+        try:
+            runs.append(read())
+        except (FieldError, LogError) as refusal:
+            notes.append(f"{name} is skipped: {refusal}")
+    if not runs and not notes:
+        raise LogError(nothing_found)
+    return LogContents(tuple(runs), tuple(notes))
 
 
 def remove_unusable_rows(run: LoggedRun, epoch: datetime | None = None) -> LoggedRun:

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -17,13 +18,12 @@ import numpy as np
 import shapely
 
 from fields.arrays import Flags, Floats
-from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers
 from fields.formats.gdal import SHAPEFILE_DRIVER, read_tables
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
 from fields.geometry.geodesy import DEGREES_CRS, is_wgs84_longitude_latitude, project
 from fields.text_files import parse_number
-from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.formats.log_format import LogFormat, read_each, remove_unusable_rows
 from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
 
@@ -39,22 +39,22 @@ UNIX_EPOCH = datetime(1970, 1, 1)
 
 def _read_point_shapefiles(path: str, label: str) -> LogContents:
     members, names = find_shapefiles(Path(path))
-    runs, notes = [], []
-    for name in names:
-        try:
-            runs.append(_read_run(members, name))
-        except (FieldError, LogError) as refusal:
-            notes.append(f"{PurePosixPath(name).name} is skipped: {refusal}")
-    if not names:
-        raise LogError(f"{label} has no Shapefile; name the .shp file, its folder or a ZIP archive of it.")
-    return LogContents(tuple(runs), tuple(notes))
+    return read_each(
+        ((PurePosixPath(name).name, partial(_read_run, members, name)) for name in names),
+        f"{label} has no Shapefile; name the .shp file, its folder or a ZIP archive of it.",
+    )
 
 
 def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     stem = PurePosixPath(name).stem
     columns, lonlat, encoding_note = _read_columns(members, name)
     time_s = _parse_times(columns)
-    metadata = _read_metadata(members, name, stem)
+    content = members.read_member_beside(name, stem + METADATA_SUFFIX)
+    try:
+        metadata = json.loads(content.decode("utf-8-sig")) if content else {}
+    except (ValueError, RecursionError):
+        metadata = {}
+    metadata = metadata if isinstance(metadata, dict) else {}
     notes = [encoding_note] if encoding_note else []
     works, elevation_m = _find_work_state(columns, notes), _find_elevation_m(columns, metadata, notes)
     run = LoggedRun(
@@ -164,15 +164,6 @@ def _find_unit(metadata: dict[str, Any], column: str) -> str:
     """The unit that the metadata give a column, "" without one."""
     attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
     return str(next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == column), None) or "")
-
-
-def _read_metadata(members: ArchiveMembers, name: str, stem: str) -> dict[str, Any]:
-    content = members.read_member_beside(name, stem + METADATA_SUFFIX)
-    try:
-        metadata = json.loads(content.decode("utf-8-sig")) if content else {}
-    except (ValueError, RecursionError):
-        return {}
-    return metadata if isinstance(metadata, dict) else {}
 
 
 LOG_FORMAT = LogFormat(

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from fields.arrays import Flags, Floats
 from planner.task_logs.runs.run_records import ACTIVE_M, AREA_M2, FUEL_L, INACTIVE_M, STANDING_MPS, ProjectedRun
 from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING, TRANSIT, TURNING, UNLOGGED, WORKING, RunFigures
+from vehicle.identification.logs.series import find_spans
 
 MIN_STOP_S = 5.0
 MAX_TURN_M = 200.0
@@ -69,7 +70,12 @@ def classify_phases(run: ProjectedRun) -> RunPhases:
     durations_s, steps_m = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
     gaps = (durations_s > MIN_STOP_S) & (durations_s > GAP_STEP_RATIO * np.median(durations_s))
     is_still = np.where(gaps, steps_m < STANDING_MPS * durations_s, run.speed_mps[:-1] < STANDING_MPS)
-    is_standing, stops_s = _find_stops(durations_s, is_still)
+    is_standing, stops_s = np.zeros(len(durations_s), dtype=np.bool_), []
+    for first, last in find_spans(is_still):
+        seconds = float(run.time_s[last + 1] - run.time_s[first])
+        if seconds >= MIN_STOP_S:
+            is_standing[first : last + 1] = True
+            stops_s.append(seconds)
     kinds = np.full(len(durations_s), ACTIVITY_KINDS.index(TRANSIT), dtype=np.int8)
     is_working = run.is_working[:-1] & ~gaps
     turns = tuple(_find_turns(run, is_standing)) if run.has_work_state else ()
@@ -78,33 +84,13 @@ def classify_phases(run: ProjectedRun) -> RunPhases:
     kinds[is_working] = ACTIVITY_KINDS.index(WORKING)
     kinds[gaps] = ACTIVITY_KINDS.index(UNLOGGED)
     kinds[is_standing] = ACTIVITY_KINDS.index(STANDING)
-    return RunPhases(kinds, stops_s, int((run.is_working[:-1] & ~run.is_working[1:]).sum()), turns)
-
-
-def _find_stops(durations_s: Floats, is_still: Flags) -> tuple[Flags, Floats]:
-    """The steps that belong to stops, and the length of each stop."""
-    ends = np.cumsum(np.concatenate([[0.0], durations_s]))
-    is_stop = np.zeros(len(durations_s), dtype=np.bool_)
-    stops = []
-    for first, last in find_true_segments(is_still):
-        seconds = float(ends[last] - ends[first])
-        if seconds >= MIN_STOP_S:
-            is_stop[first:last] = True
-            stops.append(seconds)
-    return is_stop, np.array(stops)
-
-
-def find_true_segments(flags: Flags) -> Iterator[tuple[int, int]]:
-    """First index and one past the last index of every run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    return RunPhases(kinds, np.array(stops_s), int((run.is_working[:-1] & ~run.is_working[1:]).sum()), turns)
 
 
 def _find_turns(run: ProjectedRun, is_standing: Flags) -> Iterator[LoggedTurn]:
     """Segments between two of work that are short enough for a turn."""
     durations_s, steps = np.diff(run.time_s), np.hypot(*np.diff(run.xy, axis=0).T)
-    for (_, end), (begin, _) in pairwise(find_true_segments(run.is_working)):
-        first, last = end - 1, begin
+    for (_, first), (last, _) in pairwise(find_spans(run.is_working)):
         length = float(steps[first:last].sum())
         if length > MAX_TURN_M:
             continue

@@ -22,8 +22,11 @@ from reports.task_logs.run_results import RunFigures
 from vehicle.identification.errors import LogError
 
 FORMAT_VERSION, VERSION_KEY = 1, "headland_run"
-LOG_COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "implement", "elevation_m")
-COLUMN_FORMATS = ("%.3f", "%.3f", "%.3f", "%.2f", "%.3f", "%d", "%.3f")
+LOG_COLUMNS = {
+    "time_s": "%.3f", "easting_m": "%.3f", "northing_m": "%.3f", "heading_deg": "%.2f", "speed_mps": "%.3f",
+    "implement": "%d", "elevation_m": "%.3f",
+}  # fmt: skip
+"""Columns of a log, and how their numbers are written."""
 OPTIONAL_COLUMNS = ("implement", "elevation_m")
 HEADING_NOTE = "heading_deg is the course over ground, opposite to the heading in reverse; there is no steering angle"
 MAX_NAME_LENGTH = 24
@@ -51,12 +54,11 @@ def _simplify_name(text: str) -> str:
 def format_log_csv(run: ProjectedRun) -> str:
     """The log as CSV: time, UTM position, course, speed and, if logged, work state and height; no height is empty."""
     elevation_m = np.empty(0) if run.elevation_m is None else run.elevation_m
-    columns = [run.time_s, *run.xy.T, run.heading_deg, run.speed_mps, run.is_working, elevation_m]
+    values = [run.time_s, *run.xy.T, run.heading_deg, run.speed_mps, run.is_working, elevation_m]
     missing = {"implement": not run.has_work_state, "elevation_m": run.elevation_m is None}
-    column_indexes = [index for index, name in enumerate(LOG_COLUMNS) if not missing.get(name)]
-    lines = [",".join(LOG_COLUMNS[index] for index in column_indexes)]
-    row_format = ",".join(COLUMN_FORMATS[index] for index in column_indexes)
-    lines += [row_format % row for row in zip(*(columns[index].tolist() for index in column_indexes), strict=True)]
+    columns = {name: each.tolist() for name, each in zip(LOG_COLUMNS, values, strict=True) if not missing.get(name)}
+    row_format = ",".join(LOG_COLUMNS[name] for name in columns)
+    lines = [",".join(columns), *(row_format % row for row in zip(*columns.values(), strict=True))]
     return "\n".join(line.removesuffix("nan") for line in lines) + "\n"
 
 

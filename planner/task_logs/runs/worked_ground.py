@@ -21,10 +21,10 @@ from fields.geometry.overlays import clip_area, extract_polygons, intersect, sub
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.point_grids import TRACK_CELL_M, build_point_grid, level_tracks
 from fields.text_files import count_noun
-from planner.task_logs.runs.phases import find_true_segments
 from planner.task_logs.runs.run_records import STANDING_MPS, ProjectedRun, reproject_run
 from reports.task_logs.run_results import GroundCoverage
 from vehicle.identification.errors import LogError
+from vehicle.identification.logs.series import find_spans
 
 PIECE_LENGTH_M, SIMPLIFY_M = 40.0, 0.1
 MIN_DRAWN_WIDTH_M = 0.4  # narrower pieces are within the error of logged positions
@@ -55,29 +55,24 @@ def measure_coverage(
 def iter_worked_strips(run: ProjectedRun, width_m: float, tool_offset_m: float) -> Iterator[shapely.Geometry]:
     """The ground that a run worked with a tool of `width_m`, piece by piece, in metres of its system."""
     for line in trace_tool_lines(run, tool_offset_m):
-        yield from _build_tool_strips(line, width_m)
+        length = measure_along(line)
+        cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
+        for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(line) - 1], strict=True):
+            if last > first:
+                piece = shapely.LineString(line[first : last + 1]).simplify(SIMPLIFY_M)
+                if piece.length > 0.0:
+                    yield piece.buffer(0.5 * width_m, cap_style="flat", join_style="mitre", mitre_limit=2.0)
 
 
 def trace_tool_lines(run: ProjectedRun, tool_offset_m: float) -> Iterator[Floats]:
     """Paths (n, 2) of the tool's middle for every segment of work, without standing, which has no course."""
     angle = np.radians(run.heading_deg)
     tool = run.xy - tool_offset_m * np.column_stack([np.sin(angle), np.cos(angle)])
-    for first, last in find_true_segments(run.is_working):
-        rows = np.arange(first, min(last + 1, len(tool)))
+    for first, last in find_spans(run.is_working):
+        rows = np.arange(first, min(last + 2, len(tool)))
         line = tool[rows[run.speed_mps[rows] >= STANDING_MPS]]
         if len(line) > 1 and float(np.hypot(*np.diff(line, axis=0).T).sum()) > SIMPLIFY_M:
             yield line
-
-
-def _build_tool_strips(line: Floats, width_m: float) -> Iterator[shapely.Geometry]:
-    """The ground under the tool along a path, piece by piece."""
-    length = measure_along(line)
-    cuts = np.searchsorted(length, np.arange(PIECE_LENGTH_M, length[-1] - 0.5 * PIECE_LENGTH_M, PIECE_LENGTH_M))
-    for first, last in zip([0, *cuts.tolist()], [*cuts.tolist(), len(line) - 1], strict=True):
-        if last > first:
-            piece = shapely.LineString(line[first : last + 1]).simplify(SIMPLIFY_M)
-            if piece.length > 0.0:
-                yield piece.buffer(0.5 * width_m, cap_style="flat", join_style="mitre", mitre_limit=2.0)
 
 
 def _find_overlap(strips: Sequence[shapely.Geometry]) -> shapely.Geometry:
