@@ -69,8 +69,8 @@ def build_document(
     return FieldDocument(
         polygons=_assign_keys(shapes[BOUNDARY]),
         zones=tuple(shapes[GROUND_ZONE]),
-        entrances=tuple(one.coordinates for one in shapes[ENTRANCE]),
-        service_points=tuple(one.coordinates for one in shapes[REFILL]),
+        entrances=tuple(shapes[ENTRANCE]),
+        service_points=tuple(shapes[REFILL]),
         crs=crs,
         frame=frame,
         header=header or {},

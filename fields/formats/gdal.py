@@ -163,11 +163,9 @@ def read_layers(
         raise FieldError(f"Some layers of {label} name no coordinate system; give every layer its system.")
     layers = LayerFeatures()
     for table in tables:
-        features = _list_features(table)
+        features = _list_features(table, table.crs if len(systems) > 1 else None)
         if layer_names is None and len(tables) > 1:
             name_layer(features, table.name)
-        if len(systems) > 1 and table.crs is not None and table.crs != DEGREES_CRS:
-            features = [_convert_to_wgs84(feature, table.crs) for feature in features]
         layers.features += features
         if table.is_latin1:
             name = "fields" if table.name.startswith(IN_MEMORY_PREFIX) else table.name
@@ -284,8 +282,8 @@ def build_layer_document(layers: LayerFeatures, label: str, source: str) -> Fiel
     return build_document(features, label, crs=layers.crs or UNKNOWN_CRS, source=source, notes=notes)
 
 
-def _list_features(table: LayerTable) -> list[Feature]:
-    """The features of a layer, with its values as JSON has them."""
+def _list_features(table: LayerTable, crs: str | None) -> list[Feature]:
+    """The features of a layer, with its values as JSON has them; converted to degrees from the system `crs`, if any."""
     features = []
     for place, shape in enumerate(shapely.from_wkb(table.shapes, on_invalid="fix")):
         properties = {key: _convert_value(column[place]) for key, column in table.columns.items()}
@@ -293,15 +291,17 @@ def _list_features(table: LayerTable) -> list[Feature]:
         names = (convert_to_name_text(properties.get(key)) for key in NAME_COLUMNS)
         name = next(filter(None, names), "")
         properties |= {"name": name} if name else {}
-        geometry = _convert_geometry(shape)
+        geometry = _convert_geometry(shape, crs)
         features.append({"type": "Feature", "id": name or None, "properties": properties, "geometry": geometry})
     return features
 
 
-def _convert_geometry(shape: shapely.Geometry | None) -> dict[str, Any]:
+def _convert_geometry(shape: shapely.Geometry | None, crs: str | None) -> dict[str, Any]:
     """A shape as a GeoJSON geometry; empty for an unreadable shape or positions that are not finite."""
     if shape is None or shape.is_empty or not np.isfinite(shapely.get_coordinates(shape)).all():
         return {}
+    if crs not in (None, DEGREES_CRS):
+        shape = shapely.transform(shape, lambda points: project(points, str(crs), DEGREES_CRS))
     geometry: dict[str, Any] = json.loads(shapely.to_geojson(shape))
     return geometry
 
@@ -314,14 +314,6 @@ def _convert_value(value: Any) -> Any:
             return None
         return int(python_value) if python_value.is_integer() and abs(python_value) < 1e15 else python_value
     return python_value if isinstance(python_value, str | int | bool) or python_value is None else str(python_value)
-
-
-def _convert_to_wgs84(feature: Feature, crs: str) -> Feature:
-    if not feature["geometry"]:
-        return feature
-    shape = shapely.from_geojson(json.dumps(feature["geometry"]))
-    moved = shapely.transform(shape, lambda points: project(points, crs, DEGREES_CRS))
-    return {**feature, "geometry": json.loads(shapely.to_geojson(moved))}
 
 
 def _shorten_gdal_error(error: Exception, source: Path | bytes) -> str:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field as member
 
-import numpy as np
 import shapely
 
 from fields.errors import MAX_NAMED, FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.arithmetic import MITRE_LIMIT
-from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
+from fields.geometry.coordinates import FieldFrame, build_polygon, parse_rings
 from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
 from fields.geometry.overlays import subtract_on_grid, unite_on_grid
 from fields.raw_document import RawShape
@@ -166,13 +165,12 @@ def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
         shape, remarks = clean_outline(parts, description, is_obstacle=True) or (build_polygon(parts, description), ())
         return Obstacle(kind or "area", shape, name=name, remark=" ".join(remarks))
     if raw.geometry_type == POINT:
-        place = frame.to_local(np.array([parse_position(raw.coordinates, description)]))[0]
+        place = frame.read_points(raw, description)[0]
         radius_m = _parse_size_m(raw, "radius_m", kind, DEFAULT_RADIUS_M, description)
         return Obstacle(kind or "point", shapely.Point(place), radius_m, name)
-    line = raw.coordinates if isinstance(raw.coordinates, list) else []
-    if len(line) < 2:
-        raise FieldError(f"The line of {description} has {len(line)} positions; a LineString needs 2 or more.")
-    points = frame.to_local(np.array([parse_position(entry, description) for entry in line]))
+    points = frame.read_points(raw, description)
+    if len(points) < 2:
+        raise FieldError(f"The line of {description} has {len(points)} positions; a LineString needs 2 or more.")
     width_m = _parse_size_m(raw, "width_m", kind, DEFAULT_WIDTH_M, description)
     return Obstacle(kind or "line", shapely.LineString(points), width_m / 2.0, name)
 
