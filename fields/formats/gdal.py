@@ -77,7 +77,7 @@ def restrict_gdal_drivers(*drivers: str) -> Iterator[None]:
         driver = next((one for one in drivers if one in known_drivers), None)
         if driver is None:
             raise FieldError(f"The installed GDAL cannot read {drivers[0]}; reinstall pyogrio.")
-        previous_options = {name: _get_gdal_option(name) for name in (SKIP_OPTION, *SAFE_OPTIONS)}
+        previous_options = {name: pyogrio.get_gdal_config_option(name) for name in (SKIP_OPTION, *SAFE_OPTIONS)}
         try:
             _register_drivers({**SAFE_OPTIONS, SKIP_OPTION: ",".join(sorted(known_drivers - {driver}))})
             if set(pyogrio.list_drivers()) != {driver}:
@@ -89,23 +89,13 @@ def restrict_gdal_drivers(*drivers: str) -> Iterator[None]:
             _register_drivers(previous_options)
 
 
-def _register_drivers(options: dict[str, str | None]) -> None:
+def _register_drivers(options: dict[str, Any]) -> None:
     """Set GDAL options and register its drivers again."""
     import pyogrio
     from pyogrio import core
 
     pyogrio.set_gdal_config_options(options)
     core._register_drivers()
-
-
-def _get_gdal_option(name: str) -> str | None:
-    """A GDAL option as text."""
-    import pyogrio
-
-    value = pyogrio.get_gdal_config_option(name)
-    if isinstance(value, bool):
-        return "ON" if value else "OFF"
-    return None if value is None else str(value)
 
 
 @dataclass

@@ -27,10 +27,6 @@ MIN_CLOSING_SHARE = 0.75
 GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
 
 
-def _read_gpx(path: str, label: str) -> FieldDocument:
-    return parse_gpx(read_bytes(path, "a GPX file", FieldError), label)
-
-
 def parse_gpx(content: bytes, label: str) -> FieldDocument:
     """Parse a GPX text; raises FieldError."""
     check_xml_root(content, label, "GPX", ("gpx",))
@@ -66,7 +62,9 @@ def close_boundary_polygon(feature: Feature) -> Feature:
     return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
 
 
-FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)
+FIELD_FORMAT = FieldFormat(
+    "GPX", (".gpx",), lambda path, label: parse_gpx(read_bytes(path, "a GPX file", FieldError), label), parse=parse_gpx
+)
 
 
 def _write_gpx(guidance: PlanGuidance) -> FileContents:
