@@ -168,11 +168,11 @@ def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
         place = frame.read_points(raw, description)[0]
         radius_m = _parse_size_m(raw, "radius_m", kind, DEFAULT_RADIUS_M, description)
         return Obstacle(kind or "point", shapely.Point(place), radius_m, name)
-    points = frame.read_points(raw, description)
-    if len(points) < 2:
-        raise FieldError(f"The line of {description} has {len(points)} positions; a LineString needs 2 or more.")
+    line = frame.read_points(raw, description)
+    if len(line) < 2:
+        raise FieldError(f"The line of {description} has {len(line)} positions; a LineString needs 2 or more.")
     width_m = _parse_size_m(raw, "width_m", kind, DEFAULT_WIDTH_M, description)
-    return Obstacle(kind or "line", shapely.LineString(points), width_m / 2.0, name)
+    return Obstacle(kind or "line", shapely.LineString(line), width_m / 2.0, name)
 
 
 def _parse_size_m(raw: RawShape, key: str, kind: str, defaults_m: dict[str, float], description: str) -> float:

@@ -26,7 +26,7 @@ from fields.geometry.geodesy import DEGREES_CRS
 from fields.nested_text import parse_json
 from fields.raw_document import LOCAL_METRES
 from fields.terrain.elevation_grid import ElevationError
-from fields.terrain.height_units import find_axis_units, find_unit_m, name_unit
+from fields.terrain.height_units import describe_unit, find_axis_units_m, find_unit_m
 from fields.terrain.rasters import RASTER_SUFFIXES
 from fields.text_files import (
     count_noun,
@@ -116,9 +116,7 @@ def _find_height_unit(column: str, path: str) -> tuple[float, tuple[str, ...]]:
             f"Column {column!r} of {quote_path(path)} does not say its unit; its heights are taken as metres. If they "
             f"are in feet, name it {column.strip()}_ft.",
         )
-    if unit_m == 1.0:
-        return 1.0, ()
-    return unit_m, (f"Heights of {quote_path(path)} are in {name_unit(unit_m)}; converted.",)
+    return unit_m, describe_unit(unit_m, quote_path(path))
 
 
 def _read_text_table(path: str) -> HeightPoints:
@@ -272,7 +270,7 @@ def _collect_table_points(
     `is_in_metres`: columns are in metres by the rules of the format.
     """
     places, heights, remarks = [np.empty((0, 2))], [np.empty(0)], []
-    unit_m = (find_axis_units(crs).vertical_m if crs else None) or 1.0
+    unit_m = (find_axis_units_m(crs)[1] if crs else None) or 1.0
     for table in tables:
         shapes = shapely.from_wkb(table.shapes, on_invalid="ignore")
         points, owners = shapely.get_coordinates(shapes, include_z=True, return_index=True)
