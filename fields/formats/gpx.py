@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import shapely
 
+from fields.arrays import measure_along
 from fields.errors import FieldError
 from fields.formats.features import BOUNDARY, Feature
 from fields.formats.gdal import GPX_DRIVER, build_layer_document, read_layers
@@ -48,8 +49,7 @@ def close_boundary_polygon(feature: Feature) -> Feature:
         return feature
     # The track up to where it is nearest to its start again, without the overlap at its end
     places = np.array(points)[:, :2]
-    steps = np.hypot(*np.diff(places, axis=0).T)
-    travelled_deg = np.concatenate([[0.0], np.cumsum(steps)])
+    travelled_deg = measure_along(places)
     if travelled_deg[-1] == 0.0:  # the receiver stood still
         return feature
     late = np.flatnonzero(travelled_deg >= MIN_CLOSING_SHARE * travelled_deg[-1])

@@ -52,20 +52,6 @@ def _read_shapefiles(path: str, label: str) -> FieldDocument:
         missing = [file for file in files if not members.find_paths_by_name(file)]
         if missing:
             raise _build_missing_error(missing, label)
-    return build_layer_document(_read_members(members, names, label), label, "Shapefile")
-
-
-def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:
-    """Members and .shp files of a folder or archive, or the .shp file of this name; case is ignored."""
-    members = open_folder_or_archive(place)
-    names = [one for one in members if one.lower().endswith(".shp")]
-    if members.path != place:
-        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
-    return members, names
-
-
-def _read_members(members: ArchiveMembers, names: Sequence[str], label: str) -> LayerFeatures:
-    """Features of these Shapefiles of a folder or archive."""
     layers = LayerFeatures()
     systems = set()
     for name in names:
@@ -78,7 +64,16 @@ def _read_members(members: ArchiveMembers, names: Sequence[str], label: str) -> 
     if len(systems) > 1:
         raise FieldError(f"{label} contains Shapefiles in different coordinate systems; name one of them.")
     layers.crs = systems.pop() if systems else None
-    return layers
+    return build_layer_document(layers, label, "Shapefile")
+
+
+def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:
+    """Members and .shp files of a folder or archive, or the .shp file of this name; case is ignored."""
+    members = open_folder_or_archive(place)
+    names = [one for one in members if one.lower().endswith(".shp")]
+    if members.path != place:
+        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
+    return members, names
 
 
 def _read_shapefile_features(parts: Mapping[str, bytes], label: str) -> LayerFeatures:

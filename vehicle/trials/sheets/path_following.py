@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vehicle.model.gnss import load_default_error_table
+from fields.arrays import Integers
+from vehicle.model.gnss import NO_ERROR, load_default_error_table
 from vehicle.model.tractor import Tractor
 from vehicle.trials.drive import CONTROLLED_POINT_M, LOOKAHEAD_M, SLIP_LOOKAHEAD_M, UNLIMITED_M, Trace
 from vehicle.trials.path_following import (
@@ -248,9 +249,9 @@ def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[Pl
 
 def build_step_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     """Tables 3.1, 3.2 and 3.3, and the plots of Fig. 3.2 to 3.5."""
-    quiet = _drive_quiet(tractor)
-    noisy = _drive_noisy(tractor, tractor.guidance.lateral_limit_m, seed)
-    bare = _drive_noisy(tractor, UNLIMITED_M, seed)
+    quiet = _drive_steps(tractor, UNLIMITED_M, seed, SIMULATORS, grounds=GROUNDS, errors=NO_ERROR)
+    noisy = _drive_steps(tractor, tractor.guidance.lateral_limit_m, seed)
+    bare = _drive_steps(tractor, UNLIMITED_M, seed)
     rows = _compare_trajectories(quiet) + _compare_table_3_3(noisy, bare)
     words = _describe_results(quiet, noisy, bare, tractor.guidance.lateral_limit_m)
     tables = (_build_path_length_table(tractor, noisy, seed), _build_weaving_table(tractor))
@@ -258,31 +259,24 @@ def build_step_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     return ExperimentSheet("step", title, words, tuple(rows), panels, tables)
 
 
-def _drive_quiet(tractor: Tractor) -> Steps:
-    """All drives without GNSS errors, by ground, simulator, speed and offset."""
-    return {
-        (ground, steering, speed, offset): drive_step_response(tractor, offset, speed, ground, steering)
-        for ground in GROUNDS
-        for steering in SIMULATORS
-        for speed in SPEEDS_KMH
-        for offset in OFFSETS_CM
-    }
-
-
-def _drive_noisy(
+def _drive_steps(
     tractor: Tractor,
     limit_m: float,
     seed: int,
     simulators: Sequence[str] = ("proposed", "traditional"),
     second_m: float = SECOND_PATH_M,
+    *,
+    grounds: Sequence[str] = ("soil",),
+    errors: Integers | None = None,
 ) -> Steps:
-    """The drives of Table 3.3: on soil, each with its own GNSS errors."""
-    errors = load_default_error_table()
+    """Drives by ground, simulator, speed and offset, each with its own GNSS errors: on soil those of Table 3.3."""
+    table = load_default_error_table() if errors is None else errors
     return {
-        ("soil", steering, speed, offset): drive_step_response(
-            tractor, offset, speed, "soil", steering,
-            position_errors=errors, seed=1000 * seed + number, limit_m=limit_m, second_m=second_m,
+        (ground, steering, speed, offset): drive_step_response(
+            tractor, offset, speed, ground, steering,
+            position_errors=table, seed=1000 * seed + number, limit_m=limit_m, second_m=second_m,
         )
+        for ground in grounds
         for steering in simulators
         for speed in SPEEDS_KMH
         for number, offset in enumerate(OFFSETS_CM)
@@ -295,7 +289,7 @@ def _build_path_length_table(tractor: Tractor, noisy: Steps, seed: int) -> TextT
     for length in LENGTHS_M:
         drives = noisy
         if length != SECOND_PATH_M:
-            drives = _drive_noisy(tractor, tractor.guidance.lateral_limit_m, seed, ("proposed",), length)
+            drives = _drive_steps(tractor, tractor.guidance.lateral_limit_m, seed, ("proposed",), length)
         cells = [drive.mean_lateral_error_cm for key, drive in drives.items() if key[1] == "proposed"]
         inside = sum(2.0 <= cell <= 6.0 for cell in cells)
         rows.append((f"{length:g} m", f"{inside} of {len(cells)}", f"{min(cells):.1f} cm", f"{max(cells):.1f} cm"))
