@@ -93,7 +93,6 @@ def read_field(
     obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles.ignore), *roles.obstacles)
     obstacles = tuple(replace(one, number=number) for number, one in enumerate(obstacles, 1))
     edges = (*document.boundary_edges, *roles.fences)
-    document = replace(document, guidance_lines=tuple(roles.guidance_lines))
     fences, overhangs, edge_remarks = read_edges(polygon, edges, frame, shape, multiple_fields, label)
     entrance = _read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label)
     service_point = _read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label)
@@ -121,8 +120,8 @@ def read_field(
         obstacles=obstacles,
         fences=fences,
         edge_overhangs=overhangs,
-        guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
-        headland_edges=read_headland_edges(document, frame, shape),
+        guidance_lines=read_guidance_lines(roles.guidance_lines, frame, shape, multiple_fields),
+        headland_edges=read_headland_edges(document.headland_edges, frame, shape),
         elevation=_find_elevation_file(polygon, source, label),
     )
 

@@ -301,7 +301,8 @@ def _convert_to_metres(plane: LocalPlane, points: DegreePoints) -> Floats:
 
 def _insert_points(points: Floats, spacing_m: float) -> Floats:
     """The points (n, 2) with intermediate points inserted, at most `spacing_m` apart."""
-    return shapely.get_coordinates(shapely.segmentize(shapely.LineString(points), spacing_m * (1.0 + ROUNDING)))
+    dense = shapely.segmentize(shapely.LineString(points), spacing_m * (1.0 + ROUNDING))
+    return np.asarray(shapely.get_coordinates(dense))
 
 
 def _compute_headings_rad(vectors: Floats) -> Floats:

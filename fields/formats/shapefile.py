@@ -6,7 +6,6 @@ letters, as dBASE requires.
 
 from __future__ import annotations
 
-import io
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -27,7 +26,7 @@ from fields.formats.gdal import (
     read_layers,
     restrict_gdal_drivers,
 )
-from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
+from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance, zip_files
 from fields.formats.markup import remove_forbidden
 from fields.geometry.geodesy import DEGREES_CRS
 from fields.raw_document import FieldDocument, FieldFormat
@@ -111,11 +110,7 @@ def find_component_files(members: ArchiveMembers, name: str, label: str) -> dict
 
 def pack_component_files(parts: Mapping[str, bytes]) -> bytes:
     """The parts of a Shapefile as an in-memory archive, so that GDAL sees no other files and cannot write."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for ending, content in parts.items():
-            archive.writestr(f"fields{ending}", content)
-    return buffer.getvalue()
+    return zip_files({f"fields{ending}": content for ending, content in parts.items()}, compression=zipfile.ZIP_STORED)
 
 
 def _build_missing_error(missing: list[str], label: str) -> FieldError:

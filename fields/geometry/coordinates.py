@@ -188,8 +188,8 @@ def _parse_stored_origin(document: FieldDocument, label: str) -> tuple[float, fl
     if stored is None:
         return None
     numbers = stored if isinstance(stored, list) else []
-    are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) and abs(n) < 1e8 for n in numbers)
-    if len(numbers) != 2 or not are_numbers:
+    is_number = [isinstance(n, int | float) and not isinstance(n, bool) and abs(n) < MAX_COORDINATE for n in numbers]
+    if len(numbers) != 2 or not all(is_number):
         raise FieldError(f"The origin_m {stored!r} stored in {label} is not usable; write [easting, northing].")
     return float(numbers[0]), float(numbers[1])
 
@@ -209,8 +209,7 @@ def parse_ring(raw: Any, label: str) -> Floats:
     if not isinstance(raw, list | tuple):
         raise FieldError(f"A ring of {label} is {shorten_value(raw)}; it must be a list of [x, y] positions.")
     points = np.array([parse_position(entry, label) for entry in raw], dtype=np.float64).reshape(-1, 2)
-    kept_indices = [i for i in range(len(points)) if i == 0 or (points[i] != points[i - 1]).any()]
-    points = points[kept_indices]
+    points = points[np.append(np.ones(len(points[:1]), bool), (points[1:] != points[:-1]).any(axis=1))]
     if len(points) > 1 and (points[0] == points[-1]).all():
         points = points[:-1]
     distinct = len(np.unique(points, axis=0)) if len(points) else 0

@@ -15,7 +15,7 @@ from fields.errors import FieldError, join_first, mark_parameter, shorten_value,
 from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
 from fields.geometry.coordinates import FieldFrame
 from fields.geometry.overlays import intersect, subtract, unite
-from fields.raw_document import FieldDocument, RawShape
+from fields.raw_document import RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
 EDGE_KINDS = (FENCE, OPEN_EDGE)
@@ -165,12 +165,12 @@ class GuidanceLine:
 
 
 def read_guidance_lines(
-    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool
+    shapes: Sequence[RawShape], frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool
 ) -> tuple[GuidanceLine, ...]:
     """Usable lines in the order of the file; in a file of several fields only those of this field."""
     lines = []
-    for place, line in _read_usable_lines(document.guidance_lines, frame):
-        keys = document.guidance_lines[place].keys
+    for place, line in _read_usable_lines(shapes, frame):
+        keys = shapes[place].keys
         if not multiple_fields or shape.distance(line) <= NEAR_FIELD_M:
             lines.append(GuidanceLine(keys[0] if keys else f"line {place + 1}", line))
     return tuple(lines)
@@ -213,10 +213,12 @@ class HeadlandEdge:
     max_width_m: float
 
 
-def read_headland_edges(document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon) -> tuple[HeadlandEdge, ...]:
+def read_headland_edges(
+    shapes: Sequence[RawShape], frame: FieldFrame, shape: shapely.Polygon
+) -> tuple[HeadlandEdge, ...]:
     """Usable headland edges on this field, in the order of the file."""
     edges = []
-    for _, line in _read_usable_lines(document.headland_edges, frame):
+    for _, line in _read_usable_lines(shapes, frame):
         if len(line.coords) < 3 or not (shape.contains(line.centroid) or shape.intersects(line)):
             continue
         places = shapely.points(shapely.get_coordinates(shapely.segmentize(line, 5.0)))

@@ -127,7 +127,8 @@ def compute_workable_ground(
     small = [
         part
         for part, margin_m in zip(blocked, part_margins_m, strict=True)
-        if _is_small(part, outline, margin_m, max_small_m)
+        if round(2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m, 6) < max_small_m
+        and shapely.contains_properly(outline, part)
     ]
     large = [part for part in blocked if not any(part is one for one in small)]
     parts = list_polygons(subtract_on_grid(outline, unite_on_grid(large)))
@@ -147,12 +148,6 @@ def _shrink_from_obstacles(
     buffered = unite_on_grid([buffer_geometry(part, distance_m) for part in large_obstacles])
     largest = find_largest_polygon(subtract_on_grid(ground, buffered))
     return largest if largest.area >= 0.5 * ground.area else ground
-
-
-def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, max_small_m: float) -> bool:
-    """Whether a buffered obstacle, without its margin, is less than `max_small_m` across, and clear of the edge."""
-    across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
-    return bool(round(across_m, 6) < max_small_m and shapely.contains_properly(outline, part))
 
 
 def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:

@@ -197,7 +197,8 @@ def _convert_to_raster(places_m: Floats, raster: Raster, field: Field) -> Floats
 
 def _convert_to_field(places: Floats, crs: str | None, field: Field) -> Floats:
     """Places in a system in the field's plane."""
-    return (places if crs is None or field.crs is None else project(places, crs, field.crs)) - np.array(field.origin_m)
+    metres = places if crs is None or field.crs is None else project(places, crs, field.crs)
+    return np.asarray(metres - np.asarray(field.origin_m))
 
 
 def _measure_cells(raster: Raster, field: Field, outline: shapely.Polygon) -> tuple[float, float]:

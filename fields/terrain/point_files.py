@@ -238,7 +238,16 @@ def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
             tables += read_tables(content, label, "KML", KML_DRIVERS)
         return _collect_table_points(tables, path, DEGREES_CRS)
     if suffix == GEOPACKAGE_SUFFIX:
-        return _read_geopackage(path, label)
+        if not list_package_contents(path, label):
+            raise ElevationError(f"{label} is empty; give a GeoPackage with a raster or points of heights.")
+        tables = read_tables(Path(path), label, "a GeoPackage", (GEOPACKAGE_DRIVER,))
+        tables = [table for table in tables if any(shape is not None for shape in table.shapes)]
+        systems = sorted({str(table.crs) for table in tables})
+        if len(systems) > 1:
+            raise ElevationError(
+                f"Layers of {label} are in {len(systems)} coordinate systems; keep the one with heights."
+            )
+        return _collect_table_points(tables, path, tables[0].crs if tables else None)
     members, names = find_shapefiles(Path(path))
     if not names:
         raise ElevationError(f"{label} holds no Shapefile and no Elevation.txt; give one with heights.")
@@ -247,18 +256,6 @@ def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
         raise ElevationError(f"{label} has {len(names)} Shapefiles ({found}); name the one with heights.")
     parts = find_component_files(members, names[0], label)
     tables = read_tables(pack_component_files(parts), label, "a Shapefile", (SHAPEFILE_DRIVER,))
-    return _collect_table_points(tables, path, tables[0].crs if tables else None)
-
-
-def _read_geopackage(path: str, label: str) -> HeightPoints:
-    """The points of all layers of a GeoPackage, which have to share a coordinate system."""
-    if not list_package_contents(path, label):
-        raise ElevationError(f"{label} is empty; give a GeoPackage with a raster or points of heights.")
-    tables = read_tables(Path(path), label, "a GeoPackage", (GEOPACKAGE_DRIVER,))
-    tables = [table for table in tables if any(shape is not None for shape in table.shapes)]
-    systems = sorted({str(table.crs) for table in tables})
-    if len(systems) > 1:
-        raise ElevationError(f"Layers of {label} are in {len(systems)} coordinate systems; keep the one with heights.")
     return _collect_table_points(tables, path, tables[0].crs if tables else None)
 
 

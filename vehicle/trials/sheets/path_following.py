@@ -26,12 +26,12 @@ from vehicle.trials.path_following import (
     NavigationPasses,
     PathTracking,
     StepResponse,
-    compute_distance_m,
     drive_navigation,
     drive_slip_test,
     drive_step_response,
     drive_zigzag,
     find_slewing,
+    measure_gap_m,
     measure_weaving_m,
 )
 from vehicle.trials.sheets.fixed_steering import build_slip_panel
@@ -74,7 +74,7 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         for name in SIMULATORS
     }
     apart = {
-        setting: compute_distance_m(drives[*setting, "proposed"], drives[*setting, "traditional"])
+        setting: measure_gap_m(*(drives[*setting, name].trace.compute_path() for name in SIMULATORS[:2]))
         for setting in itertools.product(LOOKAHEADS_M, OMEGAS)
     }
     rows, comparisons = [], []
