@@ -179,6 +179,7 @@ def read_tables(
     Text that does not match its declared encoding is read as Latin-1. Raises FieldError for a file in another format.
     """
     from pyogrio import list_layers
+    from pyogrio.raw import read
 
     place = source if isinstance(source, bytes) else _make_absolute(source)
     with _convert_gdal_errors(source, label, format_name), restrict_gdal_drivers(*drivers):
@@ -187,33 +188,20 @@ def read_tables(
             raise ValueError("it has no layer")
         is_stated = SHAPEFILE_DRIVER in drivers and isinstance(place, bytes) and _has_code_page(place)
         encodings = ENCODINGS if is_stated else UNSTATED_ENCODINGS
-        return [
-            _read_table(place, at, name, encodings, with_heights, max_features)
-            for at, name in enumerate(names)
-            if layer_names is None or name in layer_names
-        ]
-
-
-def _read_table(
-    place: Path | bytes,
-    layer: int,
-    name: str,
-    encodings: Sequence[str | None],
-    with_heights: bool,
-    max_features: int | None,
-) -> LayerTable:
-    """One layer, chosen by position, as names of in-memory files vary."""
-    from pyogrio.raw import read
-
-    options = {"layer": layer, "force_2d": not with_heights, "max_features": max_features}
-    for encoding in encodings:
-        with suppress(UnicodeDecodeError):
-            meta, _, shapes, columns = read(place, **options, encoding=encoding)
-            break
-    fields = [str(one).lower() for one in meta["fields"]]
-    columns_by_name = dict(zip(fields, columns, strict=True))
-    is_latin1 = encoding == LATIN1
-    return LayerTable(name, meta["crs"], shapes if shapes is not None else [], columns_by_name, is_latin1)
+        tables = []
+        for at, name in enumerate(names):  # read by position, as names of in-memory files vary
+            if layer_names is not None and name not in layer_names:
+                continue
+            options = {"layer": at, "force_2d": not with_heights, "max_features": max_features}
+            for encoding in encodings:
+                with suppress(UnicodeDecodeError):
+                    meta, _, shapes, columns = read(place, **options, encoding=encoding)
+                    break
+            by_name = dict(zip([str(one).lower() for one in meta["fields"]], columns, strict=True))
+            tables.append(
+                LayerTable(name, meta["crs"], shapes if shapes is not None else [], by_name, encoding == LATIN1)
+            )
+        return tables
 
 
 def _has_code_page(archive_bytes: bytes) -> bool:

@@ -215,7 +215,7 @@ def parse_ring(raw: Any, label: str) -> Floats:
     distinct = len(np.unique(points, axis=0)) if len(points) else 0
     if distinct < 3:
         raise FieldError(f"A ring of {label} has {distinct} distinct points; a ring needs at least 3.")
-    return points
+    return np.asarray(points)
 
 
 def parse_position(raw: Any, label: str) -> tuple[float, float]:

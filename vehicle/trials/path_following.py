@@ -155,17 +155,13 @@ def drive_navigation(tractor: Tractor, *, position_errors: Integers = NO_ERROR, 
     """Drive the navigation plan with 5 m lookahead and measure both passes."""
     mission, tested = build_navigation_mission(), configure_tractor(tractor)
     trace = follow_mission(tested, mission, position_errors=position_errors, seed=seed, seconds=900.0)
-    return NavigationPasses(
-        mission, trace, tuple(_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS))
-    )
-
-
-def _measure_pass(mission: Mission, trace: Trace, leg: int) -> ErrorSizes:
-    rows = trace.get_column("leg") == leg
-    points = mission.legs[leg].points
-    errors = compute_deviation(trace.compute_path()[rows], trace.get_column("angle")[rows], points, LOOKAHEAD_M)
-    part = errors.along_m < mission.legs[leg].length_m - max(UNMEASURED_END_M, LOOKAHEAD_M)
-    return errors.select(part).compute_sizes(100.0)
+    place, angle, sizes = trace.compute_path(), trace.get_column("angle"), []
+    for number in (FIRST_PASS, SECOND_PASS):
+        rows, leg = trace.get_column("leg") == number, mission.legs[number]
+        errors = compute_deviation(place[rows], angle[rows], leg.points, LOOKAHEAD_M)
+        part = errors.along_m < leg.length_m - max(UNMEASURED_END_M, LOOKAHEAD_M)
+        sizes.append(errors.select(part).compute_sizes(100.0))
+    return NavigationPasses(mission, trace, tuple(sizes))
 
 
 def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Floats:

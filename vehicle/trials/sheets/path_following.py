@@ -211,21 +211,18 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
         f"{MUD_RATIO:.2f}). Without the curve the models hardly differ.",
         "Heading errors are measured against the line to the target point (section 2.2.3).",
     )
-    panels, tables = _build_slip_panels(results), (_build_point_table(tractor),)
-    return ExperimentSheet("slip", "Asphalt and mud (Table 4.3)", words, tuple(rows), panels, tables)
-
-
-def _build_point_table(tractor: Tractor) -> TextTable:
-    rows = []
+    points = []
     for point in POINTS_M:
         cells = []
         for ground, model in (("asphalt", "nonlinear"), ("mud", "nonlinear"), ("mud", "linear")):
             sizes = drive_slip_test(tractor, ground, model, point_m=point).sizes
             lateral = f"{sizes.lateral_max:.3f} / {sizes.lateral_mean:.3f} m"
             cells.append(f"{lateral}, {sizes.heading_mean_deg:.2f} deg")
-        rows.append((f"{point:+.2f} m", *cells))
+        points.append((f"{point:+.2f} m", *cells))
     header = ("Controlled point ahead of the centre of mass", "Asphalt", "Mud, non-linear", "Mud, linear")
-    return TextTable("Lateral error, maximum / average, and mean heading error", header, tuple(rows))
+    table = TextTable("Lateral error, maximum / average, and mean heading error", header, tuple(points))
+    panels = _build_slip_panels(results)
+    return ExperimentSheet("slip", "Asphalt and mud (Table 4.3)", words, tuple(rows), panels, (table,))
 
 
 def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[PlotPanel, ...]:

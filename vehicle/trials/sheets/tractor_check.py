@@ -154,7 +154,12 @@ def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
     table = TextTable("Expected and driven", header, tuple(map(_build_row, checks)))
     half_title = f"A half circle of {half.radius_m:.2f} m between swaths, {APPROACH_LENGTH_M:g} m before it"
     half_panel = build_map_panel(f"{half_title}, on {TRIAL_GROUND}", _build_lines(half.driven_path, half.path))
-    panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), half_panel)
+    far = LANE_AT_M + 2.0 * MAX_SETTLING_M
+    part = lane.path[(lane.path[:, 1] > 0.0) & (lane.path[:, 1] < far)]
+    path = np.array([[0.0, 0.0], [LANE_AT_M, 0.0], [LANE_AT_M, LANE_M], [far, LANE_M]])
+    lane_title = f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}"
+    lane_panel = PlotPanel(lane_title, "Along (m)", "To the right (m)", _build_lines(part[:, ::-1], path))
+    panels = (*_build_circle_panels(circle_trials), lane_panel, half_panel)
     sentences = (*verdict.words, describe_radius_reference(tractor))
     return verdict, ExperimentSheet("proved", f"Check of {tractor.name}", sentences, (), panels, (table,))
 
@@ -269,14 +274,6 @@ def _build_expected_line(trial: CircleTrial) -> PlotLine:
     x, y = middle[0] + trial.expected_m * np.cos(turn), middle[1] + trial.expected_m * np.sin(turn)
     # Underscore: matplotlib leaves it out of the legend, where the driven line names the expected radius.
     return PlotLine("_expected", x, y, EXPECTED_COLOUR, dashed=True)
-
-
-def _build_lane_panel(lane: LaneTrial) -> PlotPanel:
-    far = LANE_AT_M + 2.0 * MAX_SETTLING_M
-    part = lane.path[(lane.path[:, 1] > 0.0) & (lane.path[:, 1] < far)]
-    path = np.array([[0.0, 0.0], [LANE_AT_M, 0.0], [LANE_AT_M, LANE_M], [far, LANE_M]])
-    title = f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}"
-    return PlotPanel(title, "Along (m)", "To the right (m)", _build_lines(part[:, ::-1], path))
 
 
 def _build_lines(driven_path: Floats, path: Floats) -> tuple[PlotLine, PlotLine]:
