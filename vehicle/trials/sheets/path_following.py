@@ -23,7 +23,6 @@ from vehicle.trials.path_following import (
     SECOND_PASS,
     SECOND_PATH_M,
     SPEEDS_KMH,
-    NavigationPasses,
     PathTracking,
     StepResponse,
     drive_navigation,
@@ -160,32 +159,21 @@ def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
         "a pass.",
         "The thesis's longitudinal drift of 1 to 1.5 m in 120 s is against the real tractor, of which there is no log.",
     )
-    panels = _build_navigation_panels(passes)
-    return ExperimentSheet("navigation", "Real navigation plan (Table 3.4)", words, tuple(rows), panels)
-
-
-def _build_navigation_panels(passes: NavigationPasses) -> tuple[PlotPanel, ...]:
-    trace = passes.trace
-    place, leg = trace.compute_path(), trace.get_column("leg")
-    whole = PlotLine("controlled point", place[:, 0], place[:, 1], 0)
-    plan = np.concatenate([part.points for part in passes.mission.legs])
-    planned = PlotLine("plan", plan[:, 0], plan[:, 1], 3, True)
-    head = place[:, 1] > PASS_M - 15.0
-    turn = PlotLine("controlled point", place[head, 0], place[head, 1], 0)
-    is_near = plan[:, 1] > PASS_M - 15.0
+    place, plan = passes.trace.compute_path(), np.concatenate([part.points for part in passes.mission.legs])
+    head, is_near = place[:, 1] > PASS_M - 15.0, plan[:, 1] > PASS_M - 15.0
+    whole, turn = (PlotLine("controlled point", *part.T, 0) for part in (place, place[head]))
+    planned, near_plan = (PlotLine("plan", *part.T, 3, True) for part in (plan, plan[is_near]))
     errors = []
-    for number, passing in enumerate((FIRST_PASS, SECOND_PASS)):
-        rows = leg == passing
-        x = passes.mission.legs[passing].points[0, 0]
-        sign = 1.0 if number == 0 else -1.0
-        driven = np.abs(place[rows, 1] - passes.mission.legs[passing].points[0, 1])
-        errors.append(PlotLine(f"pass {number + 1}", driven, 100.0 * sign * (x - place[rows, 0]), number))
-    near_plan = PlotLine("plan", plan[is_near, 0], plan[is_near, 1], 3, True)
-    return (
+    for number, (passing, sign) in enumerate(((FIRST_PASS, 1.0), (SECOND_PASS, -1.0))):
+        x, y = passes.mission.legs[passing].points[0]
+        east, north = place[passes.trace.get_column("leg") == passing].T
+        errors.append(PlotLine(f"pass {number + 1}", np.abs(north - y), 100.0 * sign * (x - east), number))
+    panels = (
         build_map_panel("The plan and the drive", (planned, whole)),
         build_map_panel("Switch-back", (near_plan, turn)),
         PlotPanel("Lateral error on soil", "Along the pass (m)", "Path lies to the right by (cm)", tuple(errors)),
     )
+    return ExperimentSheet("navigation", "Real navigation plan (Table 3.4)", words, tuple(rows), panels)
 
 
 def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:

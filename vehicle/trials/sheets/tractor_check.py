@@ -255,25 +255,22 @@ def describe_electric_drive(tractor: Tractor) -> str:
 
 
 def _build_circle_panels(circle_trials: Sequence[CircleTrial]) -> Iterator[PlotPanel]:
+    """The circles on each ground, and those of the expected radius round the centres of the circles at the end."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
     for ground in dict.fromkeys(trial.ground for trial in circle_trials):
         lines = []
         for number, trial in enumerate(circle_trial for circle_trial in circle_trials if circle_trial.ground == ground):
             side = "right" if trial.steering_deg > 0 else "left"
             label = f"{abs(trial.steering_deg):.1f} degrees {side}, {trial.expected_m:.2f} m expected"
-            lines += [build_track_line(label, trial.circle.antenna_path, number), _build_expected_line(trial)]
+            track = trial.circle.antenna_path
+            ahead = track[-1] - track[-2]
+            aside = np.array([ahead[1], -ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
+            middle = track[-1] - track[0] + np.copysign(trial.circle.radius_m, trial.steering_deg) * aside
+            x, y = middle[0] + trial.expected_m * np.cos(turn), middle[1] + trial.expected_m * np.sin(turn)
+            # Underscore: matplotlib leaves it out of the legend, where the driven line names the expected radius.
+            expected = PlotLine("_expected", x, y, EXPECTED_COLOUR, dashed=True)
+            lines += [build_track_line(label, track, number), expected]
         yield build_map_panel(f"Circles on {ground}; dashed: expected", lines)
-
-
-def _build_expected_line(trial: CircleTrial) -> PlotLine:
-    """The circle of the expected radius round the centre of the circle driven at the end."""
-    track = trial.circle.antenna_path
-    ahead = track[-1] - track[-2]
-    aside = np.array([ahead[1], -ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
-    middle = track[-1] - track[0] + np.copysign(trial.circle.radius_m, trial.steering_deg) * aside
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    x, y = middle[0] + trial.expected_m * np.cos(turn), middle[1] + trial.expected_m * np.sin(turn)
-    # Underscore: matplotlib leaves it out of the legend, where the driven line names the expected radius.
-    return PlotLine("_expected", x, y, EXPECTED_COLOUR, dashed=True)
 
 
 def _build_lines(driven_path: Floats, path: Floats) -> tuple[PlotLine, PlotLine]:
