@@ -161,8 +161,8 @@ def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     )
     place, plan = passes.trace.compute_path(), np.concatenate([part.points for part in passes.mission.legs])
     head, is_near = place[:, 1] > PASS_M - 15.0, plan[:, 1] > PASS_M - 15.0
-    whole, turn = (PlotLine("controlled point", *part.T, 0) for part in (place, place[head]))
-    planned, near_plan = (PlotLine("plan", *part.T, 3, True) for part in (plan, plan[is_near]))
+    whole, turn = (PlotLine("controlled point", part[:, 0], part[:, 1], 0) for part in (place, place[head]))
+    planned, near_plan = (PlotLine("plan", part[:, 0], part[:, 1], 3, True) for part in (plan, plan[is_near]))
     errors = []
     for number, (passing, sign) in enumerate(((FIRST_PASS, 1.0), (SECOND_PASS, -1.0))):
         x, y = passes.mission.legs[passing].points[0]
