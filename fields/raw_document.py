@@ -59,7 +59,7 @@ class FieldDocument:
 
     polygons: tuple[RawShape, ...]
     zones: tuple[RawShape, ...]
-    entrances: tuple[Any, ...]
+    entrances: tuple[RawShape, ...]
     crs: str | None
     frame: str | None
     header: dict[str, Any]
@@ -67,7 +67,7 @@ class FieldDocument:
     unused_counts: tuple[tuple[str, int], ...] = ()
     obstacles: tuple[RawShape, ...] = ()
     boundary_edges: tuple[RawShape, ...] = ()
-    service_points: tuple[Any, ...] = ()
+    service_points: tuple[RawShape, ...] = ()
     guidance_lines: tuple[RawShape, ...] = ()
     headland_edges: tuple[RawShape, ...] = ()
     unassigned: tuple[RawShape, ...] = ()

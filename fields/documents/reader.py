@@ -34,7 +34,7 @@ from fields.geometry.coordinates import (
     parse_rings,
 )
 from fields.geometry.field import Field, GroundZone
-from fields.geometry.field_lines import read_edge_overhangs, read_fences, read_guidance_lines, read_headland_edges
+from fields.geometry.field_lines import read_edges, read_guidance_lines, read_headland_edges
 from fields.geometry.geodesy import DEGREES_CRS
 from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.outline_cleaning import clean_outline
@@ -93,8 +93,7 @@ def read_field(
     obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles.ignore), *roles.obstacles)
     obstacles = tuple(replace(one, number=number) for number, one in enumerate(obstacles, 1))
     edges = (*document.boundary_edges, *roles.fences)
-    document = replace(document, boundary_edges=edges, guidance_lines=tuple(roles.guidance_lines))
-    fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
+    fences, overhangs, edge_remarks = read_edges(polygon, edges, frame, shape, multiple_fields, label)
     entrance = _read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label)
     service_point = _read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label)
     ground_zones, zone_remarks = _read_ground_zones(document, frame, shape, multiple_fields, label)
@@ -114,15 +113,15 @@ def read_field(
             *describe_assumed_obstacles(obstacles),
             *_list_reader_remarks(document, roles.unused),
             *roles.remarks,
-            *fence_remarks,
+            *edge_remarks,
             *obstacle_remarks,
             *zone_remarks,
         ),
         obstacles=obstacles,
         fences=fences,
-        edge_overhangs=read_edge_overhangs(polygon, document.boundary_edges, frame, shape, label),
-        guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
-        headland_edges=read_headland_edges(document, frame, shape),
+        edge_overhangs=overhangs,
+        guidance_lines=read_guidance_lines(roles.guidance_lines, frame, shape, multiple_fields),
+        headland_edges=read_headland_edges(document.headland_edges, frame, shape),
         elevation=_find_elevation_file(polygon, source, label),
     )
 
@@ -330,13 +329,13 @@ def _read_ground_zones(
 
 
 def _read_single_point(
-    places: tuple[Any, ...], role: str, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
+    places: Sequence[RawShape], role: str, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[float, float] | None:
     """The only entrance or service point of the field in local metres, or None."""
     points = []
     for raw in places:
         description = f"{'an' if role == 'entrance' else 'a'} {role} of {label}"
-        x, y = frame.to_local(np.array([parse_position(raw, description)]))[0].tolist()
+        x, y = frame.read_points(raw, description)[0].tolist()
         if not multiple_fields or shape.distance(shapely.Point(x, y)) <= NEAR_FIELD_M:
             points.append((x, y))
     if len(points) > 1:

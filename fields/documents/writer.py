@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import shapely
 from fields.arrays import Floats
 from fields.errors import FieldError
 from fields.formats.features import build_feature
-from fields.formats.geojson import HEADER_KEY
+from fields.formats.geojson import format_features
 from fields.geometry.field import Field
 from fields.geometry.field_lines import FENCE, OPEN_EDGE, OVERHANG
 from fields.geometry.obstacles import AREA, LINE, POINT, Obstacle
@@ -34,7 +33,7 @@ def write_field(field: Field, path: str | Path) -> None:
     """
     try:
         _copy_heights(field, Path(path).parent)
-        Path(path).write_bytes(build_field_geojson(field).encode("utf-8", "replace"))  # names may hold half an emoji
+        Path(path).write_bytes(build_field_geojson(field))
     except OSError as error:
         raise FieldError(f"'{path}' cannot be written ({error.strerror}); choose another file.") from error
 
@@ -57,7 +56,7 @@ def _copy_heights(field: Field, folder: Path) -> None:
         shutil.copyfile(file, target)
 
 
-def build_field_geojson(field: Field) -> str:
+def build_field_geojson(field: Field) -> bytes:
     """GeoJSON text of a field, one feature per line."""
     properties = {"name": field.name, "source": field.source, "default_ground": field.default_ground}
     properties |= {} if field.elevation is None else {"elevation": Path(field.elevation).name}
@@ -84,11 +83,7 @@ def build_field_geojson(field: Field) -> str:
     header: dict[str, Any] = {"frame": LOCAL_METRES, "origin_m": list(field.origin_m)}
     if field.crs is not None:
         header |= {"frame": WGS84, "crs": field.crs}
-    body = ",\n".join(json.dumps(feature, ensure_ascii=False, allow_nan=False) for feature in features)
-    return (
-        f'{{"type": "FeatureCollection", "{HEADER_KEY}": {json.dumps(header, allow_nan=False)}, "features": [\n'
-        f"{body}\n]}}\n"
-    )
+    return format_features(features, header)
 
 
 def _build_obstacle_feature(field: Field, obstacle: Obstacle) -> dict[str, Any]:

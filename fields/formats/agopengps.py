@@ -10,13 +10,13 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
 from pathlib import PurePosixPath
 
 import numpy as np
 import shapely
 
+from fields.arrays import Floats
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, open_folder_or_archive
 from fields.formats.features import Feature, build_document, build_feature
@@ -29,6 +29,7 @@ from fields.formats.guidance import (
     build_folder_name,
     simplify_to_ascii,
 )
+from fields.geometry.arithmetic import ROUNDING
 from fields.geometry.geodesy import DEGREES_CRS, LocalPlane
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import count_noun
@@ -46,8 +47,6 @@ RING_SPACING_M, CURVE_SPACING_M = 5.0, 2.0
 START_DECIMALS = 8
 FIRST_LINE = "Headland"
 """First line of Field.txt, where the program writes the time of day but reads nothing."""
-
-MetrePoints = list[tuple[float, float]]
 
 
 def _read_fields(path: str, label: str) -> FieldDocument:
@@ -68,7 +67,7 @@ def _read_field_features(members: ArchiveMembers, field_file: str, label: str, n
     stated_name = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
     folder = PurePosixPath(field_file).parent.name or members.path.resolve().name
     name = stated_name if stated_name and stated_name not in PLACEHOLDER_NAMES else folder
-    rings = _read_rings(members, field_file, BOUNDARY_FILE, plane, name, notes)
+    rings = read_rings(members, field_file, BOUNDARY_FILE, plane, name, notes)
     if not rings:
         notes.append(f"'{name}' has no boundary and is skipped.")
         return []
@@ -89,30 +88,24 @@ def _read_field_features(members: ArchiveMembers, field_file: str, label: str, n
         ]
         if named_lines and file == TRACK_FILE:  # the same lines stay in the files of older versions of the program
             break
-    edges = _read_rings(members, field_file, HEADLAND_FILE, plane, "", [])  # rings without a headland have no points
+    edges = read_rings(members, field_file, HEADLAND_FILE, plane)  # rings without a headland have no points
     return [*features, *(build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges)]
 
 
-def _read_rings(
-    members: ArchiveMembers, field_file: str, file: str, plane: LocalPlane, name: str, notes: list[str]
+def read_rings(
+    members: ArchiveMembers,
+    field_file: str,
+    file: str,
+    plane: LocalPlane,
+    name: str = "",
+    notes: list[str] | None = None,
 ) -> list[list[list[float]]]:
-    """Longitude and latitude of the rings in a file beside a Field.txt; none without the file."""
-    rings = _parse_rings(split_lines(members.read_member_beside(field_file, file) or b""), name, notes)
-    return [[plane.to_degrees(*point) for point in ring] for ring in rings]
+    """Longitude and latitude of the rings in a file beside a Field.txt, the outer one first; none without the file.
 
-
-def parse_plane(lines: list[str], label: str) -> LocalPlane:
-    """The plane with the origin in the line below StartFix of a Field.txt, latitude first; raises FieldError."""
-    numbers_line = next((line for before, line in itertools.pairwise(lines) if before == "StartFix"), "")
-    numbers = parse_numbers(numbers_line, 2)
-    if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
-        raise FieldError(f"Field.txt of {label} has no StartFix with latitude and longitude; save the field again.")
-    return LocalPlane(numbers[1], numbers[0])
-
-
-def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[float, float]]]:
-    """Rings of Boundary.txt, the outer one first: lines of True or False, a count, and that number of points."""
-    rings, place, short_rings = [], 0, 0
+    A ring is a count below lines of True or False, and that number of points.
+    """
+    lines = split_lines(members.read_member_beside(field_file, file) or b"")
+    rings, place, short_rings, notes = [], 0, 0, [] if notes is None else notes
     while place < len(lines):
         count = _parse_count(lines[place])
         if count is None:
@@ -122,7 +115,7 @@ def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tup
         if len(valid_points) < count:
             notes.append(f"A ring of '{name}' has {len(valid_points)} points, not {count} as stated; these are used.")
         if len(set(valid_points)) >= 3:
-            rings.append(valid_points)
+            rings.append([plane.to_degrees(*point) for point in valid_points])
         elif not rings and not short_rings:
             return []  # without its outer ring a field has no boundary
         else:
@@ -131,6 +124,15 @@ def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tup
     if short_rings:
         notes.append(f"Skipped in '{name}': {count_noun(short_rings, 'ring')} with fewer than 3 points.")
     return rings
+
+
+def parse_plane(lines: list[str], label: str) -> LocalPlane:
+    """The plane with the origin in the line below StartFix of a Field.txt, latitude first; raises FieldError."""
+    numbers_line = next((line for before, line in itertools.pairwise(lines) if before == "StartFix"), "")
+    numbers = parse_numbers(numbers_line, 2)
+    if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
+        raise FieldError(f"Field.txt of {label} has no StartFix with latitude and longitude; save the field again.")
+    return LocalPlane(numbers[1], numbers[0])
 
 
 def _parse_track_lines(lines: list[str], unread_counts: list[int]) -> Iterator[NamedLine]:
@@ -224,11 +226,6 @@ def split_lines(content: bytes) -> list[str]:
     return [line.strip() for line in text.splitlines() if line.strip()]
 
 
-def read_boundary_degrees(members: ArchiveMembers, field_file: str, plane: LocalPlane) -> list[list[list[float]]]:
-    """Longitude and latitude of the rings of the field with this Field.txt; empty without a boundary."""
-    return _read_rings(members, field_file, BOUNDARY_FILE, plane, "", [])
-
-
 FIELD_FORMAT = FieldFormat("AgOpenGPS", (), _read_fields, lambda names: FIELD_FILE in names)
 
 
@@ -264,11 +261,8 @@ def _build_plane(guidance: PlanGuidance) -> LocalPlane:
 def _format_ring(plane: LocalPlane, ring: DegreePoints) -> list[str]:
     """Count and points of a ring, each with the direction from the point before to the point after."""
     corners = _convert_to_metres(plane, ring)
-    points = _insert_points([*corners, corners[0]], RING_SPACING_M)[:-1]
-    headings = [
-        _compute_heading_rad(points[place - 1], points[(place + 1) % len(points)]) for place in range(len(points))
-    ]
-    return _format_rows(points, headings)
+    points = _insert_points(np.concatenate([corners, corners[:1]]), RING_SPACING_M)[:-1]
+    return _format_rows(points, np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0))
 
 
 def _format_headland(plane: LocalPlane, guidance: PlanGuidance) -> list[str]:
@@ -292,39 +286,38 @@ def _format_headland(plane: LocalPlane, guidance: PlanGuidance) -> list[str]:
 def _format_line(plane: LocalPlane, line: GuidedLine) -> list[str]:
     """Name, heading in radians, A, B, nudge, mode, visible, and the points of a curve with their headings."""
     ends = _convert_to_metres(plane, line.points)
-    heading = f"{_compute_heading_rad(ends[0], ends[-1]):.8f}"
+    heading = f"{_compute_headings_rad(ends[-1:] - ends[:1])[0]:.8f}"
     head = [simplify_to_ascii(line.name), heading, _format_point(ends[0]), _format_point(ends[-1]), "0"]
     if line.is_straight:
         return [*head, str(AB_MODE), "True", "0"]
     points = _insert_points(ends, CURVE_SPACING_M)
-    headings = [_compute_heading_rad(one, other) for one, other in pairwise(points)]
-    return [*head, str(CURVE_MODE), "True", *_format_rows(points, [*headings, headings[-1]])]
+    steps = np.diff(points, axis=0)
+    return [*head, str(CURVE_MODE), "True", *_format_rows(points, np.concatenate([steps, steps[-1:]]))]
 
 
-def _convert_to_metres(plane: LocalPlane, points: DegreePoints) -> MetrePoints:
-    return [plane.to_metres(longitude, latitude) for longitude, latitude in points.tolist()]
+def _convert_to_metres(plane: LocalPlane, points: DegreePoints) -> Floats:
+    return np.array([plane.to_metres(longitude, latitude) for longitude, latitude in points.tolist()])
 
 
-def _insert_points(points: MetrePoints, spacing_m: float) -> MetrePoints:
-    """The points with intermediate points inserted, at most `spacing_m` apart."""
-    dense = [points[0]]
-    for (x, y), (to_x, to_y) in pairwise(points):
-        parts = max(1, math.ceil(math.hypot(to_x - x, to_y - y) / spacing_m - 1e-9))
-        dense += [(x + k / parts * (to_x - x), y + k / parts * (to_y - y)) for k in range(1, parts + 1)]
-    return dense
+def _insert_points(points: Floats, spacing_m: float) -> Floats:
+    """The points (n, 2) with intermediate points inserted, at most `spacing_m` apart."""
+    dense = shapely.segmentize(shapely.LineString(points), spacing_m * (1.0 + ROUNDING))
+    return np.asarray(shapely.get_coordinates(dense))
 
 
-def _compute_heading_rad(start: tuple[float, float], end: tuple[float, float]) -> float:
-    """Direction clockwise from north, radians from 0 to 2 pi."""
-    return math.atan2(end[0] - start[0], end[1] - start[1]) % (2.0 * math.pi)
+def _compute_headings_rad(vectors: Floats) -> Floats:
+    """Directions (n,) of vectors (n, 2) clockwise from north, radians from 0 to 2 pi."""
+    return np.arctan2(vectors[:, 0], vectors[:, 1]) % (2.0 * math.pi)
 
 
-def _format_rows(points: MetrePoints, headings: Sequence[float]) -> list[str]:
+def _format_rows(points: Floats, directions: Floats) -> list[str]:
+    """A count, and the points (n, 2) with the headings of directions (n, 2)."""
+    headings = _compute_headings_rad(directions)
     rows = [f"{_format_point(point)},{heading:.5f}" for point, heading in zip(points, headings, strict=True)]
     return [str(len(points)), *rows]
 
 
-def _format_point(point: tuple[float, float]) -> str:
+def _format_point(point: Floats) -> str:
     return f"{point[0]:.3f},{point[1]:.3f}"
 
 

@@ -61,16 +61,22 @@ def build_document(
     unused: Counter[str] = Counter()
     features = [part for feature in features for part in _split_collection(feature)]
     for feature in features:
-        role = _classify_feature(feature)
+        kind, properties = get_member_object(feature, "geometry").get("type"), get_member_object(feature, "properties")
+        role = _classify_feature(kind, properties)
         shapes[role] += _split_into_parts(feature, role, label) if role else []
-        unused.update(_describe_unused(feature, role))
+        edge = convert_to_name_text(properties.get("edge"))[:MAX_ROLE_CHARS]
+        shape = str(kind) if kind in GEOMETRY_TYPES else "feature without a known geometry"
+        if edge and role not in (BOUNDARY_EDGE, BOUNDARY):
+            unused[f"{shape} with edge '{edge}'"] += 1
+        elif not role:
+            unused[describe_unused_feature(shape, properties)] += 1
     if not shapes[BOUNDARY]:
         raise FieldError(_explain_no_boundary(features, bool(shapes[GROUND_ZONE]), label))
     return FieldDocument(
         polygons=_assign_keys(shapes[BOUNDARY]),
         zones=tuple(shapes[GROUND_ZONE]),
-        entrances=tuple(one.coordinates for one in shapes[ENTRANCE]),
-        service_points=tuple(one.coordinates for one in shapes[REFILL]),
+        entrances=tuple(shapes[ENTRANCE]),
+        service_points=tuple(shapes[REFILL]),
         crs=crs,
         frame=frame,
         header=header or {},
@@ -143,10 +149,8 @@ def replace_unprintable(name: str) -> str:
     return "".join(one if one.isprintable() else "?" for one in name)
 
 
-def _classify_feature(feature: Feature) -> str:
-    """The use of a feature, "" for none."""
-    geometry_type = get_member_object(feature, "geometry").get("type")
-    properties = get_member_object(feature, "properties")
+def _classify_feature(geometry_type: Any, properties: dict[str, Any]) -> str:
+    """The use of a feature of this geometry, "" for none."""
     role = properties.get("role")
     if geometry_type == "Point" and role in (ENTRANCE, REFILL):
         return str(role)
@@ -173,16 +177,6 @@ def _classify_plain_line(properties: dict[str, Any]) -> str:
     meaning = find_meaning(properties)
     is_obstacle = meaning.use == OBSTACLE and meaning.kind in LINE_KINDS
     return UNASSIGNED if is_obstacle or meaning.use == OVERHEAD_LINE else GUIDANCE
-
-
-def _describe_unused(feature: Feature, role: str) -> list[str]:
-    """A feature that is not used by its geometry and role, or one whose ``edge`` has no meaning; else empty."""
-    kind, properties = get_member_object(feature, "geometry").get("type"), get_member_object(feature, "properties")
-    edge = convert_to_name_text(properties.get("edge"))[:MAX_ROLE_CHARS]
-    shape = str(kind) if kind in GEOMETRY_TYPES else "feature without a known geometry"
-    if edge and role not in (BOUNDARY_EDGE, BOUNDARY):
-        return [f"{shape} with edge '{edge}'"]
-    return [] if role else [describe_unused_feature(shape, properties)]
 
 
 def describe_unused_feature(shape: str, properties: dict[str, Any]) -> str:

@@ -77,7 +77,7 @@ def restrict_gdal_drivers(*drivers: str) -> Iterator[None]:
         driver = next((one for one in drivers if one in known_drivers), None)
         if driver is None:
             raise FieldError(f"The installed GDAL cannot read {drivers[0]}; reinstall pyogrio.")
-        previous_options = {name: _get_gdal_option(name) for name in (SKIP_OPTION, *SAFE_OPTIONS)}
+        previous_options = {name: pyogrio.get_gdal_config_option(name) for name in (SKIP_OPTION, *SAFE_OPTIONS)}
         try:
             _register_drivers({**SAFE_OPTIONS, SKIP_OPTION: ",".join(sorted(known_drivers - {driver}))})
             if set(pyogrio.list_drivers()) != {driver}:
@@ -89,23 +89,13 @@ def restrict_gdal_drivers(*drivers: str) -> Iterator[None]:
             _register_drivers(previous_options)
 
 
-def _register_drivers(options: dict[str, str | None]) -> None:
+def _register_drivers(options: dict[str, Any]) -> None:
     """Set GDAL options and register its drivers again."""
     import pyogrio
     from pyogrio import core
 
     pyogrio.set_gdal_config_options(options)
     core._register_drivers()
-
-
-def _get_gdal_option(name: str) -> str | None:
-    """A GDAL option as text."""
-    import pyogrio
-
-    value = pyogrio.get_gdal_config_option(name)
-    if isinstance(value, bool):
-        return "ON" if value else "OFF"
-    return None if value is None else str(value)
 
 
 @dataclass
@@ -163,11 +153,9 @@ def read_layers(
         raise FieldError(f"Some layers of {label} name no coordinate system; give every layer its system.")
     layers = LayerFeatures()
     for table in tables:
-        features = _list_features(table)
+        features = _list_features(table, table.crs if len(systems) > 1 else None)
         if layer_names is None and len(tables) > 1:
             name_layer(features, table.name)
-        if len(systems) > 1 and table.crs is not None and table.crs != DEGREES_CRS:
-            features = [_convert_to_wgs84(feature, table.crs) for feature in features]
         layers.features += features
         if table.is_latin1:
             name = "fields" if table.name.startswith(IN_MEMORY_PREFIX) else table.name
@@ -191,6 +179,7 @@ def read_tables(
     Text that does not match its declared encoding is read as Latin-1. Raises FieldError for a file in another format.
     """
     from pyogrio import list_layers
+    from pyogrio.raw import read
 
     place = source if isinstance(source, bytes) else _make_absolute(source)
     with _convert_gdal_errors(source, label, format_name), restrict_gdal_drivers(*drivers):
@@ -199,33 +188,20 @@ def read_tables(
             raise ValueError("it has no layer")
         is_stated = SHAPEFILE_DRIVER in drivers and isinstance(place, bytes) and _has_code_page(place)
         encodings = ENCODINGS if is_stated else UNSTATED_ENCODINGS
-        return [
-            _read_table(place, at, name, encodings, with_heights, max_features)
-            for at, name in enumerate(names)
-            if layer_names is None or name in layer_names
-        ]
-
-
-def _read_table(
-    place: Path | bytes,
-    layer: int,
-    name: str,
-    encodings: Sequence[str | None],
-    with_heights: bool,
-    max_features: int | None,
-) -> LayerTable:
-    """One layer, chosen by position, as names of in-memory files vary."""
-    from pyogrio.raw import read
-
-    options = {"layer": layer, "force_2d": not with_heights, "max_features": max_features}
-    for encoding in encodings:
-        with suppress(UnicodeDecodeError):
-            meta, _, shapes, columns = read(place, **options, encoding=encoding)
-            break
-    fields = [str(one).lower() for one in meta["fields"]]
-    columns_by_name = dict(zip(fields, columns, strict=True))
-    is_latin1 = encoding == LATIN1
-    return LayerTable(name, meta["crs"], shapes if shapes is not None else [], columns_by_name, is_latin1)
+        tables = []
+        for at, name in enumerate(names):  # read by position, as names of in-memory files vary
+            if layer_names is not None and name not in layer_names:
+                continue
+            options = {"layer": at, "force_2d": not with_heights, "max_features": max_features}
+            for encoding in encodings:
+                with suppress(UnicodeDecodeError):
+                    meta, _, shapes, columns = read(place, **options, encoding=encoding)
+                    break
+            by_name = dict(zip([str(one).lower() for one in meta["fields"]], columns, strict=True))
+            tables.append(
+                LayerTable(name, meta["crs"], shapes if shapes is not None else [], by_name, encoding == LATIN1)
+            )
+        return tables
 
 
 def _has_code_page(archive_bytes: bytes) -> bool:
@@ -284,8 +260,8 @@ def build_layer_document(layers: LayerFeatures, label: str, source: str) -> Fiel
     return build_document(features, label, crs=layers.crs or UNKNOWN_CRS, source=source, notes=notes)
 
 
-def _list_features(table: LayerTable) -> list[Feature]:
-    """The features of a layer, with its values as JSON has them."""
+def _list_features(table: LayerTable, crs: str | None) -> list[Feature]:
+    """The features of a layer, with its values as JSON has them; converted to degrees from the system `crs`, if any."""
     features = []
     for place, shape in enumerate(shapely.from_wkb(table.shapes, on_invalid="fix")):
         properties = {key: _convert_value(column[place]) for key, column in table.columns.items()}
@@ -293,15 +269,17 @@ def _list_features(table: LayerTable) -> list[Feature]:
         names = (convert_to_name_text(properties.get(key)) for key in NAME_COLUMNS)
         name = next(filter(None, names), "")
         properties |= {"name": name} if name else {}
-        geometry = _convert_geometry(shape)
+        geometry = _convert_geometry(shape, crs)
         features.append({"type": "Feature", "id": name or None, "properties": properties, "geometry": geometry})
     return features
 
 
-def _convert_geometry(shape: shapely.Geometry | None) -> dict[str, Any]:
+def _convert_geometry(shape: shapely.Geometry | None, crs: str | None) -> dict[str, Any]:
     """A shape as a GeoJSON geometry; empty for an unreadable shape or positions that are not finite."""
     if shape is None or shape.is_empty or not np.isfinite(shapely.get_coordinates(shape)).all():
         return {}
+    if crs not in (None, DEGREES_CRS):
+        shape = shapely.transform(shape, lambda points: project(points, str(crs), DEGREES_CRS))
     geometry: dict[str, Any] = json.loads(shapely.to_geojson(shape))
     return geometry
 
@@ -314,14 +292,6 @@ def _convert_value(value: Any) -> Any:
             return None
         return int(python_value) if python_value.is_integer() and abs(python_value) < 1e15 else python_value
     return python_value if isinstance(python_value, str | int | bool) or python_value is None else str(python_value)
-
-
-def _convert_to_wgs84(feature: Feature, crs: str) -> Feature:
-    if not feature["geometry"]:
-        return feature
-    shape = shapely.from_geojson(json.dumps(feature["geometry"]))
-    moved = shapely.transform(shape, lambda points: project(points, crs, DEGREES_CRS))
-    return {**feature, "geometry": json.loads(shapely.to_geojson(moved))}
 
 
 def _shorten_gdal_error(error: Exception, source: Path | bytes) -> str:

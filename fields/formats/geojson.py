@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -109,10 +109,16 @@ def _parse_bytes(content: bytes, label: str) -> FieldDocument:
 FIELD_FORMAT = FieldFormat("GeoJSON", (".geojson", ".json"), _read_geojson, parse=_parse_bytes)
 
 
+def format_features(features: Iterable[Feature], header: dict[str, Any] | None = None) -> bytes:
+    """A collection of features, one per line, with a header of Headland's, if any."""
+    start = '{"type": "FeatureCollection", '
+    start += "" if header is None else f'"{HEADER_KEY}": {json.dumps(header, allow_nan=False)}, '
+    body = ",\n".join(json.dumps(feature, ensure_ascii=False, allow_nan=False) for feature in features)
+    return f'{start}"features": [\n{body}\n]}}\n'.encode("utf-8", "replace")  # names may hold half an emoji
+
+
 def _write_geojson(guidance: PlanGuidance) -> FileContents:
-    body = ",\n".join(json.dumps(one, ensure_ascii=False, allow_nan=False) for one in _build_features(guidance))
-    text = f'{{"type": "FeatureCollection", "features": [\n{body}\n]}}\n'
-    return {"guidance.geojson": text.encode("utf-8", "replace")}
+    return {"guidance.geojson": format_features(_build_features(guidance))}
 
 
 def _build_features(guidance: PlanGuidance) -> Iterator[Feature]:

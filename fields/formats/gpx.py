@@ -11,6 +11,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 import shapely
 
+from fields.arrays import measure_along
 from fields.errors import FieldError
 from fields.formats.features import BOUNDARY, Feature
 from fields.formats.gdal import GPX_DRIVER, build_layer_document, read_layers
@@ -25,10 +26,6 @@ MAX_CLOSING_SHARE = 0.05
 MIN_CLOSING_SHARE = 0.75
 """Share of its length after which a track may be back at its start."""
 GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
-
-
-def _read_gpx(path: str, label: str) -> FieldDocument:
-    return parse_gpx(read_bytes(path, "a GPX file", FieldError), label)
 
 
 def parse_gpx(content: bytes, label: str) -> FieldDocument:
@@ -52,8 +49,7 @@ def close_boundary_polygon(feature: Feature) -> Feature:
         return feature
     # The track up to where it is nearest to its start again, without the overlap at its end
     places = np.array(points)[:, :2]
-    steps = np.hypot(*np.diff(places, axis=0).T)
-    travelled_deg = np.concatenate([[0.0], np.cumsum(steps)])
+    travelled_deg = measure_along(places)
     if travelled_deg[-1] == 0.0:  # the receiver stood still
         return feature
     late = np.flatnonzero(travelled_deg >= MIN_CLOSING_SHARE * travelled_deg[-1])
@@ -66,7 +62,9 @@ def close_boundary_polygon(feature: Feature) -> Feature:
     return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
 
 
-FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)
+FIELD_FORMAT = FieldFormat(
+    "GPX", (".gpx",), lambda path, label: parse_gpx(read_bytes(path, "a GPX file", FieldError), label), parse=parse_gpx
+)
 
 
 def _write_gpx(guidance: PlanGuidance) -> FileContents:

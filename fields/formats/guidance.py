@@ -208,12 +208,12 @@ def build_folder_name(name: str, fallback: str) -> str:
     return f"{fallback} {folder}".strip() if not folder or _WINDOWS_DEVICES.match(folder) else folder
 
 
-def zip_files(files: FileContents, mode: int = 0o644) -> bytes:
+def zip_files(files: FileContents, mode: int = 0o644, compression: int = zipfile.ZIP_DEFLATED) -> bytes:
     """A ZIP archive in the order of the files, unpacked with that mode; the same bytes for the same files."""
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(buffer, "w") as archive:
         for name, content in files.items():
             entry = zipfile.ZipInfo(name)  # of the earliest time there is, so that archives are reproducible
-            entry.compress_type, entry.external_attr = zipfile.ZIP_DEFLATED, mode << 16
+            entry.compress_type, entry.external_attr = compression, mode << 16
             archive.writestr(entry, content)
     return buffer.getvalue()

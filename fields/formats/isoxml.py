@@ -290,10 +290,7 @@ def _read_guidance_lines(element: Element, field: str, notes: list[str]) -> list
             features.append(None)
             continue
         name = (pattern.get("B") or "").strip() or (pattern.get("A") or "line")
-        feature = _read_line(line, name)
-        if kind == "A+" and feature is None:
-            feature = _build_line_from_heading(line, pattern, name)
-        features.append(feature)
+        features.append(_read_line(line, name, parse_number(pattern.get("G")) if kind == "A+" else math.nan))
     lines = [one for one in features if one is not None]
     if len(lines) < len(features):
         unread = len(features) - len(lines)
@@ -303,21 +300,13 @@ def _read_guidance_lines(element: Element, field: str, notes: list[str]) -> list
     return lines
 
 
-def _read_line(line: Element, name: str) -> Feature | None:
+def _read_line(line: Element, name: str, heading_deg: float = math.nan) -> Feature | None:
+    """A line through its points; through only one, A of an A+ line, 100 m in its heading (attribute G of a pattern,
+    degrees from north)."""
     points = [one for one in map(_parse_position, line.findall("PNT")) if one is not None]
-    if len(points) < 2:
-        return None
-    return build_feature("LineString", points, {"role": "guidance", "name": name})
-
-
-def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feature | None:
-    """An A+ line: point A and a point 100 m away in its heading (attribute G, degrees from north)."""
-    heading_deg = parse_number(pattern.get("G"))
-    start = next((one for one in map(_parse_position, line.findall("PNT")) if one is not None), None)
-    if start is None or not math.isfinite(heading_deg):
-        return None
-    points = [start, extend_position(start, heading_deg, 100.0)]
-    return build_feature("LineString", points, {"role": "guidance", "name": name})
+    if len(points) == 1 and math.isfinite(heading_deg):
+        points.append(extend_position(points[0], heading_deg, 100.0))
+    return None if len(points) < 2 else build_feature("LineString", points, {"role": "guidance", "name": name})
 
 
 FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, lambda names: TASKDATA_FILE in names)

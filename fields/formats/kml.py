@@ -34,10 +34,6 @@ BOUNDARY_STYLE, HEADLAND_STYLE = "boundary", "headland"
 LINE_STYLES = {BOUNDARY_STYLE: ("ff404040", "3"), HEADLAND_STYLE: ("ff909090", "2")}
 
 
-def _read_kml(path: str, label: str) -> FieldDocument:
-    return _build_kml_document(read_kml_texts(path, label), label)
-
-
 def read_kml_texts(path: str, label: str) -> list[bytes]:
     """The text of a KML file, or every document of a KMZ, the main one first; raises FieldError."""
     if not is_archive(path):
@@ -50,12 +46,8 @@ def read_kml_texts(path: str, label: str) -> list[bytes]:
     return [members[name] for name in names]
 
 
-def parse_kml(content: bytes, label: str) -> FieldDocument:
-    """Parse a KML text; links are not followed. Raises FieldError."""
-    return _build_kml_document([content], label)
-
-
 def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
+    """The field document of KML texts; links are not followed. Raises FieldError."""
     document = LayerFeatures(crs=DEGREES_CRS)
     for content in texts:
         check_xml_root(content, label, "KML", ROOT_TAGS)
@@ -65,7 +57,13 @@ def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
     return build_layer_document(document, label, "KML")
 
 
-FIELD_FORMAT = FieldFormat("KML", (".kml", ".kmz"), _read_kml, lambda names: MAIN_DOCUMENT in names, parse_kml)
+FIELD_FORMAT = FieldFormat(
+    "KML",
+    (".kml", ".kmz"),
+    lambda path, label: _build_kml_document(read_kml_texts(path, label), label),
+    lambda names: MAIN_DOCUMENT in names,
+    lambda content, label: _build_kml_document([content], label),
+)
 
 
 def _write_kml(guidance: PlanGuidance) -> FileContents:

@@ -6,7 +6,6 @@ letters, as dBASE requires.
 
 from __future__ import annotations
 
-import io
 import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
@@ -27,7 +26,7 @@ from fields.formats.gdal import (
     read_layers,
     restrict_gdal_drivers,
 )
-from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
+from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance, zip_files
 from fields.formats.markup import remove_forbidden
 from fields.geometry.geodesy import DEGREES_CRS
 from fields.raw_document import FieldDocument, FieldFormat
@@ -41,7 +40,8 @@ FIXED_DATE = "1980-01-01"
 MAX_TEXT_BYTES = 254
 """The longest text of a dBASE table."""
 
-Columns = Mapping[str, Sequence[Any]]
+Part = tuple[shapely.Geometry, Mapping[str, Any]]
+"""A geometry and its values by column."""
 
 
 def _read_shapefiles(path: str, label: str) -> FieldDocument:
@@ -52,20 +52,6 @@ def _read_shapefiles(path: str, label: str) -> FieldDocument:
         missing = [file for file in files if not members.find_paths_by_name(file)]
         if missing:
             raise _build_missing_error(missing, label)
-    return build_layer_document(_read_members(members, names, label), label, "Shapefile")
-
-
-def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:
-    """Members and .shp files of a folder or archive, or the .shp file of this name; case is ignored."""
-    members = open_folder_or_archive(place)
-    names = [one for one in members if one.lower().endswith(".shp")]
-    if members.path != place:
-        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
-    return members, names
-
-
-def _read_members(members: ArchiveMembers, names: Sequence[str], label: str) -> LayerFeatures:
-    """Features of these Shapefiles of a folder or archive."""
     layers = LayerFeatures()
     systems = set()
     for name in names:
@@ -78,7 +64,16 @@ def _read_members(members: ArchiveMembers, names: Sequence[str], label: str) -> 
     if len(systems) > 1:
         raise FieldError(f"{label} contains Shapefiles in different coordinate systems; name one of them.")
     layers.crs = systems.pop() if systems else None
-    return layers
+    return build_layer_document(layers, label, "Shapefile")
+
+
+def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:
+    """Members and .shp files of a folder or archive, or the .shp file of this name; case is ignored."""
+    members = open_folder_or_archive(place)
+    names = [one for one in members if one.lower().endswith(".shp")]
+    if members.path != place:
+        names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
+    return members, names
 
 
 def _read_shapefile_features(parts: Mapping[str, bytes], label: str) -> LayerFeatures:
@@ -116,11 +111,7 @@ def find_component_files(members: ArchiveMembers, name: str, label: str) -> dict
 
 def pack_component_files(parts: Mapping[str, bytes]) -> bytes:
     """The parts of a Shapefile as an in-memory archive, so that GDAL sees no other files and cannot write."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
-        for ending, content in parts.items():
-            archive.writestr(f"fields{ending}", content)
-    return buffer.getvalue()
+    return zip_files({f"fields{ending}": content for ending, content in parts.items()}, compression=zipfile.ZIP_STORED)
 
 
 def _build_missing_error(missing: list[str], label: str) -> FieldError:
@@ -139,58 +130,54 @@ FIELD_FORMAT = FieldFormat(
 
 
 def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
+    boundary = [] if guidance.boundary is None else [guidance.boundary]
+    layers: dict[str, list[Part]] = {
+        "boundary": [(_build_polygon(area), {"name": guidance.field, "role": "boundary"}) for area in boundary],
+        "obstacles": [(_build_polygon(area), {"name": area.name, "role": "obstacle"}) for area in guidance.obstacles],
+        "headland": [
+            (shapely.linestrings(ring), {"role": "headland"})
+            for area in guidance.headland_interior
+            for ring in area.closed_rings
+        ],
+        "entrance": [] if guidance.entrance is None else [(shapely.Point(guidance.entrance), {"role": "entrance"})],
+        "lines": [
+            (shapely.linestrings(line.points), {
+                "name": line.name, "role": "guidance", "tractor": line.tractor, "order": line.order,
+                "kind": line.kind, "what": line.description, "bearing": round(line.bearing_deg, 6),
+                "length_m": round(line.length_m, 3),
+            })
+            for line in guidance.lines
+        ],
+    }  # fmt: skip
     files: dict[str, bytes] = {}
-    if guidance.boundary is not None:
-        files |= _write_layer(
-            "boundary", [_build_polygon(guidance.boundary)], {"name": [guidance.field], "role": ["boundary"]}
-        )
-    if guidance.obstacles:
-        names = [area.name for area in guidance.obstacles]
-        areas = [_build_polygon(area) for area in guidance.obstacles]
-        files |= _write_layer("obstacles", areas, {"name": names, "role": ["obstacle"] * len(names)})
-    edges = [shapely.linestrings(ring) for area in guidance.headland_interior for ring in area.closed_rings]
-    if edges:
-        files |= _write_layer("headland", edges, {"role": ["headland"] * len(edges)})
-    if guidance.entrance is not None:
-        files |= _write_layer("entrance", [shapely.Point(guidance.entrance)], {"role": ["entrance"]})
-    if not guidance.lines:
-        return files
-    columns: dict[str, list[Any]] = {
-        "name": [line.name for line in guidance.lines],
-        "role": ["guidance" for _ in guidance.lines],
-        "tractor": [line.tractor for line in guidance.lines],
-        "order": [line.order for line in guidance.lines],
-        "kind": [line.kind for line in guidance.lines],
-        "what": [line.description for line in guidance.lines],
-        "bearing": [round(line.bearing_deg, 6) for line in guidance.lines],
-        "length_m": [round(line.length_m, 3) for line in guidance.lines],
-    }
-    return files | _write_layer("lines", [shapely.linestrings(line.points) for line in guidance.lines], columns)
+    for name, parts in layers.items():
+        files |= _write_layer(name, parts) if parts else {}
+    return files
 
 
 def _build_polygon(area: GuidanceArea) -> shapely.Polygon:
     return shapely.Polygon(area.rings[0], area.rings[1:])
 
 
-def _write_layer(name: str, shapes: Sequence[shapely.Geometry], columns: Columns) -> dict[str, bytes]:
-    """The files of one Shapefile."""
+def _write_layer(name: str, parts: Sequence[Part]) -> dict[str, bytes]:
+    """The files of one Shapefile, with the columns of its first part."""
     from pyogrio.raw import write
 
     with tempfile.TemporaryDirectory() as folder, restrict_gdal_drivers(SHAPEFILE_DRIVER):
         place = Path(folder) / f"{name}.shp"
         write(
             place,
-            shapely.to_wkb(np.array(shapes, dtype=object)),
-            [_build_column(values) for values in columns.values()],
-            list(columns),
-            geometry_type=shapes[0].geom_type,
+            shapely.to_wkb(np.array([shape for shape, _ in parts], dtype=object)),
+            [_build_column([values[column] for _, values in parts]) for column in parts[0][1]],
+            list(parts[0][1]),
+            geometry_type=parts[0][0].geom_type,
             crs=DEGREES_CRS,
             driver=SHAPEFILE_DRIVER,
             encoding="UTF-8",
             DBF_DATE_LAST_UPDATE=FIXED_DATE,
         )
-        parts = [place.with_suffix(ending) for ending in PART_EXTENSIONS]
-        return {part.name: part.read_bytes() for part in parts if part.exists()}
+        files = [place.with_suffix(ending) for ending in PART_EXTENSIONS]
+        return {file.name: file.read_bytes() for file in files if file.exists()}
 
 
 def _build_column(values: Sequence[Any]) -> Any:

@@ -26,7 +26,7 @@ from fields.feature_words import (
     is_label,
 )
 from fields.geometry.arithmetic import MACHINE_WIDTH_M, NEAR_FIELD_M
-from fields.geometry.coordinates import FieldFrame, parse_position
+from fields.geometry.coordinates import FieldFrame
 from fields.geometry.field_lines import FENCE, clip_outline_to_line
 from fields.geometry.obstacles import DEFAULT_WIDTH_M, LINE, MAX_OBSTACLE_M, POINT, Obstacle
 from fields.geometry.overlays import unite_on_grid
@@ -153,11 +153,10 @@ def assume_roles(
 
 def _read_candidate(raw: RawShape, frame: FieldFrame) -> _Candidate | None:
     """A feature in local metres; None if its coordinates cannot be used."""
-    entries = [raw.coordinates] if raw.geometry_type == POINT else raw.coordinates
-    if raw.geometry_type not in UNKNOWN_KINDS or not isinstance(entries, list) or not entries:
+    if raw.geometry_type not in UNKNOWN_KINDS:
         return None
     try:
-        points = frame.to_local(np.array([parse_position(entry, "") for entry in entries]))
+        points = frame.read_points(raw, "")
     except FieldError:
         return None
     if not np.isfinite(points).all() or (raw.geometry_type == LINE and len(np.unique(points, axis=0)) < 2):

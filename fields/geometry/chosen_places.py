@@ -42,27 +42,25 @@ def add_obstacles(field: Field, texts: Sequence[str]) -> Field:
     Raises:
         FieldError: a text is not a place, or the place is outside the field.
     """
-    added = tuple(_build_added_obstacle(field, text) for text in texts)
+    added = []
+    for text in texts:
+        x, y, radius_m = parse_obstacle_place(text)
+        located = field.locate_place((x, y))
+        if located is None:
+            raise FieldError(
+                f"{mark_parameter('obstacles')} {shorten_value(text)} is not on the earth; give degrees of longitude, "
+                "then of latitude."
+            )
+        place = shapely.Point(located)
+        away_m = float(shapely.Polygon(field.boundary.exterior).distance(place))
+        if away_m > radius_m:
+            order = "" if field.crs is None else " (longitude first)"
+            raise FieldError(
+                f"The obstacle {text.strip()} ({mark_parameter('obstacles')}) lies {away_m:.0f} m outside field "
+                f"'{field.name}'; give a place in the field{order}."
+            )
+        added.append(Obstacle("point", place, radius_m, f"at {text.strip()}"))
     return replace(field, obstacles=(*field.obstacles, *added)) if added else field
-
-
-def _build_added_obstacle(field: Field, text: str) -> Obstacle:
-    x, y, radius_m = parse_obstacle_place(text)
-    located = field.locate_place((x, y))
-    if located is None:
-        raise FieldError(
-            f"{mark_parameter('obstacles')} {shorten_value(text)} is not on the earth; give degrees of longitude, "
-            "then of latitude."
-        )
-    place = shapely.Point(located)
-    away_m = float(shapely.Polygon(field.boundary.exterior).distance(place))
-    if away_m > radius_m:
-        order = "" if field.crs is None else " (longitude first)"
-        raise FieldError(
-            f"The obstacle {text.strip()} ({mark_parameter('obstacles')}) lies {away_m:.0f} m outside field "
-            f"'{field.name}'; give a place in the field{order}."
-        )
-    return Obstacle("point", place, radius_m, f"at {text.strip()}")
 
 
 def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:

@@ -18,7 +18,7 @@ from shapely.geometry.polygon import orient
 from fields.arrays import Floats
 from fields.errors import FieldError, attach_parameter, join_first, mark_parameter, shorten_middle, shorten_value
 from fields.geometry.geodesy import DEGREES_CRS, can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
-from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
+from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument, RawShape
 
 MAX_FIELD_SPAN_DEG = 1.0
 NULL_ISLAND_DEG = 4.0
@@ -29,7 +29,8 @@ MAX_NEAR_DEG, MIN_FAR_DEG = MAX_FIELD_SPAN_DEG, 2.0 * MAX_FIELD_SPAN_DEG
 """Features of one farm are at most the first apart; a misplaced one is farther than the second from all others."""
 MAX_COMPARED_FIELDS = 2_000
 SHAPE_MEMBERS = (
-    "polygons", "zones", "obstacles", "unassigned", "boundary_edges", "guidance_lines", "headland_edges",
+    "polygons", "zones", "obstacles", "unassigned", "boundary_edges", "guidance_lines", "headland_edges", "entrances",
+    "service_points",
 )  # fmt: skip
 MIN_FIELD_AREA_M2, MAX_FIELD_AREA_M2 = 100.0, 1.0e8
 MAX_COORDINATE = 1.0e8  # more than twice the circumference of the earth in metres
@@ -56,6 +57,12 @@ class FieldFrame:
         if self.source_crs is not None and self.crs is not None:
             points = project(self.unwrap_longitudes(points), self.source_crs, self.crs)
         return np.asarray(points - np.asarray(self.origin_m))
+
+    def read_points(self, raw: RawShape, description: str) -> Floats:
+        """The positions (n, 2) of a Point or LineString in local metres; raises FieldError as parse_position."""
+        entries = [raw.coordinates] if raw.geometry_type == "Point" else raw.coordinates
+        positions = [parse_position(one, description) for one in (entries if isinstance(entries, list) else ())]
+        return self.to_local(np.array(positions, dtype=np.float64).reshape(-1, 2))
 
     def unwrap_longitudes(self, points: Floats) -> Floats:
         """Longitudes without a jump at 180 degrees."""
@@ -181,8 +188,8 @@ def _parse_stored_origin(document: FieldDocument, label: str) -> tuple[float, fl
     if stored is None:
         return None
     numbers = stored if isinstance(stored, list) else []
-    are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) and abs(n) < 1e8 for n in numbers)
-    if len(numbers) != 2 or not are_numbers:
+    is_number = [isinstance(n, int | float) and not isinstance(n, bool) and abs(n) < MAX_COORDINATE for n in numbers]
+    if len(numbers) != 2 or not all(is_number):
         raise FieldError(f"The origin_m {stored!r} stored in {label} is not usable; write [easting, northing].")
     return float(numbers[0]), float(numbers[1])
 
@@ -202,14 +209,13 @@ def parse_ring(raw: Any, label: str) -> Floats:
     if not isinstance(raw, list | tuple):
         raise FieldError(f"A ring of {label} is {shorten_value(raw)}; it must be a list of [x, y] positions.")
     points = np.array([parse_position(entry, label) for entry in raw], dtype=np.float64).reshape(-1, 2)
-    kept_indices = [i for i in range(len(points)) if i == 0 or (points[i] != points[i - 1]).any()]
-    points = points[kept_indices]
+    points = points[np.append(np.ones(len(points[:1]), bool), (points[1:] != points[:-1]).any(axis=1))]
     if len(points) > 1 and (points[0] == points[-1]).all():
         points = points[:-1]
     distinct = len(np.unique(points, axis=0)) if len(points) else 0
     if distinct < 3:
         raise FieldError(f"A ring of {label} has {distinct} distinct points; a ring needs at least 3.")
-    return points
+    return np.asarray(points)
 
 
 def parse_position(raw: Any, label: str) -> tuple[float, float]:
@@ -399,7 +405,6 @@ def _swap_document_axes(document: FieldDocument) -> FieldDocument:
         name: tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in getattr(document, name))
         for name in SHAPE_MEMBERS
     }
-    swapped |= {name: tuple(map(_swap_positions, getattr(document, name))) for name in ("entrances", "service_points")}
     return replace(document, axes_swapped=True, **swapped)
 
 

@@ -182,12 +182,11 @@ class Field:
         """Largest connected area without obstacles and fences, margin 0, square metres."""
         if self.original_boundary is None:
             return float(self.boundary.area)
-        return float(compute_workable_ground(self.original_boundary, self._margin_obstacles).boundary.area)
+        return float(compute_workable_ground(self.original_boundary, self._list_margin_obstacles()).boundary.area)
 
-    @property
-    def _margin_obstacles(self) -> tuple[Obstacle, ...]:
-        """What a margin is kept to, besides holes: obstacles, and fences as thin obstacles."""
-        return (*self.obstacles, *(Obstacle("fence", line, EDGE_M) for line in self.fences))
+    def _list_margin_obstacles(self, fence_m: float = EDGE_M) -> tuple[Obstacle, ...]:
+        """What a margin is kept to, besides holes: obstacles, and fences as obstacles that reach so far."""
+        return (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
 
     def compute_ground_with_margin(
         self, margin_m: float, max_small_m: float = 0.0, extra_margin_m: float = 0.0
@@ -206,27 +205,25 @@ class Field:
         _check_margin(margin_m, self)
         if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or max_small_m)):
             return self
-        fence_m = max(EDGE_M, MIN_FENCE_MARGIN_M - margin_m)
-        obstacles = (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
-        margins_m = [margin_m] * (len(self.boundary.interiors) + len(obstacles))
-        workable = compute_workable_ground(self.boundary, obstacles, margins_m, max_small_m, extra_margin_m)
+        obstacles = self._list_margin_obstacles(max(EDGE_M, MIN_FENCE_MARGIN_M - margin_m))
 
-        def reduce_margin(most_m: float) -> WorkableGround:
-            least_m = [min(one_m, most_m) for one_m in margins_m]
-            return compute_workable_ground(self.boundary, obstacles, least_m, max_small_m, extra_margin_m)
+        def apply_margin(metres: float) -> WorkableGround:
+            margins_m = [metres] * (len(self.boundary.interiors) + len(obstacles))
+            return compute_workable_ground(self.boundary, obstacles, margins_m, max_small_m, extra_margin_m)
 
+        workable = apply_margin(margin_m)
         if workable.boundary.area < MIN_FIELD_AREA_M2:
             causes = FENCED_CAUSES if self.fences else "Obstacles"
             raise FieldError(
                 f"{causes} with a margin ({mark_parameter('margin_m')}) of {margin_m:g} m leave "
                 f"{workable.boundary.area:.3g} m2 of field '{self.name}' in one piece; a field needs at least "
-                f"{MIN_FIELD_AREA_M2:g} m2, so {_advise_on_margin(margin_m, self, reduce_margin)}."
+                f"{MIN_FIELD_AREA_M2:g} m2, so {_advise_on_margin(margin_m, self, apply_margin)}."
             )
         if _is_mostly_margin(workable, margin_m, self):
             raise FieldError(
                 f"The margin ({mark_parameter('margin_m')}) of {margin_m:g} m is too wide for field '{self.name}': it "
                 f"leaves {_measure_worked_m2(workable):.0f} of {_measure_free_m2(self):.0f} m2 in one piece; "
-                f"{_advise_on_margin(margin_m, self, reduce_margin)}."
+                f"{_advise_on_margin(margin_m, self, apply_margin)}."
             )
         field = self._replace_cut_off_parts(workable.cut_off_parts)
         return replace(
@@ -317,10 +314,10 @@ def _is_mostly_margin(workable: WorkableGround, margin_m: float, field: Field) -
     return worked_m2 < MIN_WORKED_SHARE * _measure_free_m2(field)
 
 
-def _advise_on_margin(margin_m: float, field: Field, reduce: Callable[[float], WorkableGround]) -> str:
+def _advise_on_margin(margin_m: float, field: Field, apply: Callable[[float], WorkableGround]) -> str:
     """The widest of some smaller margins that leaves a field, tried; else the obstacles themselves leave none."""
     for smaller_m in (round(share * margin_m, 2) for share in SMALLER_MARGIN_SHARES):
-        workable = reduce(smaller_m)
+        workable = apply(smaller_m)
         if workable.boundary.area >= MIN_FIELD_AREA_M2 and not _is_mostly_margin(workable, smaller_m, field):
             return f"use a margin of {smaller_m:g} m or less"
     return "check the obstacles"

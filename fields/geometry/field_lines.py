@@ -13,9 +13,9 @@ import shapely
 
 from fields.errors import FieldError, join_first, mark_parameter, shorten_value, suggest_name
 from fields.geometry.arithmetic import GRID_M, MACHINE_WIDTH_M, NEAR_FIELD_M
-from fields.geometry.coordinates import FieldFrame, parse_position
+from fields.geometry.coordinates import FieldFrame
 from fields.geometry.overlays import intersect, subtract, unite
-from fields.raw_document import FieldDocument, RawShape
+from fields.raw_document import RawShape
 
 FENCE, OPEN_EDGE = "fence", "open"
 EDGE_KINDS = (FENCE, OPEN_EDGE)
@@ -26,26 +26,35 @@ MIN_HEADLAND_WIDTH_M = 0.5
 """A line nearer to the boundary is the outer edge of the headland, thus the boundary itself."""
 
 
-def read_fences(
+@dataclass(frozen=True)
+class EdgeOverhang:
+    """A part of the outline (lines in metres) over which machines may reach farther, or less far, than elsewhere."""
+
+    part: shapely.Geometry
+    overhang_m: float
+
+
+def read_edges(
     chosen: RawShape,
     lines: Iterable[RawShape],
     frame: FieldFrame,
     shape: shapely.Polygon,
     multiple_fields: bool,
     label: str,
-) -> tuple[tuple[shapely.LineString, ...], tuple[str, ...]]:
-    """The fenced parts of the outline, and remarks on lines that are partly off it.
+) -> tuple[tuple[shapely.LineString, ...], tuple[EdgeOverhang, ...], tuple[str, ...]]:
+    """The fenced parts of the outline, the overhangs that the file allows, and remarks on lines partly off it.
 
-    The ``edge`` of the field applies all round; lines, in the order of the file, override it along them.
+    The ``edge`` and overhang of the field apply all round; those of lines, in the order of the file, along them.
 
     Raises:
-        FieldError: an ``edge`` is unknown, or a line is nowhere along the outline.
+        FieldError: an ``edge`` is unknown, a line is nowhere along the outline, or an overhang is no length or belongs
+            to a fence.
     """
-    outline = shapely.LineString(shape.exterior.coords)
-    own_edge = chosen.properties.get("edge")
-    fenced: shapely.Geometry = shapely.LineString()
-    if own_edge is not None and parse_edge(own_edge, f"the boundary of {label}") == FENCE:
-        fenced = outline
+    outline, own = shapely.LineString(shape.exterior.coords), f"the boundary of {label}"
+    own_edge, own_overhang = chosen.properties.get("edge"), chosen.properties.get(OVERHANG)
+    is_fenced = own_edge is not None and parse_edge(own_edge, own) == FENCE
+    fenced: shapely.Geometry = outline if is_fenced else shapely.LineString()
+    overhangs = [] if own_overhang is None else [EdgeOverhang(outline, _parse_overhang_m(own_overhang, own))]
     remarks = []
     for raw in lines:
         name = f"'{raw.keys[0]}' " if raw.keys else ""
@@ -67,7 +76,10 @@ def read_fences(
                 "not used."
             )
         fenced = unite([fenced, side]) if edge == FENCE else subtract(fenced, _buffer_line(line))
-    return _merge_lines(fenced), tuple(remarks)
+        overhang = raw.properties.get(OVERHANG)
+        if overhang is not None:
+            overhangs.append(EdgeOverhang(side, _parse_overhang_m(overhang, f"a line of {label}", edge)))
+    return _merge_lines(fenced), tuple(overhangs), tuple(remarks)
 
 
 def clip_outline_to_line(outline: shapely.LineString, line: shapely.LineString) -> shapely.Geometry:
@@ -88,8 +100,7 @@ def parse_edge(edge: object, description: str) -> str:
 
 def parse_edge_line(raw: RawShape, frame: FieldFrame, description: str) -> shapely.LineString:
     """The line in local metres; raises FieldError for one of fewer than 2 distinct positions."""
-    entries = raw.coordinates if isinstance(raw.coordinates, list) else []
-    points = frame.to_local(np.array([parse_position(entry, description) for entry in entries]).reshape(-1, 2))
+    points = frame.read_points(raw, description)
     line = shapely.LineString(points) if len(points) > 1 else shapely.LineString()
     if line.length == 0.0:
         raise FieldError(f"The {description} has fewer than 2 distinct positions; a LineString needs 2 or more.")
@@ -154,12 +165,12 @@ class GuidanceLine:
 
 
 def read_guidance_lines(
-    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool
+    shapes: Sequence[RawShape], frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool
 ) -> tuple[GuidanceLine, ...]:
     """Usable lines in the order of the file; in a file of several fields only those of this field."""
     lines = []
-    for place, line in _read_usable_lines(document.guidance_lines, frame):
-        keys = document.guidance_lines[place].keys
+    for place, line in _read_usable_lines(shapes, frame):
+        keys = shapes[place].keys
         if not multiple_fields or shape.distance(line) <= NEAR_FIELD_M:
             lines.append(GuidanceLine(keys[0] if keys else f"line {place + 1}", line))
     return tuple(lines)
@@ -202,10 +213,12 @@ class HeadlandEdge:
     max_width_m: float
 
 
-def read_headland_edges(document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon) -> tuple[HeadlandEdge, ...]:
+def read_headland_edges(
+    shapes: Sequence[RawShape], frame: FieldFrame, shape: shapely.Polygon
+) -> tuple[HeadlandEdge, ...]:
     """Usable headland edges on this field, in the order of the file."""
     edges = []
-    for _, line in _read_usable_lines(document.headland_edges, frame):
+    for _, line in _read_usable_lines(shapes, frame):
         if len(line.coords) < 3 or not (shape.contains(line.centroid) or shape.intersects(line)):
             continue
         places = shapely.points(shapely.get_coordinates(shapely.segmentize(line, 5.0)))
@@ -215,46 +228,15 @@ def read_headland_edges(document: FieldDocument, frame: FieldFrame, shape: shape
     return tuple(edges)
 
 
-@dataclass(frozen=True)
-class EdgeOverhang:
-    """A part of the outline (lines in metres) over which machines may reach farther, or less far, than elsewhere."""
-
-    part: shapely.Geometry
-    overhang_m: float
-
-
-def read_edge_overhangs(
-    chosen: RawShape, lines: Iterable[RawShape], frame: FieldFrame, shape: shapely.Polygon, label: str
-) -> tuple[EdgeOverhang, ...]:
-    """The overhangs that the file allows, the boundary's own first; of two for the same place the later one holds.
-
-    Raises FieldError for one that is no length, or that belongs to a fence.
-    """
-    outline = shapely.LineString(shape.exterior.coords)
-    overhangs = []
-    if chosen.properties.get(OVERHANG) is not None:
-        overhang_m = _parse_overhang_m(chosen.properties[OVERHANG], f"the boundary of {label}")
-        overhangs.append(EdgeOverhang(outline, overhang_m))
-    for raw in lines:
-        if raw.properties.get(OVERHANG) is None:
-            continue
-        description = f"a line of {label}"
-        overhang_m = _parse_overhang_m(raw.properties[OVERHANG], description)
-        if parse_edge(raw.properties.get("edge"), description) != OPEN_EDGE:
-            raise FieldError(
-                f"The '{OVERHANG}' of {description} belongs to a fence, over which nothing may reach; use it with "
-                f"'edge': '{OPEN_EDGE}'."
-            )
-        part = clip_outline_to_line(outline, parse_edge_line(raw, frame, description))
-        if part.length > 0.0:  # in a file of several fields most lines belong to another one
-            overhangs.append(EdgeOverhang(part, overhang_m))
-    return tuple(overhangs)
-
-
-def _parse_overhang_m(value: object, description: str) -> float:
+def _parse_overhang_m(value: object, description: str, edge: str = OPEN_EDGE) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= MAX_OVERHANG_M:
         raise FieldError(
             f"The '{OVERHANG}' of {description} is {shorten_value(value)}; it must be 0 to {MAX_OVERHANG_M:g} m."
+        )
+    if edge != OPEN_EDGE:
+        raise FieldError(
+            f"The '{OVERHANG}' of {description} belongs to a fence, over which nothing may reach; use it with "
+            f"'edge': '{OPEN_EDGE}'."
         )
     return float(value)
 

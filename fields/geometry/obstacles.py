@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field as member
 
-import numpy as np
 import shapely
 
 from fields.errors import MAX_NAMED, FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.arithmetic import MITRE_LIMIT
-from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
+from fields.geometry.coordinates import FieldFrame, build_polygon, parse_rings
 from fields.geometry.outline_cleaning import clean_outline, find_largest_polygon, list_polygons
 from fields.geometry.overlays import subtract_on_grid, unite_on_grid
 from fields.raw_document import RawShape
@@ -128,7 +127,8 @@ def compute_workable_ground(
     small = [
         part
         for part, margin_m in zip(blocked, part_margins_m, strict=True)
-        if _is_small(part, outline, margin_m, max_small_m)
+        if round(2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m, 6) < max_small_m
+        and shapely.contains_properly(outline, part)
     ]
     large = [part for part in blocked if not any(part is one for one in small)]
     parts = list_polygons(subtract_on_grid(outline, unite_on_grid(large)))
@@ -150,12 +150,6 @@ def _shrink_from_obstacles(
     return largest if largest.area >= 0.5 * ground.area else ground
 
 
-def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, max_small_m: float) -> bool:
-    """Whether a buffered obstacle, without its margin, is less than `max_small_m` across, and clear of the edge."""
-    across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
-    return bool(round(across_m, 6) < max_small_m and shapely.contains_properly(outline, part))
-
-
 def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
     """One obstacle; raises FieldError if its coordinates or its size cannot be used."""
     name = find_name(raw.properties) or (raw.keys[0] if raw.keys else "")
@@ -166,15 +160,14 @@ def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
         shape, remarks = clean_outline(parts, description, is_obstacle=True) or (build_polygon(parts, description), ())
         return Obstacle(kind or "area", shape, name=name, remark=" ".join(remarks))
     if raw.geometry_type == POINT:
-        place = frame.to_local(np.array([parse_position(raw.coordinates, description)]))[0]
+        place = frame.read_points(raw, description)[0]
         radius_m = _parse_size_m(raw, "radius_m", kind, DEFAULT_RADIUS_M, description)
         return Obstacle(kind or "point", shapely.Point(place), radius_m, name)
-    line = raw.coordinates if isinstance(raw.coordinates, list) else []
+    line = frame.read_points(raw, description)
     if len(line) < 2:
         raise FieldError(f"The line of {description} has {len(line)} positions; a LineString needs 2 or more.")
-    points = frame.to_local(np.array([parse_position(entry, description) for entry in line]))
     width_m = _parse_size_m(raw, "width_m", kind, DEFAULT_WIDTH_M, description)
-    return Obstacle(kind or "line", shapely.LineString(points), width_m / 2.0, name)
+    return Obstacle(kind or "line", shapely.LineString(line), width_m / 2.0, name)
 
 
 def _parse_size_m(raw: RawShape, key: str, kind: str, defaults_m: dict[str, float], description: str) -> float:

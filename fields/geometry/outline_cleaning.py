@@ -82,7 +82,10 @@ def _simplify_ring(ring: shapely.Polygon, grow: bool) -> tuple[shapely.Polygon, 
     if _has_few_points(cleaned):
         return cleaned, TOLERANCES_M[0]
     reach_m = MACHINE_WIDTH_M / 2.0
-    core = _offset_in_steps(ring.simplify(TOLERANCES_M[0]), reach_m if grow else -reach_m)
+    core = ring.simplify(TOLERANCES_M[0])
+    for share in (0.125, 0.125, 0.25, 0.5):  # small steps first, as each leaves less for the next
+        core = core.buffer(share * (reach_m if grow else -reach_m), quad_segs=4)
+        core = find_largest_polygon(core).simplify(TOLERANCES_M[0] / 4.0)
     for tolerance_m in TOLERANCES_M:
         cleaned = _simplify_on_one_side(core, tolerance_m, reach_m, grow)
         if _has_few_points(cleaned, TURNING_CIRCLE_M):
@@ -97,13 +100,6 @@ def _has_few_points(shape: shapely.Polygon, side_m: float = MACHINE_WIDTH_M) -> 
 def _count_points(shape: shapely.Polygon) -> int:
     """The points of a polygon, those where its rings close counted once."""
     return int(shapely.get_num_coordinates(shape)) - 1 - len(shape.interiors)
-
-
-def _offset_in_steps(shape: shapely.Polygon, distance_m: float) -> shapely.Polygon:
-    """The shape shrunk (or grown) with round corners; small steps first, as each leaves less for the next."""
-    for share in (0.125, 0.125, 0.25, 0.5):
-        shape = find_largest_polygon(shape.buffer(share * distance_m, quad_segs=4)).simplify(TOLERANCES_M[0] / 4.0)
-    return shape
 
 
 def _simplify_on_one_side(core: shapely.Polygon, tolerance_m: float, reach_m: float, grow: bool) -> shapely.Polygon:

@@ -58,22 +58,26 @@ def read_elevation(path: str | Path, field: Field, crs: str | None = None) -> El
             The refusal names the parameter `elevation` or `elevation_crs`.
     """
     with attach_parameter("elevation"):
-        outline = shapely.Polygon(field.whole_boundary.exterior)
+        label, outline = quote_path(path), shapely.Polygon(field.whole_boundary.exterior)
         if is_raster_file(str(path)):
             raster = open_raster(str(path))
-            grid = build_raster_grid(raster, field, outline, choose_crs(str(path), raster.crs, field, crs))
+            grid = _build_raster_grid(replace(raster, crs=_choose_crs(label, raster.crs, field, crs)), field, outline)
         else:
             points = read_height_points(str(path))
-            grid = _grid_field_points(points, field, outline, choose_crs(str(path), points.crs, field, crs))
-        return _check_ground(grid, quote_path(path), field)
+            grid = _grid_field_points(replace(points, crs=_choose_crs(label, points.crs, field, crs)), field, outline)
+        inside = grid.frame.find_inside(field.region_without_obstacles)
+        remarks = list(grid.remarks)
+        if grid.is_measured is not None:
+            remarks += check_coverage(grid.is_measured, inside, grid.spacing_m, label, field)
+        slopes = np.hypot(*compute_gradients(grid)[inside].T)
+        remarks += check_slopes(slopes, grid.frame.list_places()[inside.ravel()], label, field)
+        return replace(grid, remarks=tuple(remarks))
 
 
-def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Polygon, crs: str | None) -> ElevationGrid:
+def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Polygon) -> ElevationGrid:
     """The surface through the points in and near a field; raises ElevationError."""
     label = quote_path(points.path)
-    is_earth = crs is not None and field.crs is not None
-    places = project(points.places, str(crs), str(field.crs)) if is_earth else points.places
-    places = places - np.asarray(field.origin_m)
+    places = _convert_to_field(points.places, points.crs, field)
     reach = outline.buffer(NEAR_FIELD_M)
     shapely.prepare(reach)
     is_near = shapely.contains_xy(reach, places[:, 0], places[:, 1])
@@ -88,18 +92,7 @@ def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Poly
     return replace(grid, remarks=(*points.remarks, *grid.remarks))
 
 
-def _check_ground(grid: ElevationGrid, label: str, field: Field) -> ElevationGrid:
-    """The grid with remarks on gaps and banks; raises ElevationError for too many of them outside of obstacles."""
-    frame = grid.frame
-    inside = frame.find_inside(field.region_without_obstacles)
-    remarks = [] if grid.is_measured is None else check_coverage(grid.is_measured, inside, grid.spacing_m, label, field)
-    gradients = compute_gradients(grid)[inside]
-    places = frame.list_places()[inside.ravel()]
-    remarks += check_slopes(np.hypot(gradients[:, 0], gradients[:, 1]), places, label, field)
-    return replace(grid, remarks=(*grid.remarks, *remarks))
-
-
-def choose_crs(path: str, stated: str | None, field: Field, given: str | None) -> str | None:
+def _choose_crs(label: str, stated: str | None, field: Field, given: str | None) -> str | None:
     """The coordinate system of a file of heights; None if its coordinates are the local metres of the field.
 
     Args:
@@ -109,7 +102,6 @@ def choose_crs(path: str, stated: str | None, field: Field, given: str | None) -
     Raises:
         ElevationError: nobody says it, the two contradict each other, or the field has no place on the earth.
     """
-    label = quote_path(path)
     if given is not None:
         with attach_parameter("elevation_crs"):
             is_wgs84_longitude_latitude(given)  # refuses unknown systems
@@ -133,30 +125,33 @@ def choose_crs(path: str, stated: str | None, field: Field, given: str | None) -
     return stated or given
 
 
-def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> ElevationGrid:
-    """Heights of a raster on a grid over the outline of a field.
-
-    Args:
-        crs: system of the raster; None if its coordinates are those of a field in local metres.
+def _build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon) -> ElevationGrid:
+    """Heights of a raster on a grid over the outline of a field; its system is None only in that of a local field.
 
     Raises:
         ElevationError: the raster lies elsewhere, has holes in the field, is too large, or too coarse.
     """
     label = quote_path(raster.path)
-    cell_m = _measure_cells(raster, field, outline, crs)
-    coarse = _describe_coarse_cells(max(cell_m), label)
+    cell_m = _measure_cells(raster, field, outline)
+    if max(cell_m) > MAX_CELL_M:
+        raise ElevationError(
+            f"{label} has cells of {max(cell_m):.3g} m; the slopes of a field need cells of {MAX_CELL_M:.0f} m or "
+            "less, so give a finer raster."
+        )
     frame = lay_nodes(outline, min(max(MIN_NODE_SPACING_M, *cell_m), MAX_NODE_SPACING_M), MARGIN_M)
-    at_nodes = raster.find_cells(_convert_to_raster(frame.list_places(), field, crs))
+    at_nodes = raster.find_cells(_convert_to_raster(frame.list_places(), raster, field))
     extra = EXTRA_CELLS * math.ceil(frame.spacing_m / min(cell_m))
-    rows, columns = _choose_window(raster, at_nodes, extra, field, outline, crs)
+    rows, columns = _choose_window(raster, at_nodes, extra, field, outline)
     step = math.ceil(math.sqrt((rows.stop - rows.start) * (columns.stop - columns.start) / MAX_CELLS))
     cells = raster.read_cells(rows, columns, step)
-    remarks = [*raster.remarks, *coarse]
+    remarks = list(raster.remarks)
+    if max(cell_m) > MAX_NODE_SPACING_M:
+        remarks.append(f"{label} has cells of {max(cell_m):.3g} m; slopes shorter than that are not in it.")
     if raster.to_place[1, 1] > 0.0:
         remarks.append(f"Rows of {label} run from south to north; they are read so.")
     check_height_range(cells, label)
     remarks += _describe_whole_heights(cells, raster.unit_m, max(step * max(cell_m), frame.spacing_m), label)
-    remarks += _remove_spikes(cells, step * max(cell_m), raster, (rows.start, columns.start, step), field, crs)
+    remarks += _remove_spikes(cells, step * max(cell_m), raster, (rows.start, columns.start, step), field)
     factors = tuple(max(1, math.floor(frame.spacing_m / (step * size) + 1e-6)) for size in reversed(cell_m))
     at_cells = (at_nodes - (columns.start, rows.start) + 0.5) / step - 0.5
     heights, measured = _sample_cells(cells, at_cells, factors)
@@ -178,18 +173,6 @@ def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, cr
     )
 
 
-def _describe_coarse_cells(cell_m: float, label: str) -> list[str]:
-    """A remark on cells larger than those of the grid; raises ElevationError for cells that say no slopes."""
-    if cell_m > MAX_CELL_M:
-        raise ElevationError(
-            f"{label} has cells of {cell_m:.3g} m; the slopes of a field need cells of {MAX_CELL_M:.0f} m or less, so "
-            "give a finer raster."
-        )
-    if cell_m <= MAX_NODE_SPACING_M:
-        return []
-    return [f"{label} has cells of {cell_m:.3g} m; slopes shorter than that are not in it."]
-
-
 def _describe_whole_heights(cells: Floats, unit_m: float, spacing_m: float, label: str) -> list[str]:
     """A remark on heights in whole units whose steps would be taken for slopes.
 
@@ -206,45 +189,51 @@ def _describe_whole_heights(cells: Floats, unit_m: float, spacing_m: float, labe
             "heights with decimals if there are any."]  # fmt: skip
 
 
-def _convert_to_raster(places_m: Floats, field: Field, crs: str | None) -> Floats:
+def _convert_to_raster(places_m: Floats, raster: Raster, field: Field) -> Floats:
     """Places of the field's plane in the system of the raster."""
     points = places_m + np.asarray(field.origin_m)
-    return points if crs is None or field.crs is None else project(points, field.crs, crs)
+    return points if raster.crs is None or field.crs is None else project(points, field.crs, raster.crs)
 
 
-def _measure_cells(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> tuple[float, float]:
+def _convert_to_field(places: Floats, crs: str | None, field: Field) -> Floats:
+    """Places in a system in the field's plane."""
+    metres = places if crs is None or field.crs is None else project(places, crs, field.crs)
+    return np.asarray(metres - np.asarray(field.origin_m))
+
+
+def _measure_cells(raster: Raster, field: Field, outline: shapely.Polygon) -> tuple[float, float]:
     """Metres from column to column and from row to row at the middle of the field."""
     x, y = outline.centroid.x, outline.centroid.y
     cross = np.array([[x - 5.0, y], [x + 5.0, y], [x, y - 5.0], [x, y + 5.0]])
-    cells = raster.find_cells(_convert_to_raster(cross, field, crs))
+    cells = raster.find_cells(_convert_to_raster(cross, raster, field))
     cells_per_m = np.array([cells[1] - cells[0], cells[3] - cells[2]]) / 10.0
     column_m, row_m = 1.0 / np.hypot(*cells_per_m)
     return float(column_m), float(row_m)
 
 
 def _choose_window(
-    raster: Raster, at_nodes: Floats, extra: int, field: Field, outline: shapely.Polygon, crs: str | None
+    raster: Raster, at_nodes: Floats, extra: int, field: Field, outline: shapely.Polygon
 ) -> tuple[slice, slice]:
     """Rows and columns of the cells that the nodes need, and `extra` ones round them."""
     low, high = np.floor(at_nodes.min(axis=0)) - extra, np.ceil(at_nodes.max(axis=0)) + extra + 1
     most = np.array(raster.shape[::-1])
     start, stop = np.clip(low, 0, most).astype(int), np.clip(high, 0, most).astype(int)
-    in_field = raster.find_cells(_convert_to_raster(shapely.get_coordinates(outline), field, crs))
+    in_field = raster.find_cells(_convert_to_raster(shapely.get_coordinates(outline), raster, field))
     is_apart = (in_field.max(axis=0) < -0.5) | (in_field.min(axis=0) > most - 0.5)
     if is_apart.any() or (stop - start < 1).any():
-        raise ElevationError(_explain_other_place(raster, field, outline, crs))
+        raise ElevationError(_explain_other_place(raster, field, outline))
     return slice(int(start[1]), int(stop[1])), slice(int(start[0]), int(stop[0]))
 
 
-def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> str:
+def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon) -> str:
     """The refusal of a raster of another place, with where it is."""
     corners = raster.list_corners()
-    units, name = ("", "metres") if crs is None else (" degrees", "longitude and latitude")
-    if crs is None or field.crs is None:
+    units, name = ("", "metres") if raster.crs is None else (" degrees", "longitude and latitude")
+    if raster.crs is None:
         middle_m = corners.mean(axis=0) - np.asarray(field.origin_m)
         far_m = float(np.hypot(*(middle_m - (outline.centroid.x, outline.centroid.y))))
     else:
-        corners = project(corners, crs, DEGREES_CRS)
+        corners = project(corners, raster.crs, DEGREES_CRS)
         here = field.to_wgs84([[outline.centroid.x, outline.centroid.y]])[0]
         far_m = measure_distance_m(corners.mean(axis=0), here)
     (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
@@ -256,7 +245,7 @@ def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon,
 
 
 def _remove_spikes(
-    cells: Floats, cell_m: float, raster: Raster, window: tuple[int, int, int], field: Field, crs: str | None
+    cells: Floats, cell_m: float, raster: Raster, window: tuple[int, int, int], field: Field
 ) -> list[str]:
     """Set cells that stand out from the median of their neighbours to NaN, in place; remarks on them.
 
@@ -288,8 +277,7 @@ def _remove_spikes(
     def name_place(number: int) -> str:
         row, column = (spikes[number] + 0.5) * window[2] + window[:2]
         place = np.array([[column, row, 1.0]]) @ raster.to_place.T
-        plane = place if crs is None or field.crs is None else project(place, crs, field.crs)
-        return describe_place(field, *(plane[0] - np.asarray(field.origin_m)).tolist())
+        return describe_place(field, *_convert_to_field(place, raster.crs, field)[0].tolist())
 
     return describe_spikes(deviations, name_place, int(known.sum()), quote_path(raster.path))
 
@@ -300,6 +288,7 @@ def _sample_cells(cells: Floats, at: Floats, factors: tuple[int, ...]) -> tuple[
     Cells are averaged over blocks of `factors` rows and columns; a cubic spline leads through them, which follows
     planes and paraboloids up to the edge.
     """
+    from scipy.interpolate import RectBivariateSpline
     from scipy.ndimage import distance_transform_edt
 
     blocks = average_blocks(cells, factors)
@@ -314,19 +303,12 @@ def _sample_cells(cells: Floats, at: Floats, factors: tuple[int, ...]) -> tuple[
     if not known.any():
         return np.full(len(at), np.nan), measured
     blocks = fill_gaps(blocks, distance_transform_edt(~known) <= FILLED_CELLS)
-    heights = _evaluate_spline(blocks, np.clip(at, 0, most))
+    inside = np.clip(at, 0, most)
+    if most.min() < 1:
+        heights = np.asarray(blocks[tuple(np.rint(inside[:, ::-1]).astype(int).T)])
+    else:
+        degrees = np.minimum(3, most)  # lower where there are fewer than four
+        spline = RectBivariateSpline(*map(np.arange, blocks.shape), blocks, kx=degrees[1], ky=degrees[0])
+        heights = np.asarray(spline.ev(inside[:, 1], inside[:, 0]))
     is_beyond = ((at < -1e-9) | (at > most + 1e-9)).any(axis=1)
     return np.where(is_beyond, np.nan, heights), measured
-
-
-def _evaluate_spline(blocks: Floats, at: Floats) -> Floats:
-    """A cubic spline through the centres of cells, of lower degree where there are fewer than four."""
-    from scipy.interpolate import RectBivariateSpline
-
-    rows, columns = blocks.shape
-    if min(rows, columns) < 2:
-        return np.asarray(blocks[np.rint(at[:, 1]).astype(int), np.rint(at[:, 0]).astype(int)])
-    spline = RectBivariateSpline(
-        np.arange(rows), np.arange(columns), blocks, kx=min(3, rows - 1), ky=min(3, columns - 1)
-    )
-    return np.asarray(spline.ev(at[:, 1], at[:, 0]))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from fields.geometry.geodesy import is_wgs84_longitude_latitude
 from fields.units import FOOT_M
 
@@ -23,23 +21,23 @@ def find_unit_m(name: str) -> float | None:
     return UNIT_NAMES_M.get(name.strip().strip("[]()").lower())
 
 
-def name_unit(unit_m: float) -> str:
+def _name_unit(unit_m: float) -> str:
     """What sentences call a unit."""
     if abs(unit_m - FOOT_M) < 1e-5:
         return "feet"
     return {0.01: "centimetres", 0.1: "decimetres", 0.001: "millimetres"}.get(unit_m, f"units of {unit_m:g} m")
 
 
-@dataclass(frozen=True)
-class AxisUnits:
-    """Metres of the unit of a system along the ground (None for degrees) and of its height (None without one)."""
-
-    horizontal_m: float | None
-    vertical_m: float | None
+def describe_unit(unit_m: float, label: str) -> tuple[str, ...]:
+    """A remark on heights of a file that are not in metres."""
+    return () if unit_m == 1.0 else (f"Heights of {label} are in {_name_unit(unit_m)}; converted.",)
 
 
-def find_axis_units(crs: str) -> AxisUnits:
-    """The units of the axes of a coordinate system; raises FieldError for one that PROJ does not know."""
+def find_axis_units_m(crs: str) -> tuple[float | None, float | None]:
+    """Metres of the unit of a system along the ground (None for degrees) and of its height (None without one).
+
+    Raises FieldError for a system that PROJ does not know.
+    """
     from pyproj import CRS
 
     is_wgs84_longitude_latitude(crs)  # refuses unknown systems, and those that name files
@@ -47,4 +45,4 @@ def find_axis_units(crs: str) -> AxisUnits:
     upright = [axis.unit_conversion_factor for axis in axes if axis.direction in ("up", "down")]
     level = [axis.unit_conversion_factor for axis in axes if axis.direction in ("east", "north", "west", "south")]
     is_degrees = any("degree" in axis.unit_name for axis in axes)
-    return AxisUnits(None if is_degrees or not level else level[0], upright[0] if upright else None)
+    return None if is_degrees or not level else level[0], upright[0] if upright else None

@@ -26,7 +26,7 @@ from fields.geometry.geodesy import DEGREES_CRS
 from fields.nested_text import parse_json
 from fields.raw_document import LOCAL_METRES
 from fields.terrain.elevation_grid import ElevationError
-from fields.terrain.height_units import find_axis_units, find_unit_m, name_unit
+from fields.terrain.height_units import describe_unit, find_axis_units_m, find_unit_m
 from fields.terrain.rasters import RASTER_SUFFIXES
 from fields.text_files import (
     count_noun,
@@ -116,9 +116,7 @@ def _find_height_unit(column: str, path: str) -> tuple[float, tuple[str, ...]]:
             f"Column {column!r} of {quote_path(path)} does not say its unit; its heights are taken as metres. If they "
             f"are in feet, name it {column.strip()}_ft.",
         )
-    if unit_m == 1.0:
-        return 1.0, ()
-    return unit_m, (f"Heights of {quote_path(path)} are in {name_unit(unit_m)}; converted.",)
+    return unit_m, describe_unit(unit_m, quote_path(path))
 
 
 def _read_text_table(path: str) -> HeightPoints:
@@ -240,7 +238,16 @@ def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
             tables += read_tables(content, label, "KML", KML_DRIVERS)
         return _collect_table_points(tables, path, DEGREES_CRS)
     if suffix == GEOPACKAGE_SUFFIX:
-        return _read_geopackage(path, label)
+        if not list_package_contents(path, label):
+            raise ElevationError(f"{label} is empty; give a GeoPackage with a raster or points of heights.")
+        tables = read_tables(Path(path), label, "a GeoPackage", (GEOPACKAGE_DRIVER,))
+        tables = [table for table in tables if any(shape is not None for shape in table.shapes)]
+        systems = sorted({str(table.crs) for table in tables})
+        if len(systems) > 1:
+            raise ElevationError(
+                f"Layers of {label} are in {len(systems)} coordinate systems; keep the one with heights."
+            )
+        return _collect_table_points(tables, path, tables[0].crs if tables else None)
     members, names = find_shapefiles(Path(path))
     if not names:
         raise ElevationError(f"{label} holds no Shapefile and no Elevation.txt; give one with heights.")
@@ -252,18 +259,6 @@ def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
     return _collect_table_points(tables, path, tables[0].crs if tables else None)
 
 
-def _read_geopackage(path: str, label: str) -> HeightPoints:
-    """The points of all layers of a GeoPackage, which have to share a coordinate system."""
-    if not list_package_contents(path, label):
-        raise ElevationError(f"{label} is empty; give a GeoPackage with a raster or points of heights.")
-    tables = read_tables(Path(path), label, "a GeoPackage", (GEOPACKAGE_DRIVER,))
-    tables = [table for table in tables if any(shape is not None for shape in table.shapes)]
-    systems = sorted({str(table.crs) for table in tables})
-    if len(systems) > 1:
-        raise ElevationError(f"Layers of {label} are in {len(systems)} coordinate systems; keep the one with heights.")
-    return _collect_table_points(tables, path, tables[0].crs if tables else None)
-
-
 def _collect_table_points(
     tables: list[LayerTable], path: str, crs: str | None, *, is_in_metres: bool = False
 ) -> HeightPoints:
@@ -272,7 +267,7 @@ def _collect_table_points(
     `is_in_metres`: columns are in metres by the rules of the format.
     """
     places, heights, remarks = [np.empty((0, 2))], [np.empty(0)], []
-    unit_m = (find_axis_units(crs).vertical_m if crs else None) or 1.0
+    unit_m = (find_axis_units_m(crs)[1] if crs else None) or 1.0
     for table in tables:
         shapes = shapely.from_wkb(table.shapes, on_invalid="ignore")
         points, owners = shapely.get_coordinates(shapes, include_z=True, return_index=True)

@@ -21,7 +21,7 @@ from fields.arrays import Floats
 from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
 from fields.geometry.arithmetic import PARALLEL_RAD
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid
-from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
+from fields.terrain.height_units import describe_unit, find_axis_units_m, find_unit_m
 from fields.text_files import quote_path, read_text
 
 GEOTIFF_SUFFIXES, ASCII_SUFFIXES = (".tif", ".tiff"), (".asc", ".agr")
@@ -197,16 +197,16 @@ def _choose_unit(stated: str, wkt: str | None, path: str) -> tuple[float, tuple[
     unit_m = find_unit_m(stated)
     if stated and unit_m is None:
         raise ElevationError(f"Heights of {quote_path(path)} are in {stated[:20]!r}; convert them to metres.")
-    units = AxisUnits(None, None) if wkt is None else find_axis_units(wkt)
-    unit_m = units.vertical_m if unit_m is None else unit_m
-    if unit_m is None and units.horizontal_m not in (None, 1.0):
+    horizontal_m, vertical_m = (None, None) if wkt is None else find_axis_units_m(wkt)
+    unit_m = vertical_m if unit_m is None else unit_m
+    if unit_m is None and horizontal_m not in (None, 1.0):
         remark = (
             f"{quote_path(path)} does not say the unit of its heights; they are taken as metres, though its places are "
             "in feet. If its heights are too, convert them to metres, for instance with gdal_calc.py --calc A*0.3048."
         )
         return 1.0, (remark,)
     unit_m = unit_m or 1.0
-    return unit_m, () if unit_m == 1.0 else (f"Heights of {quote_path(path)} are in {name_unit(unit_m)}; converted.",)
+    return unit_m, describe_unit(unit_m, quote_path(path))
 
 
 def _read_window(path: str, rows: slice, columns: slice) -> Floats:

@@ -15,8 +15,7 @@ from vehicle.trials.drive import replace_steering
 from vehicle.trials.fixed_steering import (
     STUDY_LIMITS_DEG,
     STUDY_SLOPES_PER_DEG,
-    CentreOfMassSweep,
-    TyreMap,
+    RadiusMap,
     compute_tyre_maps,
     drive_fixed_steering,
     move_centre_of_mass,
@@ -27,34 +26,34 @@ from vehicle.trials.sheets.tractor_check import check_tractor, drive_half_circle
 
 
 @pytest.fixture(scope="module")
-def maps(eg105: Any) -> tuple[TyreMap, TyreMap]:
+def maps(eg105: Any) -> tuple[RadiusMap, RadiusMap]:
     return compute_tyre_maps(eg105)
 
 
 @pytest.fixture(scope="module")
-def sweep(eg105: Any) -> CentreOfMassSweep:
+def sweep(eg105: Any) -> RadiusMap:
     return sweep_centre_of_mass(eg105)
 
 
-def test_rear_grip_decides_stability(maps: tuple[TyreMap, TyreMap]) -> None:
+def test_rear_grip_decides_stability(maps: tuple[RadiusMap, RadiusMap]) -> None:
     stable = maps[1].stable
     assert 0.2 < stable.mean() < 0.95
     assert (stable[1:] >= stable[:-1]).all() and (stable[:, 1:] >= stable[:, :-1]).all()
 
 
-def test_the_front_may_not_hold_too_much(maps: tuple[TyreMap, TyreMap]) -> None:
+def test_the_front_may_not_hold_too_much(maps: tuple[RadiusMap, RadiusMap]) -> None:
     stable = maps[0].stable
     assert 0.2 < stable.mean() < 0.95
     assert (stable[1:] <= stable[:-1]).all() and (stable[:, 1:] <= stable[:, :-1]).all()
 
 
-def test_front_grip_decides_the_radius_and_rear_grip_hardly_touches_it(maps: tuple[TyreMap, TyreMap]) -> None:
+def test_front_grip_decides_the_radius_and_rear_grip_hardly_touches_it(maps: tuple[RadiusMap, RadiusMap]) -> None:
     front, rear = (found.radius_m[found.stable] for found in maps)
     assert front.max() > 10.0 * front.min()
     assert rear.max() < 1.1 * rear.min()
 
 
-def test_a_weak_front_turns_where_its_friction_suffices(maps: tuple[TyreMap, TyreMap]) -> None:
+def test_a_weak_front_turns_where_its_friction_suffices(maps: tuple[RadiusMap, RadiusMap]) -> None:
     """Far out both axles pull alike, so the radius is v^2 over g times the front friction across the path; past its
     peak the engine's curve passes 0.75 of it.
     """
@@ -63,26 +62,26 @@ def test_a_weak_front_turns_where_its_friction_suffices(maps: tuple[TyreMap, Tyr
     assert radius == pytest.approx((5.0 / 3.6) ** 2 / (9.80665 * friction), rel=0.05)
 
 
-def test_a_cell_is_the_drive_it_stands_for(eg105: Any, maps: tuple[TyreMap, TyreMap]) -> None:
+def test_a_cell_is_the_drive_it_stands_for(eg105: Any, maps: tuple[RadiusMap, RadiusMap]) -> None:
     tyres = get_tyres("soil", "nonlinear").model_copy(update={"front_slope_per_deg": 0.012, "front_limit_deg": 3.0})
     alone = drive_fixed_steering(eg105, tyres, (35.0,), seconds=40.0, ahead_m=0.0)[0]
     cell = maps[0].radius_m[STUDY_SLOPES_PER_DEG.index(0.012), STUDY_LIMITS_DEG.index(3.0)]
     assert cell == pytest.approx(alone.radius_m, rel=1e-3)
 
 
-def test_400_cells_take_under_two_seconds(eg105: Any, maps: tuple[TyreMap, TyreMap]) -> None:
+def test_400_cells_take_under_two_seconds(eg105: Any, maps: tuple[RadiusMap, RadiusMap]) -> None:
     start = time.process_time()
     compute_tyre_maps(eg105)
     assert time.process_time() - start < 2.0
 
 
-def test_a_centre_of_mass_to_the_rear_stabilises(sweep: CentreOfMassSweep) -> None:
+def test_a_centre_of_mass_to_the_rear_stabilises(sweep: RadiusMap) -> None:
     stable = np.isfinite(sweep.radius_m)
     assert (stable[:, 1:] >= stable[:, :-1]).all()
     assert not stable[:, 0].any() and stable[:, -1].all()
 
 
-def test_the_radius_falls_as_the_centre_of_mass_moves_to_the_rear(sweep: CentreOfMassSweep) -> None:
+def test_the_radius_falls_as_the_centre_of_mass_moves_to_the_rear(sweep: RadiusMap) -> None:
     for radii in sweep.radius_m:
         assert (np.diff(radii[np.isfinite(radii)]) < 0.0).all()
 

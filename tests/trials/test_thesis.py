@@ -11,11 +11,11 @@ from vehicle.trials.path_following import (
     OFFSETS_CM,
     SPEEDS_KMH,
     compute_deviation,
-    compute_path_distances,
     drive_navigation,
     drive_slip_test,
     drive_step_response,
     drive_zigzag,
+    measure_gap_m,
     measure_weaving_m,
 )
 from vehicle.trials.sheets.sheet import TABLE_4_1, TABLE_4_3
@@ -143,14 +143,10 @@ def test_the_tractor_turns_towards_the_step_before_it_reaches_it(eg105: Any) -> 
 
 
 def test_zigzag_parts_the_simulators_where_the_path_bends_too_tightly(eg105: Any) -> None:
-    from vehicle.trials.path_following import compute_distance_m
-
-    gaps = {
-        omega: compute_distance_m(
-            *(drive_zigzag(eg105, omega, name, lookahead_m=3.0) for name in ("proposed", "traditional"))
-        )[1]
-        for omega in (1 / 5, 1 / 3)
-    }
+    gaps = {}
+    for omega in (1 / 5, 1 / 3):
+        drives = (drive_zigzag(eg105, omega, name, lookahead_m=3.0) for name in ("proposed", "traditional"))
+        gaps[omega] = measure_gap_m(*(drive.trace.compute_path() for drive in drives))[1]
     assert gaps[1 / 5] < 0.01 < 0.1 < gaps[1 / 3]
 
 
@@ -173,7 +169,6 @@ def test_deviation_of_a_track_beside_a_straight_path() -> None:
 
 def test_distances_between_parallel_tracks() -> None:
     x = np.linspace(0.0, 10.0, 50)
-    one = np.stack([x, np.zeros_like(x)], axis=1)
+    one = np.stack([x, 1e-3 * np.arange(50.0)], axis=1)
     other = np.stack([np.linspace(-5.0, 15.0, 7), np.full(7, 0.25)], axis=1)
-    found = compute_path_distances(one, other)
-    assert len(found) == 9 and found == pytest.approx(0.25)
+    assert measure_gap_m(one, other) == pytest.approx((0.25, 0.25 - 0.024))  # of points 0, 6, ... 48

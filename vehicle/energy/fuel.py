@@ -46,8 +46,6 @@ class DieselEngine:
 
     unit: ClassVar[str] = LITRES
     """What `compute_rate` counts per second."""
-    shaft_share: ClassVar[float] = ENGINE_TO_SHAFT
-    """Of the power at the power take-off."""
     power_w: float
     use_l_per_kwh: float = USE_L_PER_KWH
     no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
@@ -67,7 +65,7 @@ class DieselEngine:
         return np.asarray(self._compute_lph(power_w / self.power_w) / HOUR_S)
 
     def _compute_lph(self, share: Any) -> Any:
-        rated_kw = self.power_w * self.shaft_share / KILO
+        rated_kw = self.power_w * ENGINE_TO_SHAFT / KILO
         return compute_diesel_lph(share, rated_kw, self.use_l_per_kwh, self.no_load_l_per_kwh)
 
 
@@ -81,8 +79,6 @@ class ElectricDrive:
 
     unit: ClassVar[str] = KWH
     """What `compute_rate` counts per second."""
-    shaft_share: ClassVar[float] = 1.0
-    """Of the power at the power take-off."""
     battery: BatteryParameters
 
     @property

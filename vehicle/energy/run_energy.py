@@ -93,7 +93,6 @@ def compute_run_energy(
     terrain: Terrain | None = None,
     *,
     source: PowerSource | None = None,
-    shaft_power_w: float = 0.0,
 ) -> RunEnergy:
     """What the tractors of a run took, leg by leg.
 
@@ -103,7 +102,6 @@ def compute_run_energy(
         load: as the run was driven with, or as it would have been pulled.
         terrain: heights; None for level ground.
         source: engine or battery; that of the tractor, a diesel engine with the power of the load, where None.
-        shaft_power_w: what the implement takes from the shaft while it works.
 
     Raises:
         VehicleError: the power of the engine is not known.
@@ -120,9 +118,8 @@ def compute_run_energy(
         rolling_shares = np.array([choose_rolling_share(load, leg.ground) for leg in legs])[row_legs]
         work = compute_motion_work(metres, rises_m, speeds, tractor.mass_kg, load, rolling_shares, is_working)
         work *= (seconds > 0.0)[:, None]
-        shaft = np.where(is_working, shaft_power_w * seconds, 0.0)
         is_idle = np.isin(statuses, (WAITING, STANDING)) & (np.abs(speeds[:-1]) < STANDSTILL_MPS)
-        taken = compute_consumption(work, shaft, seconds, load, source)
+        taken = compute_consumption(work, seconds, load, source)
         taken = np.where(is_idle, source.idle_rate * seconds, taken)
         columns = (*work.T, taken, np.where(is_idle, taken, 0.0))
         *by_cause, consumption, idle = (
@@ -186,15 +183,15 @@ def _compute_slip_loss(
     return losses
 
 
-def compute_consumption(work: Floats, shaft_j: Floats, seconds: Floats, load: WorkLoad, source: PowerSource) -> Floats:
-    """Litres or kilowatt-hours (n,) for work by cause (n, 6) and work of the shaft (n,) in some seconds (n,).
+def compute_consumption(work: Floats, seconds: Floats, load: WorkLoad, source: PowerSource) -> Floats:
+    """Litres or kilowatt-hours (n,) for work by cause (n, 6) in some seconds (n,).
 
     Wheels turn an engine or motor with what they brake.
     """
     axle = work.sum(axis=1)
     driven = np.where(axle > 0.0, axle / load.driveline_efficiency, 0.0)
     braked = work[:, BRAKING] * load.driveline_efficiency
-    engine_j = driven - braked + shaft_j / source.shaft_share
+    engine_j = driven - braked
     is_on = seconds > 0.0
     power_w = np.divide(engine_j, seconds, out=np.zeros_like(engine_j), where=is_on)
     return np.where(is_on, source.compute_rate(power_w) * seconds, 0.0)
@@ -208,19 +205,21 @@ def estimate_consumption(
     rises_m: Floats,
     speeds_mps: Floats,
     is_working: bool,
+    *,
+    source: PowerSource | None = None,
+    start_mps: float = 0.0,
 ) -> float:
-    """Litres or kilowatt-hours for pieces of a way (n,) driven at steady speeds (n,), which change between them."""
-    work = compute_motion_work(
-        metres,
-        rises_m,
-        np.append(speeds_mps, speeds_mps[-1]),
-        tractor.mass_kg,
-        load,
-        np.full(len(metres), rolling_share),
-        np.full(len(metres), is_working),
-    )
-    source = build_power_source(tractor, load.engine_power_w)
-    return float(compute_consumption(work, np.zeros(len(metres)), metres / speeds_mps, load, source).sum())
+    """Litres or kilowatt-hours for pieces of a way (n,) driven at steady speeds (n,), which change between them.
+
+    `source` is engine or battery, that of the tractor where None; `start_mps` is the speed to which the tractor starts
+    from standstill, 0 if it drives already.
+    """
+    count, speeds = len(metres), np.append(speeds_mps, speeds_mps[-1])
+    rolling_shares, working = np.full(count, rolling_share), np.full(count, is_working)
+    work = compute_motion_work(metres, rises_m, speeds, tractor.mass_kg, load, rolling_shares, working)
+    work[0, ACCELERATION] += 0.5 * (tractor.mass_kg + load.implement_mass_kg) * start_mps**2
+    source = source or build_power_source(tractor, load.engine_power_w)
+    return float(compute_consumption(work, metres / speeds_mps, load, source).sum())
 
 
 def choose_rolling_share(load: WorkLoad, ground: str) -> float:
@@ -247,21 +246,15 @@ class LegMeter:
 
     def compute_leg_kwh(self, leg: Leg) -> float:
         """What driving a leg takes, without waiting and standing."""
-        terrain, speed_mps = self.terrain, leg.speed_mps
+        terrain = self.terrain
         points = leg.points if terrain is None else _cut_into_steps(leg.points)
         metres = np.hypot(*np.diff(points, axis=0).T)
-        count = len(metres)
-        work = compute_motion_work(
-            metres,
-            np.zeros(count) if terrain is None else np.diff(terrain.compute_heights(points)),
-            np.full(count + 1, speed_mps),
-            self.tractor.mass_kg,
-            self.load,
-            np.full(count, choose_rolling_share(self.load, leg.ground)),
-            np.full(count, leg.implement),
-        )
-        work[0, ACCELERATION] += 0.5 * (self.tractor.mass_kg + self.load.implement_mass_kg) * speed_mps**2
-        return float(compute_consumption(work, np.zeros(count), metres / speed_mps, self.load, self.drive).sum())
+        rises_m = np.zeros(len(metres)) if terrain is None else np.diff(terrain.compute_heights(points))
+        rolling_share, speeds = choose_rolling_share(self.load, leg.ground), np.full(len(metres), leg.speed_mps)
+        return estimate_consumption(
+            self.tractor, self.load, rolling_share, metres, rises_m, speeds, leg.implement,
+            source=self.drive, start_mps=leg.speed_mps,
+        )  # fmt: skip
 
     def compute_straight_kwh(self, length_m: float, speed_mps: float, is_working: bool, ground: str) -> float:
         """What a straight line on level ground takes."""

@@ -113,17 +113,10 @@ def _convert_leg(leg: Leg) -> dict[str, Any]:
         "implement": leg.implement,
         "ground": leg.ground,
         "points_m": leg.points.tolist(),
-        "gates": [{"tractor": g.tractor, "leg": g.leg, "after_m": g.after_m} for g in leg.gates],
+        "gates": [asdict(gate) for gate in leg.gates],
     }
-    if leg.stand_s:
-        entry["stand_s"] = leg.stand_s
-    if leg.fold_s:
-        entry["fold_s"] = leg.fold_s
-    if leg.folded:
-        entry["folded"] = True
-    if leg.follow:
-        entry["follow"] = {"tractor": leg.follow.tractor, "leg": leg.follow.leg, "gap_m": leg.follow.gap_m}
-    return entry
+    entry |= {name: getattr(leg, name) for name in ("stand_s", "fold_s", "folded") if getattr(leg, name)}
+    return entry | ({"follow": asdict(leg.follow)} if leg.follow else {})
 
 
 def parse_plan(text: str) -> Plan:

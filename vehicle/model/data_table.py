@@ -37,14 +37,11 @@ def _parse_rows(table: CellTable, row_type: type[Row], noun: str) -> tuple[Row, 
     place = table.label
     if not table.rows:
         raise VehicleError(f"The table {place} is empty; give a line of names of columns and a line for {noun}.")
-    return tuple(
-        _parse_row(cells, row_type, f"Line {number} of {place}", noun)
-        for (number, _), cells in zip(table.rows, table.list_named_cells(), strict=True)
-    )
-
-
-def _parse_row(cells: dict[str, str], row_type: type[Row], place: str, noun: str) -> Row:
-    try:
-        return row_type(**{name: cell.strip() for name, cell in cells.items() if cell.strip()})
-    except ValidationError as error:
-        raise VehicleError(f"{place} is not {noun}: {describe_validation_errors(error, row_type)}.") from None
+    rows = []
+    for (number, _), cells in zip(table.rows, table.list_named_cells(), strict=True):
+        place = f"Line {number} of {table.label}"
+        try:
+            rows.append(row_type(**{name: cell.strip() for name, cell in cells.items() if cell.strip()}))
+        except ValidationError as error:
+            raise VehicleError(f"{place} is not {noun}: {describe_validation_errors(error, row_type)}.") from None
+    return tuple(rows)

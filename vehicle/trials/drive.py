@@ -7,7 +7,7 @@ The loop calls the functions of vehicle.sim.loop and records every step, without
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +21,7 @@ from vehicle.jit import compile_function
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.model.gnss import NO_ERROR, draw_error, make_error_keys
 from vehicle.model.ground import Tyres
-from vehicle.model.tractor import Implement, SteeringParameters, Tractor
+from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import BODY_PLACE, BODY_WIDTH, DT_S, GATE, LEG, STATE
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS, build_identity_table, build_steering_tables
 from vehicle.sim.compile import (
@@ -40,7 +40,13 @@ TRACE_COLUMNS = ("x", "y", "angle", "vx", "vy", "spin", "steering", "command", "
 
 POINT_SPACING_M = 0.1
 RUN_OUT_M = 6.0  # path after the measured part, so that braking is not measured
-STEERING_SIMULATORS = ("proposed", "traditional", "none", "unlatched")
+STEERING_SIMULATORS: Mapping[str, Mapping[str, Any]] = {
+    "proposed": {},
+    "traditional": {"dead_band_deg": 0.0, "switch_deg": 360.0},
+    "none": {"dead_band_deg": 0.0, "switch_deg": 360.0, "lag_s": 1e-9, "gain": 1.0},
+    "unlatched": {"latch": False},
+}
+"""What each changes of the steering of a tractor file."""
 START_SPACING_M = 1000.0
 MAX_REAR_SLIP_DEG, MAX_GROWTH_DEG = 30.0, 0.5
 CONTROLLED_POINT_M = -0.6  # ahead of the centre of mass; not printed: with it Tables 3.3 and 4.3 come out closest
@@ -181,14 +187,8 @@ def replace_steering(tractor: Tractor, name: str) -> Tractor:
     """
     if name not in STEERING_SIMULATORS:
         raise VehicleError(f"The steering simulator {name!r} is unknown; use one of: {', '.join(STEERING_SIMULATORS)}.")
-    steering = tractor.steering
-    changes: dict[str, dict[str, Any]] = {
-        "proposed": {},
-        "traditional": {"dead_band_deg": 0.0, "switch_deg": 360.0},
-        "none": {"dead_band_deg": 0.0, "switch_deg": 360.0, "lag_s": 1e-9, "gain": 1.0},
-        "unlatched": {"latch": False},
-    }
-    return tractor.model_copy(update={"steering": SteeringParameters(**{**steering.model_dump(), **changes[name]})})
+    steering = tractor.steering.model_copy(update=STEERING_SIMULATORS[name])
+    return tractor.model_copy(update={"steering": steering})
 
 
 def drive_by_steering_commands(

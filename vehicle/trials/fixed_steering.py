@@ -6,7 +6,7 @@ The design studies vary tyres and the position of the centre of mass, at 35 degr
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,11 +77,12 @@ def drive_fixed_steering(
 
 def drive_table_4_1(tractor: Tractor, curve: FrictionCurve | None = ENGINE_CURVE) -> tuple[FixedSteeringDrive, ...]:
     """The nine drives of Table 4.1 on the tyres of section 4.3."""
-    return tuple(
-        drive
-        for model in TYRE_MODELS
-        for drive in drive_fixed_steering(tractor, get_tyres("soil", model, curve=curve), model=model)
-    )
+    return _drive_table({model: (tractor, get_tyres("soil", model, curve=curve)) for model in TYRE_MODELS})
+
+
+def _drive_table(settings: Mapping[str, tuple[Tractor, Tyres]]) -> tuple[FixedSteeringDrive, ...]:
+    """The drives of Table 4.1 by tyre model, each with a tractor and tyres of its own."""
+    return tuple(drive for model, setting in settings.items() for drive in drive_fixed_steering(*setting, model=model))
 
 
 def drive_changing_steering(tractor: Tractor) -> dict[str, Trace]:
@@ -112,11 +113,7 @@ def add_friction_circle(tyres: Tyres) -> Tyres:
 
 def drive_best_hypothesis_table(tractor: Tractor) -> tuple[FixedSteeringDrive, ...]:
     """The nine drives of Table 4.1 under BEST_HYPOTHESIS."""
-    return tuple(
-        drive
-        for model in TYRE_MODELS
-        for drive in drive_fixed_steering(*build_best_hypothesis(tractor, model), model=model)
-    )
+    return _drive_table({model: build_best_hypothesis(tractor, model) for model in TYRE_MODELS})
 
 
 def try_hypotheses(tractor: Tractor) -> tuple[tuple[str, tuple[float, ...]], ...]:
@@ -164,32 +161,18 @@ def try_hypotheses(tractor: Tractor) -> tuple[tuple[str, tuple[float, ...]], ...
 
 
 @dataclass(frozen=True, eq=False)
-class TyreMap:
-    """Radius (m) of the centre of mass per slope (rows) and limit (columns) of one axle's tyres; nan is oversteer."""
+class RadiusMap:
+    """Radius (m) of the centre of mass per row and column of a design study; nan is oversteer.
 
-    axle: str
-    slopes_per_deg: tuple[float, ...]
-    limits_deg: tuple[float, ...]
+    `rows` and `columns` are slopes per degree and limits (degrees) of the tyres of one axle, or steering angles
+    (degrees) and distances (m) of the centre of mass behind the front axle. `traces` are the drives in the order of the
+    cells.
+    """
+
+    rows: tuple[float, ...]
+    columns: tuple[float, ...]
     radius_m: Floats
-
-    @property
-    def stable(self) -> Flags:
-        """Whether the tractor settles, per cell."""
-        return np.isfinite(self.radius_m)
-
-    def get_stable(self, slope_per_deg: float, limit_deg: float) -> bool:
-        """Whether the tractor settles with these tyres, which must be among those tried."""
-        return bool(self.stable[self.slopes_per_deg.index(slope_per_deg), self.limits_deg.index(limit_deg)])
-
-
-@dataclass(frozen=True, eq=False)
-class CentreOfMassSweep:
-    """Radius (m) of the centre of mass per steering angle (rows) and its distance behind the front axle (columns)."""
-
-    front_axle_m: tuple[float, ...]
-    angles_deg: tuple[float, ...]
-    radius_m: Floats
-    traces: tuple[Trace, ...]  # at the last angle, one per place
+    traces: tuple[Trace, ...]
 
     @property
     def stable(self) -> Flags:
@@ -199,7 +182,7 @@ class CentreOfMassSweep:
 
 def compute_tyre_maps(
     tractor: Tractor, *, tyres: Tyres | None = None, shared_limit: bool = False
-) -> tuple[TyreMap, TyreMap]:
+) -> tuple[RadiusMap, RadiusMap]:
     """Vary the front tyres with the rear tyres of section 4.3, and vice versa: 400 drives in one call.
 
     `tyres` are the tyres to vary; with `shared_limit` drive and side force of the rear tyres share the side limit.
@@ -213,24 +196,20 @@ def compute_tyre_maps(
     ]
     if shared_limit:
         cells = [add_friction_circle(cell) for cell in cells]
-    traces = _drive_constant_angles([tractor] * len(cells), cells, [STUDY_STEERING_DEG] * len(cells))
-    radii = np.array([compute_settled_radius(track, 0.0) for track in traces])
-    front, rear = radii.reshape(len(AXLES), len(STUDY_SLOPES_PER_DEG), len(STUDY_LIMITS_DEG))
-    grids = STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG
-    return TyreMap(AXLES[0], *grids, front), TyreMap(AXLES[1], *grids, rear)
+    angles = [STUDY_STEERING_DEG] * len(cells)
+    front, rear = _drive_maps(STUDY_SLOPES_PER_DEG, STUDY_LIMITS_DEG, [tractor] * len(cells), cells, angles)
+    return front, rear
 
 
-def sweep_centre_of_mass(tractor: Tractor, *, tyres: Tyres | None = None) -> CentreOfMassSweep:
+def sweep_centre_of_mass(tractor: Tractor, *, tyres: Tyres | None = None) -> RadiusMap:
     """Move the centre of mass from near the front axle to near the rear axle."""
     base = tractor.wheelbase_m
     places = tuple(float(place) for place in np.linspace(MIN_AXLE_DISTANCE_M, base - MIN_AXLE_DISTANCE_M, 11))
     variants = [move_centre_of_mass(tractor, place) for place in places]
     tractors = variants * len(ANGLES_DEG)
     angles = [angle for angle in ANGLES_DEG for _ in places]
-    chosen = tyres or get_tyres("soil", "nonlinear")
-    traces = _drive_constant_angles(tractors, [chosen] * len(tractors), angles)
-    radii = np.array([compute_settled_radius(track, 0.0) for track in traces]).reshape(len(ANGLES_DEG), len(places))
-    return CentreOfMassSweep(places, ANGLES_DEG, radii, tuple(traces[-len(places) :]))
+    chosen = [tyres or get_tyres("soil", "nonlinear")] * len(tractors)
+    return _drive_maps(ANGLES_DEG, places, tractors, chosen, angles)[0]
 
 
 def move_centre_of_mass(tractor: Tractor, front_axle_m: float) -> Tractor:
@@ -245,12 +224,22 @@ def move_centre_of_mass(tractor: Tractor, front_axle_m: float) -> Tractor:
     return tractor.model_copy(update=changes)
 
 
-def _drive_constant_angles(
-    tractors: Sequence[Tractor], tyres: Sequence[Tyres], angles_deg: Sequence[float]
-) -> list[Trace]:
-    """Drives of the design studies, each with the wheels stepped to one angle."""
+def _drive_maps(
+    rows: tuple[float, ...],
+    columns: tuple[float, ...],
+    tractors: Sequence[Tractor],
+    tyres: Sequence[Tyres],
+    angles_deg: Sequence[float],
+) -> list[RadiusMap]:
+    """Maps of drives of the design studies, each with the wheels stepped to one angle, cell by cell."""
     direct = {id(tractor): replace_steering(tractor, "none") for tractor in tractors}
     commands = build_step_commands(angles_deg, STUDY_DURATION_S)
-    return drive_by_steering_commands(
+    traces = drive_by_steering_commands(
         [direct[id(tractor)] for tractor in tractors], tyres, commands, record_every=STUDY_RECORD_EVERY
     )
+    radii_m = np.array([compute_settled_radius(track, 0.0) for track in traces])
+    size = len(rows) * len(columns)
+    return [
+        RadiusMap(rows, columns, cells.reshape(len(rows), len(columns)), tuple(traces[k * size : (k + 1) * size]))
+        for k, cells in enumerate(radii_m.reshape(-1, size))
+    ]

@@ -102,14 +102,14 @@ def compute_deviation(place: Floats, angle: Floats, path: Floats, lookahead_m: f
     return PathDeviation(along, lateral, np.arctan2(np.sin(turned), np.cos(turned)))
 
 
-def compute_path_distances(path: Floats, other_path: Floats) -> Floats:
-    """Shortest distance (m) of every sixth point of a path (ten a second at 60 Hz) to another path, as in Tables 3.1
-    and 3.2. The other path is reduced to every third point, which moves it by less than a millimetre.
+def measure_gap_m(path: Floats, other_path: Floats) -> tuple[float, float]:
+    """Largest and mean distance (m) of every sixth point of a path (ten a second at 60 Hz) from another path, as in
+    Tables 3.1 and 3.2. The other path is reduced to every third point, which moves it by less than a millimetre.
     """
     from shapely import LineString, distance, points
 
-    line = LineString(np.concatenate([other_path[::3], other_path[-1:]]))
-    return np.asarray(distance(points(path[::6]), line))
+    gaps_m = distance(points(path[::6]), LineString(np.concatenate([other_path[::3], other_path[-1:]])))
+    return float(gaps_m.max()), float(gaps_m.mean())
 
 
 def find_slewing(trace: Trace) -> Flags:
@@ -155,17 +155,13 @@ def drive_navigation(tractor: Tractor, *, position_errors: Integers = NO_ERROR, 
     """Drive the navigation plan with 5 m lookahead and measure both passes."""
     mission, tested = build_navigation_mission(), configure_tractor(tractor)
     trace = follow_mission(tested, mission, position_errors=position_errors, seed=seed, seconds=900.0)
-    return NavigationPasses(
-        mission, trace, tuple(_measure_pass(mission, trace, leg) for leg in (FIRST_PASS, SECOND_PASS))
-    )
-
-
-def _measure_pass(mission: Mission, trace: Trace, leg: int) -> ErrorSizes:
-    rows = trace.get_column("leg") == leg
-    points = mission.legs[leg].points
-    errors = compute_deviation(trace.compute_path()[rows], trace.get_column("angle")[rows], points, LOOKAHEAD_M)
-    part = errors.along_m < mission.legs[leg].length_m - max(UNMEASURED_END_M, LOOKAHEAD_M)
-    return errors.select(part).compute_sizes(100.0)
+    place, angle, sizes = trace.compute_path(), trace.get_column("angle"), []
+    for number in (FIRST_PASS, SECOND_PASS):
+        rows, leg = trace.get_column("leg") == number, mission.legs[number]
+        errors = compute_deviation(place[rows], angle[rows], leg.points, LOOKAHEAD_M)
+        part = errors.along_m < leg.length_m - max(UNMEASURED_END_M, LOOKAHEAD_M)
+        sizes.append(errors.select(part).compute_sizes(100.0))
+    return NavigationPasses(mission, trace, tuple(sizes))
 
 
 def _build_arc(centre: tuple[float, float], radius: float, start_deg: float, end_deg: float) -> Floats:
@@ -199,8 +195,8 @@ class StepResponse:
         """Largest and mean distance (cm) of this path from another, from the first turn to the last 15 m."""
         place = self.trace.compute_path()
         turning = (place[:, 1] > FIRST_PATH_M - 6.0) & (place[:, 1] < FIRST_PATH_M + self.second_m - MEASURED_LENGTH_M)
-        gap = 100.0 * compute_path_distances(place[turning], response.trace.compute_path())
-        return float(gap.max()), float(gap.mean())
+        largest_m, mean_m = measure_gap_m(place[turning], response.trace.compute_path())
+        return 100.0 * largest_m, 100.0 * mean_m
 
 
 def drive_step_response(
@@ -274,9 +270,3 @@ def drive_zigzag(
     path = build_sine_mission(AMPLITUDE_M, omega, PERIODS, CIRCLE_SPEED_MPS, "soil")
     trace = follow_mission(configure_tractor(tractor, steering, lookahead_m=lookahead_m), path, seconds=240.0)
     return measure_tracking(trace, path, lookahead_m)
-
-
-def compute_distance_m(result: PathTracking, other_result: PathTracking) -> tuple[float, float]:
-    """Largest and mean distance (m) of one driven path from another."""
-    gap = compute_path_distances(result.trace.compute_path(), other_result.trace.compute_path())
-    return float(gap.max()), float(gap.mean())

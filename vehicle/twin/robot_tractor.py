@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fields.arrays import measure_along
 from vehicle.errors import MissionError
 from vehicle.missions.plan import Leg, Mission, Plan, check_plan
 from vehicle.model.gnss import DRIFT_MEMORY_S, SOIL_MEMORY_S
@@ -249,8 +250,7 @@ class RobotTractor:
 
 def _compute_pose_on_leg(leg: Leg, along_m: float) -> tuple[float, float, float]:
     """x, y (m) and heading (rad) of a tractor `along_m` along a leg; on a reverse leg it faces backwards."""
-    steps = np.diff(leg.points, axis=0)
-    ends = np.cumsum(np.hypot(steps[:, 0], steps[:, 1]))
+    steps, ends = np.diff(leg.points, axis=0), measure_along(leg.points)[1:]
     k = min(int(np.searchsorted(ends, along_m, side="right")), len(steps) - 1)
     length = math.hypot(*steps[k])
     share = 1.0 - (float(ends[k]) - along_m) / length if length > 0.0 else 0.0

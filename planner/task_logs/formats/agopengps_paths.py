@@ -70,7 +70,7 @@ def _read_run(members: ArchiveMembers, field_file: str, name: str, label: str) -
         speed_mps=speed,
         is_working=table[:, 3] > 0.5,
         field=folder,
-        outline=tuple(np.array(ring) for ring in agopengps.read_boundary_degrees(members, field_file, plane)),
+        outline=tuple(map(np.array, agopengps.read_rings(members, field_file, agopengps.BOUNDARY_FILE, plane))),
         notes=tuple(notes),
     )
     return remove_unusable_rows(run)

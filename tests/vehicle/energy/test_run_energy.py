@@ -138,12 +138,9 @@ def test_waiting_idles_and_after_the_end_nothing_is_taken() -> None:
     assert energy.tractors[0].work_j.sum() == 0.0
 
 
-def test_an_implement_on_the_shaft_and_a_battery() -> None:
+def test_a_battery() -> None:
     load = WorkLoad(rolling_share=0.05, engine_power_w=77_000.0, driveline_efficiency=0.86)
     run = make_straight_run(2.0)
-    plain = compute_run_energy(run, EG105, load)
-    driven = compute_run_energy(run, EG105, load, shaft_power_w=20_000.0)
-    assert driven.total - plain.total == pytest.approx(0.22 * 20.0 * 100.0 / 3600.0)
     electric = compute_run_energy(run, EG105, load, source=ElectricDrive(BatteryParameters(capacity_kwh=80.0)))
     push_w = 0.05 * 3850.0 * GRAVITY_MPS2 * 2.0
     assert electric.energy_kwh == pytest.approx((push_w / 0.86 / 0.85 + 500.0) * 100.0 / 3.6e6)

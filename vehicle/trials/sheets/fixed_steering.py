@@ -30,14 +30,14 @@ from vehicle.trials.drive import (
 )
 from vehicle.trials.fixed_steering import (
     ANGLES_DEG,
+    AXLES,
     BEST_HYPOTHESIS,
     MEASURED_AHEAD_M,
     STUDY_DURATION_S,
     STUDY_RECORD_EVERY,
     STUDY_STEERING_DEG,
-    CentreOfMassSweep,
     FixedSteeringDrive,
-    TyreMap,
+    RadiusMap,
     build_best_hypothesis,
     build_step_commands,
     compute_tyre_maps,
@@ -110,7 +110,18 @@ def build_fixed_sheet(tractor: Tractor) -> ExperimentSheet:
     closest = drive_best_hypothesis_table(tractor)
     used = get_tyres("soil", "linear")
     without_circle = drive_fixed_steering(tractor, used.model_copy(update={"grip": None}))
-    rows = [_build_radius_row(*trio) for trio in zip(drives, plain, closest, strict=True)]
+    rows, radii = [], []
+    for drive, bare, guess in zip(drives, plain, closest, strict=True):
+        thesis = _get_printed_radius(drive)
+        cells = [_format_radius(radius_m) for radius_m in (drive.radius_m, bare.radius_m, guess.radius_m)]
+        note = f"without the engine's curve {cells[1]}; closest hypothesis {cells[2]}"
+        if thesis is None:
+            note = "thesis: oversteer; " + note
+        if not drive.stable:
+            note = "ours: oversteer; " + note
+        name, ours = f"{drive.model} {drive.steering_deg:g} deg", drive.radius_m if drive.stable else None
+        rows.append(ThesisComparison(f"4.1 {name}", "turning radius", "m", thesis, ours, note))
+        radii.append((name, _format_radius(math.nan if thesis is None else thesis), *cells))
     words = (
         "Tyres of section 4.3: front 0.005 and rear 0.01 of the load per degree, non-linear tyres up to 5 degrees. The "
         "steering is stepped at 5 km/h, without corrected angles.",
@@ -123,30 +134,17 @@ def build_fixed_sheet(tractor: Tractor) -> ExperimentSheet:
         + ".",
         _describe_closest(closest),
     )
-    thesis = ("thesis", *(f"{value:.2f} m" if value else "oversteer" for value in TABLE_4_1["nonlinear"]))
+    printed = ("thesis", *(f"{value:.2f} m" if value else "oversteer" for value in TABLE_4_1["nonlinear"]))
     guesses = ((guess, *map(_format_radius, radii_m)) for guess, radii_m in try_hypotheses(tractor))
     header = ("Hypothesis, non-linear model", "25 deg", "30 deg", "35 deg")
+    columns = ("Drive", "Thesis", "With the curve (used)", "Without", "Closest hypothesis")
     tables = (
-        TextTable("Hypotheses about the non-linear column", header, (thesis, *guesses)),
-        _build_friction_curve_table(drives, plain, closest),
+        TextTable("Hypotheses about the non-linear column", header, (printed, *guesses)),
+        TextTable("Table 4.1 with and without the engine's friction curve", columns, tuple(radii)),
     )
     return ExperimentSheet(
         "fixed", "Fixed steering (Table 4.1)", words, tuple(rows), _build_fixed_panels(drives, closest), tables
     )
-
-
-def _build_radius_row(
-    drive: FixedSteeringDrive, bare: FixedSteeringDrive, closest: FixedSteeringDrive
-) -> ThesisComparison:
-    thesis = _get_printed_radius(drive)
-    bare_text, closest_text = _format_radius(bare.radius_m), _format_radius(closest.radius_m)
-    note = f"without the engine's curve {bare_text}; closest hypothesis {closest_text}"
-    if thesis is None:
-        note = "thesis: oversteer; " + note
-    if not drive.stable:
-        note = "ours: oversteer; " + note
-    ours = drive.radius_m if drive.stable else None
-    return ThesisComparison(f"4.1 {drive.model} {drive.steering_deg:g} deg", "turning radius", "m", thesis, ours, note)
 
 
 def _get_printed_radius(drive: FixedSteeringDrive) -> float | None:
@@ -168,18 +166,6 @@ def _describe_closest(closest: Sequence[FixedSteeringDrive]) -> str:
         f"{100.0 * worst:.1f} %. But it fits two numbers to the column and has no engine's curve, which Table 4.3 "
         "needs, so it is not used."
     )
-
-
-def _build_friction_curve_table(
-    drives: Sequence[FixedSteeringDrive], plain: Sequence[FixedSteeringDrive], closest: Sequence[FixedSteeringDrive]
-) -> TextTable:
-    rows = []
-    for trio in zip(drives, plain, closest, strict=True):
-        name, printed = f"{trio[0].model} {trio[0].steering_deg:g} deg", _get_printed_radius(trio[0])
-        radii = [math.nan if printed is None else printed, *(drive.radius_m for drive in trio)]
-        rows.append((name, *map(_format_radius, radii)))
-    header = ("Drive", "Thesis", "With the curve (used)", "Without", "Closest hypothesis")
-    return TextTable("Table 4.1 with and without the engine's friction curve", header, tuple(rows))
 
 
 def _build_fixed_panels(
@@ -240,7 +226,7 @@ def build_tyres_sheet(tractor: Tractor) -> ExperimentSheet:
     maps_here = compute_tyre_maps(tractor)
     sagging, closest = build_best_hypothesis(tractor)
     maps_of_hypothesis = compute_tyre_maps(sagging, tyres=closest, shared_limit=True)
-    tests: tuple[tuple[str, Callable[[TyreMap, TyreMap], bool]], ...] = (
+    tests: tuple[tuple[str, Callable[[RadiusMap, RadiusMap], bool]], ...] = (
         ("Rear grip decides stability: stable with more grip at the rear",
          lambda _, rear: _is_stable_above_threshold(rear.stable)),
         ("Front grip must be small: stable with less grip at the front",
@@ -250,7 +236,8 @@ def build_tyres_sheet(tractor: Tractor) -> ExperimentSheet:
         ("Rear grip hardly changes the radius: within 10 %", lambda _, rear: _compute_radius_ratio(rear) < 1.1),
         ("The radius is inversely proportional to k and alpha_0 of the front tyres, within 15 %",
          lambda front, _: _is_radius_inverse_to_tyres(front)),
-        ("The fixed pair itself oversteers at 35 degrees", lambda front, _: not front.get_stable(0.005, 5.0)),
+        ("The fixed pair itself oversteers at 35 degrees",
+         lambda front, _: not front.stable[front.rows.index(0.005), front.columns.index(5.0)]),
     )  # fmt: skip
     statements = _build_statement_table(
         "Statement of section 6.2.1", ((text, test(*maps_here), test(*maps_of_hypothesis)) for text, test in tests)
@@ -267,11 +254,11 @@ def build_tyres_sheet(tractor: Tractor) -> ExperimentSheet:
         f"The closest hypothesis about Table 4.1: {BEST_HYPOTHESIS}.",
     )
     labels = "alpha_0 (degrees)", "k (per degree)", "Turning radius (m)"
-    grid = np.array(maps_here[0].limits_deg), np.array(maps_here[0].slopes_per_deg)
+    grid = np.array(maps_here[0].columns), np.array(maps_here[0].rows)
     maps = tuple(
-        HeatMap(f"{tyre_map.axle.capitalize()} tyres, {title}", *labels, *grid, tyre_map.radius_m, "oversteer")
+        HeatMap(f"{axle.capitalize()} tyres, {title}", *labels, *grid, tyre_map.radius_m, "oversteer")
         for title, pair in (("the other axle fixed", maps_here), ("closest hypothesis", maps_of_hypothesis))
-        for tyre_map in pair
+        for axle, tyre_map in zip(AXLES, pair, strict=True)
     )
     return ExperimentSheet("tyres", "Tyres (Fig. 6.2)", words, (), maps, (statements,))
 
@@ -289,14 +276,14 @@ def _is_stable_above_threshold(stable: Flags) -> bool:
     return bool(rows and stable.any() and not stable.all())
 
 
-def _compute_radius_ratio(tyre_map: TyreMap) -> float:
+def _compute_radius_ratio(tyre_map: RadiusMap) -> float:
     radii = tyre_map.radius_m[tyre_map.stable]
     return float(radii.max() / radii.min()) if len(radii) else np.nan
 
 
-def _is_radius_inverse_to_tyres(tyre_map: TyreMap) -> bool:
+def _is_radius_inverse_to_tyres(tyre_map: RadiusMap) -> bool:
     """Whether radius times slope times limit is the same over all stable cells, within 15 %."""
-    product = (np.outer(tyre_map.slopes_per_deg, tyre_map.limits_deg) * tyre_map.radius_m)[tyre_map.stable]
+    product = (np.outer(tyre_map.rows, tyre_map.columns) * tyre_map.radius_m)[tyre_map.stable]
     return bool(len(product) and np.abs(product / np.median(product) - 1.0).max() < 0.15)
 
 
@@ -305,7 +292,7 @@ def build_mass_sheet(tractor: Tractor) -> ExperimentSheet:
     sweep_here = sweep_centre_of_mass(tractor)
     sagging, closest = build_best_hypothesis(tractor)
     sweep_of_hypothesis = sweep_centre_of_mass(sagging, tyres=closest)
-    tests: tuple[tuple[str, Callable[[CentreOfMassSweep], bool]], ...] = (
+    tests: tuple[tuple[str, Callable[[RadiusMap], bool]], ...] = (
         ("A centre of mass further back stabilises: no position behind a stable one is unstable",
          lambda sweep: bool((sweep.stable[:, 1:] >= sweep.stable[:, :-1]).all() and sweep.stable.any())),
         ("At 25 degrees every position is stable", lambda sweep: bool(sweep.stable[0].all())),
@@ -328,37 +315,38 @@ def build_mass_sheet(tractor: Tractor) -> ExperimentSheet:
         _build_path_panel("Paths at 35 degrees", sweep_here),
         _build_path_panel("Paths at 35 degrees, closest hypothesis", sweep_of_hypothesis),
     )
-    header = ("Behind the front axle", *(f"{angle:g} deg" for angle in sweep_here.angles_deg))
+    header = ("Behind the front axle", *(f"{angle:g} deg" for angle in sweep_here.rows))
     rows = []
-    for column, place in enumerate(sweep_here.front_axle_m):
+    for column, place in enumerate(sweep_here.columns):
         cells = ["oversteer" if np.isnan(radius) else f"{radius:.2f} m" for radius in sweep_here.radius_m[:, column]]
         rows.append((f"{place:.1f} m", *cells))
     tables = statements, TextTable("Turning radius", header, tuple(rows))
     return ExperimentSheet("mass", "Centre of mass (Fig. 6.3)", words, (), panels, tables)
 
 
-def _is_front_unstable(sweep: CentreOfMassSweep) -> bool:
+def _is_front_unstable(sweep: RadiusMap) -> bool:
     """Whether positions are unstable up to some position in the front half, and stable from there on."""
     stable = sweep.stable[1]
     return bool(not stable[0] and stable[len(stable) // 2 :].all() and (stable[1:] >= stable[:-1]).all())
 
 
-def _has_falling_radius(sweep: CentreOfMassSweep) -> bool:
+def _has_falling_radius(sweep: RadiusMap) -> bool:
     radii = sweep.radius_m[0][sweep.stable[0]]
     return bool(len(radii) > 1 and (np.diff(radii) < 0.0).all())
 
 
-def _build_radius_panel(title: str, sweep: CentreOfMassSweep) -> PlotPanel:
+def _build_radius_panel(title: str, sweep: RadiusMap) -> PlotPanel:
     lines = tuple(
-        PlotLine(f"{angle:g} degrees", np.array(sweep.front_axle_m), radii, number)
-        for number, (angle, radii) in enumerate(zip(sweep.angles_deg, sweep.radius_m, strict=True))
+        PlotLine(f"{angle:g} degrees", np.array(sweep.columns), radii, number)
+        for number, (angle, radii) in enumerate(zip(sweep.rows, sweep.radius_m, strict=True))
     )
     labels = "Centre of mass behind the front axle (m)", "Turning radius (m)"
     return PlotPanel(title, *labels, lines, missing="oversteer")
 
 
-def _build_path_panel(title: str, sweep: CentreOfMassSweep) -> PlotPanel:
-    traces = {f"{sweep.front_axle_m[index]:.1f} m": sweep.traces[index] for index in (0, 3, 6, 10)}
+def _build_path_panel(title: str, sweep: RadiusMap) -> PlotPanel:
+    last = sweep.traces[-len(sweep.columns) :]
+    traces = {f"{sweep.columns[index]:.1f} m": last[index] for index in (0, 3, 6, 10)}
     return build_trajectory_panel(title, traces, math.inf)
 
 
@@ -383,7 +371,18 @@ def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace
 
     Raises VehicleError for a request that cannot be driven.
     """
-    _check_request(request)
+    values = {"steer_deg": request.steer_deg, "seconds": request.seconds, "speed_kmh": request.speed_kmh}
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise VehicleError(f"{mark_parameter(name)} is {value}; give a number.")
+    if not MIN_DRIVE_S <= request.seconds <= MAX_DRIVE_S:
+        raise VehicleError(
+            f"{mark_parameter('seconds')} is {request.seconds:g}; use {MIN_DRIVE_S:g} to {MAX_DRIVE_S:g}."
+        )
+    if not 0 < request.speed_kmh <= MAX_SPEED_KMH:
+        raise VehicleError(
+            f"{mark_parameter('speed_kmh')} is {request.speed_kmh:g}; use a speed above 0 and up to {MAX_SPEED_KMH:g}."
+        )
     tractor = load_tractor(request.tractor)
     if request.mass_m is not None:
         tractor = move_centre_of_mass(tractor, request.mass_m)
@@ -398,21 +397,6 @@ def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace
     heading, wheels = (90.0 - np.degrees(trace.get_column("angle"))) % 360.0, np.degrees(trace.get_column("steering"))
     rows = np.column_stack([trace.time_s, trace.compute_path(), heading, wheels])
     return SteeredDrive(radius if circle else None, is_sideslip_settled(trace), front, rear, rows), trace
-
-
-def _check_request(request: SteeredDriveRequest) -> None:
-    values = {"steer_deg": request.steer_deg, "seconds": request.seconds, "speed_kmh": request.speed_kmh}
-    for name, value in values.items():
-        if not math.isfinite(value):
-            raise VehicleError(f"{mark_parameter(name)} is {value}; give a number.")
-    if not MIN_DRIVE_S <= request.seconds <= MAX_DRIVE_S:
-        raise VehicleError(
-            f"{mark_parameter('seconds')} is {request.seconds:g}; use {MIN_DRIVE_S:g} to {MAX_DRIVE_S:g}."
-        )
-    if not 0 < request.speed_kmh <= MAX_SPEED_KMH:
-        raise VehicleError(
-            f"{mark_parameter('speed_kmh')} is {request.speed_kmh:g}; use a speed above 0 and up to {MAX_SPEED_KMH:g}."
-        )
 
 
 def build_drive_sheet(request: SteeredDriveRequest, driven: SteeredDrive, trace: Trace) -> ExperimentSheet:

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from vehicle.model.gnss import load_default_error_table
+from fields.arrays import Integers
+from vehicle.model.gnss import NO_ERROR, load_default_error_table
 from vehicle.model.tractor import Tractor
 from vehicle.trials.drive import CONTROLLED_POINT_M, LOOKAHEAD_M, SLIP_LOOKAHEAD_M, UNLIMITED_M, Trace
 from vehicle.trials.path_following import (
@@ -22,15 +23,14 @@ from vehicle.trials.path_following import (
     SECOND_PASS,
     SECOND_PATH_M,
     SPEEDS_KMH,
-    NavigationPasses,
     PathTracking,
     StepResponse,
-    compute_distance_m,
     drive_navigation,
     drive_slip_test,
     drive_step_response,
     drive_zigzag,
     find_slewing,
+    measure_gap_m,
     measure_weaving_m,
 )
 from vehicle.trials.sheets.fixed_steering import build_slip_panel
@@ -73,7 +73,7 @@ def build_zigzag_sheet(tractor: Tractor) -> ExperimentSheet:
         for name in SIMULATORS
     }
     apart = {
-        setting: compute_distance_m(drives[*setting, "proposed"], drives[*setting, "traditional"])
+        setting: measure_gap_m(*(drives[*setting, name].trace.compute_path() for name in SIMULATORS[:2]))
         for setting in itertools.product(LOOKAHEADS_M, OMEGAS)
     }
     rows, comparisons = [], []
@@ -159,32 +159,21 @@ def build_navigation_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
         "a pass.",
         "The thesis's longitudinal drift of 1 to 1.5 m in 120 s is against the real tractor, of which there is no log.",
     )
-    panels = _build_navigation_panels(passes)
-    return ExperimentSheet("navigation", "Real navigation plan (Table 3.4)", words, tuple(rows), panels)
-
-
-def _build_navigation_panels(passes: NavigationPasses) -> tuple[PlotPanel, ...]:
-    trace = passes.trace
-    place, leg = trace.compute_path(), trace.get_column("leg")
-    whole = PlotLine("controlled point", place[:, 0], place[:, 1], 0)
-    plan = np.concatenate([part.points for part in passes.mission.legs])
-    planned = PlotLine("plan", plan[:, 0], plan[:, 1], 3, True)
-    head = place[:, 1] > PASS_M - 15.0
-    turn = PlotLine("controlled point", place[head, 0], place[head, 1], 0)
-    is_near = plan[:, 1] > PASS_M - 15.0
+    place, plan = passes.trace.compute_path(), np.concatenate([part.points for part in passes.mission.legs])
+    head, is_near = place[:, 1] > PASS_M - 15.0, plan[:, 1] > PASS_M - 15.0
+    whole, turn = (PlotLine("controlled point", part[:, 0], part[:, 1], 0) for part in (place, place[head]))
+    planned, near_plan = (PlotLine("plan", part[:, 0], part[:, 1], 3, True) for part in (plan, plan[is_near]))
     errors = []
-    for number, passing in enumerate((FIRST_PASS, SECOND_PASS)):
-        rows = leg == passing
-        x = passes.mission.legs[passing].points[0, 0]
-        sign = 1.0 if number == 0 else -1.0
-        driven = np.abs(place[rows, 1] - passes.mission.legs[passing].points[0, 1])
-        errors.append(PlotLine(f"pass {number + 1}", driven, 100.0 * sign * (x - place[rows, 0]), number))
-    near_plan = PlotLine("plan", plan[is_near, 0], plan[is_near, 1], 3, True)
-    return (
+    for number, (passing, sign) in enumerate(((FIRST_PASS, 1.0), (SECOND_PASS, -1.0))):
+        x, y = passes.mission.legs[passing].points[0]
+        east, north = place[passes.trace.get_column("leg") == passing].T
+        errors.append(PlotLine(f"pass {number + 1}", np.abs(north - y), 100.0 * sign * (x - east), number))
+    panels = (
         build_map_panel("The plan and the drive", (planned, whole)),
         build_map_panel("Switch-back", (near_plan, turn)),
         PlotPanel("Lateral error on soil", "Along the pass (m)", "Path lies to the right by (cm)", tuple(errors)),
     )
+    return ExperimentSheet("navigation", "Real navigation plan (Table 3.4)", words, tuple(rows), panels)
 
 
 def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
@@ -210,21 +199,18 @@ def build_slip_sheet(tractor: Tractor) -> ExperimentSheet:
         f"{MUD_RATIO:.2f}). Without the curve the models hardly differ.",
         "Heading errors are measured against the line to the target point (section 2.2.3).",
     )
-    panels, tables = _build_slip_panels(results), (_build_point_table(tractor),)
-    return ExperimentSheet("slip", "Asphalt and mud (Table 4.3)", words, tuple(rows), panels, tables)
-
-
-def _build_point_table(tractor: Tractor) -> TextTable:
-    rows = []
+    points = []
     for point in POINTS_M:
         cells = []
         for ground, model in (("asphalt", "nonlinear"), ("mud", "nonlinear"), ("mud", "linear")):
             sizes = drive_slip_test(tractor, ground, model, point_m=point).sizes
             lateral = f"{sizes.lateral_max:.3f} / {sizes.lateral_mean:.3f} m"
             cells.append(f"{lateral}, {sizes.heading_mean_deg:.2f} deg")
-        rows.append((f"{point:+.2f} m", *cells))
+        points.append((f"{point:+.2f} m", *cells))
     header = ("Controlled point ahead of the centre of mass", "Asphalt", "Mud, non-linear", "Mud, linear")
-    return TextTable("Lateral error, maximum / average, and mean heading error", header, tuple(rows))
+    table = TextTable("Lateral error, maximum / average, and mean heading error", header, tuple(points))
+    panels = _build_slip_panels(results)
+    return ExperimentSheet("slip", "Asphalt and mud (Table 4.3)", words, tuple(rows), panels, (table,))
 
 
 def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[PlotPanel, ...]:
@@ -248,9 +234,9 @@ def _build_slip_panels(results: dict[tuple[str, str], PathTracking]) -> tuple[Pl
 
 def build_step_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     """Tables 3.1, 3.2 and 3.3, and the plots of Fig. 3.2 to 3.5."""
-    quiet = _drive_quiet(tractor)
-    noisy = _drive_noisy(tractor, tractor.guidance.lateral_limit_m, seed)
-    bare = _drive_noisy(tractor, UNLIMITED_M, seed)
+    quiet = _drive_steps(tractor, UNLIMITED_M, seed, SIMULATORS, grounds=GROUNDS, errors=NO_ERROR)
+    noisy = _drive_steps(tractor, tractor.guidance.lateral_limit_m, seed)
+    bare = _drive_steps(tractor, UNLIMITED_M, seed)
     rows = _compare_trajectories(quiet) + _compare_table_3_3(noisy, bare)
     words = _describe_results(quiet, noisy, bare, tractor.guidance.lateral_limit_m)
     tables = (_build_path_length_table(tractor, noisy, seed), _build_weaving_table(tractor))
@@ -258,31 +244,24 @@ def build_step_sheet(tractor: Tractor, seed: int = 1) -> ExperimentSheet:
     return ExperimentSheet("step", title, words, tuple(rows), panels, tables)
 
 
-def _drive_quiet(tractor: Tractor) -> Steps:
-    """All drives without GNSS errors, by ground, simulator, speed and offset."""
-    return {
-        (ground, steering, speed, offset): drive_step_response(tractor, offset, speed, ground, steering)
-        for ground in GROUNDS
-        for steering in SIMULATORS
-        for speed in SPEEDS_KMH
-        for offset in OFFSETS_CM
-    }
-
-
-def _drive_noisy(
+def _drive_steps(
     tractor: Tractor,
     limit_m: float,
     seed: int,
     simulators: Sequence[str] = ("proposed", "traditional"),
     second_m: float = SECOND_PATH_M,
+    *,
+    grounds: Sequence[str] = ("soil",),
+    errors: Integers | None = None,
 ) -> Steps:
-    """The drives of Table 3.3: on soil, each with its own GNSS errors."""
-    errors = load_default_error_table()
+    """Drives by ground, simulator, speed and offset, each with its own GNSS errors: on soil those of Table 3.3."""
+    table = load_default_error_table() if errors is None else errors
     return {
-        ("soil", steering, speed, offset): drive_step_response(
-            tractor, offset, speed, "soil", steering,
-            position_errors=errors, seed=1000 * seed + number, limit_m=limit_m, second_m=second_m,
+        (ground, steering, speed, offset): drive_step_response(
+            tractor, offset, speed, ground, steering,
+            position_errors=table, seed=1000 * seed + number, limit_m=limit_m, second_m=second_m,
         )
+        for ground in grounds
         for steering in simulators
         for speed in SPEEDS_KMH
         for number, offset in enumerate(OFFSETS_CM)
@@ -295,7 +274,7 @@ def _build_path_length_table(tractor: Tractor, noisy: Steps, seed: int) -> TextT
     for length in LENGTHS_M:
         drives = noisy
         if length != SECOND_PATH_M:
-            drives = _drive_noisy(tractor, tractor.guidance.lateral_limit_m, seed, ("proposed",), length)
+            drives = _drive_steps(tractor, tractor.guidance.lateral_limit_m, seed, ("proposed",), length)
         cells = [drive.mean_lateral_error_cm for key, drive in drives.items() if key[1] == "proposed"]
         inside = sum(2.0 <= cell <= 6.0 for cell in cells)
         rows.append((f"{length:g} m", f"{inside} of {len(cells)}", f"{min(cells):.1f} cm", f"{max(cells):.1f} cm"))

@@ -154,7 +154,12 @@ def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
     table = TextTable("Expected and driven", header, tuple(map(_build_row, checks)))
     half_title = f"A half circle of {half.radius_m:.2f} m between swaths, {APPROACH_LENGTH_M:g} m before it"
     half_panel = build_map_panel(f"{half_title}, on {TRIAL_GROUND}", _build_lines(half.driven_path, half.path))
-    panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), half_panel)
+    far = LANE_AT_M + 2.0 * MAX_SETTLING_M
+    part = lane.path[(lane.path[:, 1] > 0.0) & (lane.path[:, 1] < far)]
+    path = np.array([[0.0, 0.0], [LANE_AT_M, 0.0], [LANE_AT_M, LANE_M], [far, LANE_M]])
+    lane_title = f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}"
+    lane_panel = PlotPanel(lane_title, "Along (m)", "To the right (m)", _build_lines(part[:, ::-1], path))
+    panels = (*_build_circle_panels(circle_trials), lane_panel, half_panel)
     sentences = (*verdict.words, describe_radius_reference(tractor))
     return verdict, ExperimentSheet("proved", f"Check of {tractor.name}", sentences, (), panels, (table,))
 
@@ -250,33 +255,22 @@ def describe_electric_drive(tractor: Tractor) -> str:
 
 
 def _build_circle_panels(circle_trials: Sequence[CircleTrial]) -> Iterator[PlotPanel]:
+    """The circles on each ground, and those of the expected radius round the centres of the circles at the end."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
     for ground in dict.fromkeys(trial.ground for trial in circle_trials):
         lines = []
         for number, trial in enumerate(circle_trial for circle_trial in circle_trials if circle_trial.ground == ground):
             side = "right" if trial.steering_deg > 0 else "left"
             label = f"{abs(trial.steering_deg):.1f} degrees {side}, {trial.expected_m:.2f} m expected"
-            lines += [build_track_line(label, trial.circle.antenna_path, number), _build_expected_line(trial)]
+            track = trial.circle.antenna_path
+            ahead = track[-1] - track[-2]
+            aside = np.array([ahead[1], -ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
+            middle = track[-1] - track[0] + np.copysign(trial.circle.radius_m, trial.steering_deg) * aside
+            x, y = middle[0] + trial.expected_m * np.cos(turn), middle[1] + trial.expected_m * np.sin(turn)
+            # Underscore: matplotlib leaves it out of the legend, where the driven line names the expected radius.
+            expected = PlotLine("_expected", x, y, EXPECTED_COLOUR, dashed=True)
+            lines += [build_track_line(label, track, number), expected]
         yield build_map_panel(f"Circles on {ground}; dashed: expected", lines)
-
-
-def _build_expected_line(trial: CircleTrial) -> PlotLine:
-    """The circle of the expected radius round the centre of the circle driven at the end."""
-    track = trial.circle.antenna_path
-    ahead = track[-1] - track[-2]
-    aside = np.array([ahead[1], -ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
-    middle = track[-1] - track[0] + np.copysign(trial.circle.radius_m, trial.steering_deg) * aside
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
-    x, y = middle[0] + trial.expected_m * np.cos(turn), middle[1] + trial.expected_m * np.sin(turn)
-    # Underscore: matplotlib leaves it out of the legend, where the driven line names the expected radius.
-    return PlotLine("_expected", x, y, EXPECTED_COLOUR, dashed=True)
-
-
-def _build_lane_panel(lane: LaneTrial) -> PlotPanel:
-    far = LANE_AT_M + 2.0 * MAX_SETTLING_M
-    part = lane.path[(lane.path[:, 1] > 0.0) & (lane.path[:, 1] < far)]
-    path = np.array([[0.0, 0.0], [LANE_AT_M, 0.0], [LANE_AT_M, LANE_M], [far, LANE_M]])
-    title = f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}"
-    return PlotPanel(title, "Along (m)", "To the right (m)", _build_lines(part[:, ::-1], path))
 
 
 def _build_lines(driven_path: Floats, path: Floats) -> tuple[PlotLine, PlotLine]:

@@ -253,14 +253,13 @@ def _describe_results(
         f"{_compute_heading_deg(thesis):.2f} degrees by the thesis's method, {ours.distance_m.mean():.3f} m and "
         f"{_compute_heading_deg(ours):.2f} degrees by prediction. The printed 0.5 to 1 m are 0.6 to 1.1 s of driving: "
         "in the table below the thesis's method has them with frames 0.6 to 1 s old.",
-        *(f"{section}: {_describe_mismatch(mismatch)}" for section, mismatch in zip(sections, mismatches, strict=True)),
+        *(
+            f"{section}: The twin's corrections do not exceed what noise explains."
+            if mismatch is None
+            else f"{section}: After {mismatch.detected_s:.0f} s the twin reports: {mismatch.words}"
+            for section, mismatch in zip(sections, mismatches, strict=True)
+        ),
     )
-
-
-def _describe_mismatch(mismatch: ModelMismatch | None) -> str:
-    if mismatch is None:
-        return "The twin's corrections do not exceed what noise explains."
-    return f"After {mismatch.detected_s:.0f} s the twin reports: {mismatch.words}"
 
 
 def _build_panels(
