@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from strategies.formations.formation_plan import QueueRule, write_formation
-from strategies.formations.formation_site import FleetOrder, FormationSite, OrderedRounds
+from strategies.formations.formation_site import OrderedRounds
 from strategies.formations.queue_rules import list_passes_s, measure_rounds_s
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
@@ -69,16 +69,6 @@ class Formation:
             begun_s + pass_s + _measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)
             for tour, _, pass_s in pairs
         ]
-
-
-def compose_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> Formation:
-    """A formation with the headland first or last ("" for any); raises StrategyError without a round."""
-    return Formation(site.share(FleetOrder(tractors, headland, rule.in_rows)), rule)
-
-
-def sketch_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> Formation:
-    """The same as it is likely to be, before anything is driven for it."""
-    return Formation(site.sketch(FleetOrder(tractors, headland, rule.in_rows)), rule)
 
 
 def _measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:

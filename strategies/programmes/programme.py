@@ -15,6 +15,7 @@ import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
 from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
+from strategies.path_planning.paths import Pose
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import DETOUR_S
@@ -26,8 +27,6 @@ from strategies.programmes.ways_home import Way, WayBook
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-Pose = tuple[float, float, float]
 
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 

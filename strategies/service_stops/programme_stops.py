@@ -31,9 +31,15 @@ from strategies.programmes.tour_legs import (
 from strategies.rules.legs import add_wait_points, make_mission
 from strategies.rules.supply import PLACE, Point, Supply
 from strategies.service_stops.load_tours import order_for_loads
-from strategies.service_stops.service_gates import add_queue_gates, note_stops
+from strategies.service_stops.service_gates import (
+    WAIT_POINT_STEP_M,
+    MissionWithStops,
+    ServiceStop,
+    add_queue_gates,
+    find_waiting_leg,
+    note_stops,
+)
 from strategies.service_stops.stop_moves import StopMoves
-from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
 from strategies.service_stops.tour_parts import TourPart, measure_line_need
 from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
 from strategies.site.ground import CELL_M, measure_rooms

@@ -1,5 +1,5 @@
-"""Gates that let one tractor at a time be served, what the notes of a plan hold of its stops, and what its tractors
-carry.
+"""Stops in the legs of tractors at which tanks are refilled or emptied, gates that let one tractor at a time be served,
+what the notes of a plan hold of its stops, and what its tractors carry.
 
 Of a plan that does not say what a tractor carries, the most work that any of its tractors does with one load is taken
 as a load.
@@ -15,10 +15,37 @@ from itertools import pairwise
 from fields.geometry.arithmetic import ROUNDING
 from strategies.path_planning.paths import Pose
 from strategies.rules.supply import PLACE, Supply
-from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
 from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, NotedStop, Plan, PlanNotes
 
+SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
+WAIT_POINT_STEP_M = SERVICE_CLEAR_M  # between places to wait on the path to a place and back, with several tractors
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
+
+
+@dataclass(frozen=True)
+class ServiceStop:
+    """Before leg `leg` the tank is refilled or emptied by `amount` (l or kg; kWh of a battery).
+
+    The tractor may wait for its turn before leg `hold_leg`.
+    """
+
+    leg: int
+    hold_leg: int
+    amount: float
+
+
+@dataclass(frozen=True)
+class MissionWithStops:
+    """The legs of a mission with its stops."""
+
+    legs: tuple[Leg, ...]
+    stops: tuple[ServiceStop, ...]
+
+
+def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:
+    """The last leg before a stop, from `least` on, before which a tractor may wait; else the path to the stop."""
+    work_legs = (number for number in range(len(legs) - 1, least - 1, -1) if legs[number].may_wait)
+    return next(work_legs, len(legs))
 
 
 def note_stops(notes: PlanNotes, missions: Sequence[MissionWithStops], supply: Supply) -> PlanNotes:
