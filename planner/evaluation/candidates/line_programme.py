@@ -20,8 +20,8 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import MODEL_ERROR_SHARE
-from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
-from strategies.formations.formation_site import FormationSite
+from strategies.formations.compose import Formation, describe_formation_share
+from strategies.formations.formation_site import FleetOrder, FormationSite
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -204,15 +204,14 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
     _check_supply_lasts(context, tractors)
 
     def form_up(order: str) -> SketchedPlan:
-        site = get_formation_site(context)
+        site, fleet = get_formation_site(context), FleetOrder(tractors, order, rule.in_rows)
         _check_tracks_suffice(context, tractors)
 
         def compose() -> ComposedPlan:
-            formation = compose_formation(site, tractors, order, rule)
+            formation = Formation(site.share(fleet), rule)
             return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
 
-        tractor_s = sketch_formation(site, tractors, order, rule).compute_tractor_s()
-        return SketchedPlan(order, tractor_s, compose)
+        return SketchedPlan(order, Formation(site.sketch(fleet), rule).compute_tractor_s(), compose)
 
     return form_up
 
