@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from fields.layout.swaths import WIDTH_STEP_M
-from strategies.path_planning.paths import DrivePath, build_path_from_rows
+from strategies.path_planning.paths import PATH_KINDS, DrivePath, build_path_from_rows
 from strategies.path_planning.primitives import (
     MAX_PIECES,
     MAX_PRIMITIVES,
@@ -32,7 +32,7 @@ def list_turns(spacing_m: float, radius_m: float) -> list[DrivePath]:
     turns = []
     for add_primitives in TURN_FAMILIES:
         count = add_primitives(np.array(a), np.array(b), radius_m, rows, kinds, 0)
-        paths = [build_path_from_rows(a, rows[k], int(kinds[k])) for k in range(count)]
+        paths = [build_path_from_rows(a, rows[k], PATH_KINDS[kinds[k]]) for k in range(count)]
         turns.append(min(paths, key=lambda path: (round(path.length_m, 6), path.segments[0].curvature)))
         if turns[0].kind == "u":
             break

@@ -151,7 +151,9 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
             legs += _build_way(table, depart, task, is_alone=is_alone)
         elif direct is not None:
             legs += build_move(table, goal.node, direct)
-    legs = _let_stand([*legs, *build_way_out(table, parts[-1].node)], placed, stops)
+    legs += build_way_out(table, parts[-1].node)
+    for at, served in zip(placed, stops, strict=True):
+        legs[at.leg] = legs[at.leg].copy_with(stand_s=served.stand_s)
     return MissionWithStops(make_mission(stand_to_unfold(table.site, legs)).legs, tuple(placed))
 
 
@@ -159,14 +161,6 @@ def _build_way(table: MoveTable, move: Move | None, task: LegTask, *, is_alone: 
     """The legs of a move to a place or on from there; none where there is no place."""
     legs = [] if move is None else build_path_legs(table.site, move.path, task)
     return legs if is_alone else add_wait_points(legs, WAIT_POINT_STEP_M)
-
-
-def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequence[TourStop]) -> list[Leg]:
-    """The legs with the time that a tractor stands before each leg at which it is served."""
-    standing = list(legs)
-    for at, stop in zip(placed, stops, strict=True):
-        standing[at.leg] = standing[at.leg].copy_with(stand_s=stop.stand_s)
-    return standing
 
 
 def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None) -> Floats:

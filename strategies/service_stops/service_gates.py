@@ -96,7 +96,8 @@ def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]
     that moves on: no two wait for each other.
     """
     clock = _ServiceClock(legs, [[] for _ in legs], [0.0] * len(legs))
-    stops_by_leg = [{_get_waiting_leg(stop, supply): stop for stop in tractor_stops} for tractor_stops in stops]
+    waits_afar = supply.served_at == PLACE
+    stops_by_leg = [{stop.hold_leg if waits_afar else stop.leg: stop for stop in of_tractor} for of_tractor in stops]
     queued_legs: set[tuple[int, int]] = set()
     last_served: tuple[int, LegGate] | None = None
     while True:
@@ -112,11 +113,6 @@ def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]
         if last_served is not None and last_served[0] != tractor:
             legs[tractor][number] = legs[tractor][number].copy_with_gates([last_served[1]])
         last_served = tractor, _build_leaving_gate(legs[tractor], tractor, stops_by_leg[tractor][number], supply)
-
-
-def _get_waiting_leg(stop: ServiceStop, supply: Supply) -> int:
-    """The leg before which a tractor waits for its turn."""
-    return stop.hold_leg if supply.served_at == PLACE else stop.leg
 
 
 def _build_leaving_gate(legs: Sequence[Leg], tractor: int, stop: ServiceStop, supply: Supply) -> LegGate:

@@ -204,7 +204,10 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
     _check_supply_lasts(context, tractors)
 
     def form_up(order: str) -> SketchedPlan:
-        site, fleet = get_formation_site(context), FleetOrder(tractors, order, rule.in_rows)
+        site = recall(
+            context, FormationSite, lambda: FormationSite(_require_lines(context), build_clearance_check(context, True))
+        )
+        fleet = FleetOrder(tractors, order, rule.in_rows)
         _check_tracks_suffice(context, tractors)
 
         def compose() -> ComposedPlan:
@@ -251,13 +254,6 @@ def _check_tracks_suffice(context: PlanningContext, tractors: int) -> None:
             f"{tractors} tractors in formation need {tractors} tracks, and there is work on {count}; use split-field "
             "or interleaved."
         )
-
-
-def get_formation_site(context: PlanningContext) -> FormationSite:
-    """What the formations of a context have in common."""
-    return recall(
-        context, FormationSite, lambda: FormationSite(_require_lines(context), build_clearance_check(context, True))
-    )
 
 
 def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
