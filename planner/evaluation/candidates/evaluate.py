@@ -16,7 +16,7 @@ from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, appraise_drive, measure_candidate
 from planner.evaluation.candidates.fleet_drive import FleetDriver, compute_machine_gap_m, compute_nearness_m
-from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, SketchedPlan, sketch_plans
+from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, drive_composed, sketch_plans
 from planner.evaluation.candidates.pruning import (
     describe_loss,
     describe_nearness,
@@ -183,12 +183,15 @@ def _run_unless_pruned(
     incumbent."""
     if isinstance(sketches, StrategyError):
         raise sketches
-    driver = ProgrammeDriver(context, get_strategy(candidate.strategy).beside)
+    driver = FleetDriver(context, get_strategy(candidate.strategy).beside)
 
     def drive(composed: ComposedPlan) -> tuple[CandidateRun, float]:
-        driven = _check_run(context, driver.drive(composed))
+        driven = _check_run(context, drive_composed(context, driver, composed))
         dropped = driven.run.plan.notes.loosened  # gates that the operation asks for: each as dear as the plan
         return driven, math.inf if driven.reason else (1 + dropped) * driven.run.duration_s
+
+    def measure_alone_s(composed: ComposedPlan) -> list[float]:
+        return driver.measure_alone_s(composed.plan)
 
     def find_loss_s(tractor_s: Sequence[float]) -> float | None:
         return estimate_loss_s(context, tractor_s, incumbent)
@@ -198,7 +201,7 @@ def _run_unless_pruned(
             return composed.compose_anew and composed.compose_anew(composed.plan, driven)
         return None
 
-    return drive_best(sketches, driver.measure_alone_s, drive, find_loss_s, compose_anew)
+    return drive_best(sketches, measure_alone_s, drive, find_loss_s, compose_anew)
 
 
 def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:

@@ -400,28 +400,17 @@ def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: PlanNo
     return add_order_gates(plan, table.site, first, context.tractor.width_m, is_kept=is_kept)
 
 
-class ProgrammeDriver:
-    """Drives composed plans of a candidate; tractors give way to one another."""
-
-    def __init__(self, context: PlanningContext, beside: bool) -> None:
-        """For the machines and ground of a context, beside each other or not."""
-        self._context, self._driver = context, FleetDriver(context, beside)
-
-    def measure_alone_s(self, composed: ComposedPlan) -> list[float]:
-        """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
-        return self._driver.measure_alone_s(composed.plan)
-
-    def drive(self, composed: ComposedPlan) -> CandidateRun:
-        """The run of a composed plan, with what is known of it without measuring."""
-        run, reason = self._driver.drive(composed.plan)
-        table = composed.programme.table
-        moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
-        turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
-        left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
-        left += _list_machine_remarks(composed, self._context)
-        return CandidateRun(
-            run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
-        )
+def drive_composed(context: PlanningContext, driver: FleetDriver, composed: ComposedPlan) -> CandidateRun:
+    """The run of a composed plan, with what is known of it without measuring."""
+    run, reason = driver.drive(composed.plan)
+    table = composed.programme.table
+    moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
+    turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
+    left, apart = list_left_remarks(composed.programme, context), describe_formation_share(composed.plan)
+    left += _list_machine_remarks(composed, context)
+    return CandidateRun(
+        run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
+    )
 
 
 def _list_machine_remarks(composed: ComposedPlan, context: PlanningContext) -> tuple[Remark, ...]:
