@@ -57,7 +57,8 @@ def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
             difference = _compute_angle_between(angle, angle[i])
             alive &= ~((difference < PARALLEL_RAD) | ((difference < MERGE_RAD) & shorter))
     angles: list[float] = angle[chosen].tolist()
-    return angles + [one for one in _find_rectangle_directions(boundary) if not _is_nearly_parallel(one, angles)]
+    around = _find_rectangle_directions(boundary)
+    return angles + [one for one in around if not (_compute_angle_between(angles, one) < PARALLEL_RAD).any()]
 
 
 def list_trial_bearings(boundary: shapely.Polygon) -> list[float]:
@@ -110,10 +111,6 @@ def _find_rectangle_directions(boundary: shapely.Polygon) -> list[float]:
     is_smallest = np.flatnonzero(area <= area.min() * (1.0 + ROUNDING))[:MAX_DIRECTIONS]
     quarter = np.where(size[0] >= size[1], 0.0, math.pi / 2)
     return sorted(((angle + quarter) % math.pi)[is_smallest].tolist())
-
-
-def _is_nearly_parallel(angle: float, angles: list[float]) -> bool:
-    return any(_compute_angle_between(angle, other) < PARALLEL_RAD for other in angles)
 
 
 def _compute_angle_between(a: npt.ArrayLike, b: npt.ArrayLike) -> Floats:

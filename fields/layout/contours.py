@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from fields.arrays import Floats, build_directions, compute_angles
-from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
+from fields.geometry.arithmetic import multiply
 from fields.geometry.field import Field
 from fields.geometry.overlays import intersect_on_grid
 from fields.layout.headland_passes import compute_inner_region
@@ -109,7 +109,7 @@ def lay_contour_swaths(
     """
     depth_m = headland_passes * width_m
     region = compute_inner_region(field, depth_m)
-    rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
+    rules = PatternRules.inside_headland(region, width_m, min_spacing_m)
     best: tuple[float, float, tuple[Swath, ...]] = (math.inf, 0.0, ())
     for contour in () if region.is_empty else _iter_contours(grid, region):
         for one in _iter_guides(contour, region, max(radius_m, 0.5 * width_m)):

@@ -121,7 +121,7 @@ def lay_headland_passes(
     _check_pass_request(width_m, count, corner_length_m)
     passes: list[HeadlandPass] = []
     for number in range(1, count + 1):
-        passes += _draw_passes(field.boundary, width_m, number, corner_length_m)
+        passes += _draw_passes(field, width_m, number, corner_length_m)
     return tuple(passes)
 
 
@@ -139,11 +139,9 @@ def _check_pass_request(width_m: float, count: int, corner_length_m: float) -> N
         raise FieldError(f"The length of a corner is {corner_length_m} m; give a length above 0 m.")
 
 
-def _draw_passes(
-    boundary: shapely.Polygon, width_m: float, number: int, corner_length_m: float
-) -> Iterator[HeadlandPass]:
+def _draw_passes(field: Field, width_m: float, number: int, corner_length_m: float) -> Iterator[HeadlandPass]:
     """Every pass of a number: rings first, then middles of narrow strips."""
-    middle = _inset_polygon(boundary, (number - 0.5) * width_m - GRID_M)
+    middle = compute_inner_region(field, (number - 0.5) * width_m - GRID_M)
     wide = [part for part in _sort_polygons(middle) if 2.0 * part.area / part.length >= MIN_RING_THICKNESS * width_m]
     for part in wide:
         for place, ring in enumerate((part.exterior, *part.interiors)):
@@ -151,21 +149,15 @@ def _draw_passes(
                 sides = _split_into_sides(np.asarray(ring.simplify(SIMPLIFY_M).coords)[:-1, :2], corner_length_m)
                 yield HeadlandPass(number, sides, is_round_hole=place > 0)
     worked = shapely.MultiPolygon(wide).buffer(0.5 * width_m, join_style="mitre", mitre_limit=SHARP_MITRE_LIMIT)
-    # The outermost pass is not laid where the field is narrower than the implement.
-    ground = _inset_polygon(boundary, (number - 1) * width_m) if number > 1 else _widen(middle, width_m, boundary)
+    if number > 1:
+        ground = compute_inner_region(field, (number - 1) * width_m)
+    else:  # the outermost pass is not laid where the field is narrower than the implement
+        wide_enough = middle.buffer(0.5 * width_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+        ground = intersect(wide_enough, field.boundary)
     for part in _sort_polygons(subtract(ground, worked)):
         line = find_centre_line(part, width_m) if part.area >= MIN_OPEN_AREA * width_m**2 else None
         if line is not None:
             yield HeadlandPass(number, (HeadlandPassSide(line),), is_closed=False)
-
-
-def _widen(middle: shapely.Geometry, width_m: float, boundary: shapely.Polygon) -> shapely.Geometry:
-    """The ground that passes along a region of their middle lines cover."""
-    return intersect(middle.buffer(0.5 * width_m, join_style="mitre", mitre_limit=MITRE_LIMIT), boundary)
-
-
-def _inset_polygon(boundary: shapely.Polygon, depth_m: float) -> shapely.Geometry:
-    return boundary.buffer(-depth_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
 
 
 def _sort_polygons(region: shapely.Geometry) -> list[shapely.Polygon]:

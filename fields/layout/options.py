@@ -11,7 +11,7 @@ import shapely
 
 from fields.arrays import Floats
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.arithmetic import MIN_SWATH_LENGTH_M, multiply
+from fields.geometry.arithmetic import multiply
 from fields.geometry.field import Field
 from fields.layout.bearings import list_candidate_bearings, list_trial_bearings
 from fields.layout.cells import PLAIN_RATES, Cell, EffortRates, RegionPart, divide_region, estimate_costs_m
@@ -67,9 +67,7 @@ def _estimate_cell_turns_m(swaths: Sequence[Swath], cell: Cell, rates: EffortRat
 def find_cheapest_bearing_deg(field: Field, region: shapely.Geometry, width_m: float, rates: EffortRates) -> float:
     """The bearing (degrees clockwise from north) that seems cheapest for swaths over a region of a field."""
     angles = np.array(list_trial_bearings(field.boundary))
-    return _convert_to_bearing_deg(
-        float(angles[np.round(estimate_costs_m(region, angles, width_m, rates), 3).argmin()])
-    )
+    return 90.0 - math.degrees(angles[np.round(estimate_costs_m(region, angles, width_m, rates), 3).argmin()])
 
 
 def list_layout_alternatives(base_layout: Layout, rates: EffortRates = PLAIN_RATES) -> list[Layout]:
@@ -110,10 +108,6 @@ def _list_promising_bearings(first: float, angles: Floats, cost: Floats) -> list
     return chosen[1:]
 
 
-def _convert_to_bearing_deg(bearing_rad: float) -> float:
-    return 90.0 - math.degrees(bearing_rad)
-
-
 @dataclass(frozen=True, eq=False)
 class _CellSwaths:
     """A region, the direction of its swaths (radians), and its swaths, lines counted from 0."""
@@ -135,14 +129,7 @@ def lay_cell_swaths(base_layout: Layout, parts: Sequence[RegionPart]) -> Layout:
 
 def _cover_cells(base_layout: Layout, cells: Iterable[tuple[shapely.Geometry, float]]) -> list[_CellSwaths]:
     """Swaths over regions in their directions; regions not worth a swath are dropped."""
-    rules = PatternRules(
-        base_layout.width_m,
-        0.0,
-        MIN_SWATH_LENGTH_M,
-        0.5 * base_layout.width_m,
-        base_layout.inner_region.area,
-        base_layout.min_spacing_m,
-    )
+    rules = PatternRules.inside_headland(base_layout.inner_region, base_layout.width_m, base_layout.min_spacing_m)
     entrance = base_layout.field.entrance
     return [
         _CellSwaths(region, bearing, number_from_longer_side(build_swaths(pattern, compute_axes(bearing)), entrance))
@@ -197,9 +184,8 @@ def replace_bearings(layout: Layout, bearings_deg: Mapping[int, float]) -> Layou
 def _order_cells(cells: list[_CellSwaths]) -> list[_CellSwaths]:
     """Cells in an order of short ways, an outer one first; lines of each begin where the cell before ends."""
     distance = np.array([[shapely.distance(a.region, b.region) for b in cells] for a in cells])
-    remoteness = distance.sum(axis=1) + np.array(
-        [shapely.distance(a.region.centroid, _find_cells_centroid(cells)) for a in cells]
-    )
+    centroids = [cell.region.centroid for cell in cells]
+    remoteness = distance.sum(axis=1) + shapely.distance(centroids, shapely.MultiPoint(centroids).centroid)
     place = int(np.round(remoteness, 3).argmax())
     row, remaining = [], list(range(len(cells)))
     end: shapely.Point | None = None
@@ -215,10 +201,6 @@ def _order_cells(cells: list[_CellSwaths]) -> list[_CellSwaths]:
         end = _build_line(cell.swaths[-1]).centroid
         place = next_place
     return row
-
-
-def _find_cells_centroid(cells: list[_CellSwaths]) -> shapely.Point:
-    return shapely.MultiPoint([one.region.centroid for one in cells]).centroid
 
 
 def _build_line(swath: Swath) -> shapely.LineString:

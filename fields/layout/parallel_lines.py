@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from fields.arrays import Floats, Integers, build_directions
-from fields.geometry.arithmetic import CURVE_M, GRID_M, multiply
+from fields.geometry.arithmetic import CURVE_M, GRID_M, MIN_SWATH_LENGTH_M, multiply
 from fields.geometry.overlays import intersect_on_grid
 
 TURN_COST_M = 15.0
@@ -71,6 +71,11 @@ class PatternRules:
     edge_offset_m: float
     field_area_m2: float
     min_spacing_m: float = 0.0
+
+    @classmethod
+    def inside_headland(cls, region: shapely.Geometry, width_m: float, min_spacing_m: float) -> PatternRules:
+        """Those of lines that cover a region, which worked headland passes surround, to its edges."""
+        return cls(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
 
 
 def collect_edges(region: shapely.Geometry) -> Floats:

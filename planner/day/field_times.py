@@ -79,7 +79,7 @@ def hash_field_time_order(order: WorkOrder) -> str:
         nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
     sources = [one for one in order.done if isinstance(one, str)]
     files = hash_height_files(elevation_name), hash_strategies(request.strategies), hash_sources(sources)
-    return hash_content(nameless, request, order.tractor, order.implement, order.supply, files, worker=__name__)
+    return hash_content(nameless, request, order.tractor, order.implement, order.supply, files)
 
 
 def find_left_ha(field: Field, field_times: Iterable[FieldTime | None]) -> float:

@@ -32,7 +32,6 @@ from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_la
 from strategies.programmes.site_moves import SiteMoves
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.supply import Supply
-from strategies.rules.turn_costs import TurnCosts
 from vehicle.model.tractor import Implement, Tractor
 
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
@@ -115,7 +114,6 @@ class PlanningContext:
     bare_tractor: Tractor
     implement: Implement
     driving_rules: DrivingRules
-    costs: TurnCosts
     free_space: shapely.Geometry
     turn_kinds: tuple[str, ...]
     fitting_turns: tuple[bool, ...]

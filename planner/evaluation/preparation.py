@@ -62,12 +62,7 @@ from planner.request.plan_request import MIN_CLEARANCE_M, STRAIGHT, PlanRequest
 from planner.request.service_points import locate_service_point
 from planner.risk.assessment import build_decision_criteria
 from planner.risk.costs import CostTerms
-from strategies.path_planning.turns import (
-    TurnReach,
-    compute_available_turn_depth_m,
-    compute_headland_m,
-    list_allowed_kinds,
-)
+from strategies.path_planning.turns import compute_headland_m, list_allowed_kinds
 from strategies.rules.battery_supply import ESTIMATE_MARGIN, BatterySupply
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.turn_timing import TurnTimer
@@ -122,8 +117,14 @@ def prepare_context(
     physics = physics or build_field_physics(request, field, bare_tractor, farm_tractor)
     tractor = adapt_to_ground(bare_tractor, physics, field.default_ground)
     check_fuel_is_known(request, physics, cost_terms is not None)
-    radius_m = choose_radius_m(request, tractor, field)
-    reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    rules = DrivingRules(
+        **_list_speeds(request),
+        radius_m=choose_radius_m(request, tractor, field),
+        tool_m=tractor.antenna_forward_m + implement.hitch_m,
+        boxes=list_contact_boxes(tractor, implement, tractor.guide_m),
+        ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
+        limits=build_driving_limits(tractor, field.default_ground),
+    ).scale_spacing()
     field = cut_requested_part(field, request, tractor, implement)
     create = partial(
         PlanningContext,
@@ -141,7 +142,7 @@ def prepare_context(
         move_cache=move_cache,
     )
     context = _lay_out_field(
-        create, request, field, tractor, implement, physics, radius_m, reach, time_share, report_layouts, order.layout
+        create, request, field, tractor, implement, physics, rules, time_share, report_layouts, order.layout
     )
     battery = None if supply else build_battery_supply(context)
     served = supply or battery
@@ -188,9 +189,7 @@ def change_terms(context: PlanningContext, order: WorkOrder) -> PlanningContext:
     request, rules = order.name_choices(), context.driving_rules
     workday, cost_terms = _settle_terms(order, request, context.layout.field, context.tractor, context.implement)
     rules = replace(rules, **_list_speeds(request))
-    costs = replace(context.costs, speed_mps=rules.turn_speed_mps, reverse_speed_mps=rules.reverse_speed_mps)
-    context = replace(context, request=request, driving_rules=rules, costs=costs)
-    return replace(context, workday=workday, cost_terms=cost_terms)
+    return replace(context, request=request, driving_rules=rules, workday=workday, cost_terms=cost_terms)
 
 
 def _settle_terms(
@@ -223,29 +222,31 @@ def _lay_out_field(
     tractor: Tractor,
     implement: Implement,
     physics: FieldPhysics,
-    radius_m: float,
-    reach: TurnReach,
+    rules: DrivingRules,
     time_share: TimeShare,
     report_layouts: Report | None,
     planned: PlannedLayout | None,
 ) -> PlanningContext:
     """The context of the layout that was `planned`, or the quickest; `create` makes one of what the layout adds."""
-    needed_m = compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    margin_m = 0.5 * max(implement.width_m, tractor.width_m)  # to either side of the guided point
+    needed_m = compute_headland_m(request.turn, request.width_m, rules.radius_m, rules.tool_m, margin_m)
     headland_m = needed_m if request.requested_headland_m is None else request.requested_headland_m
-    field = _prepare_ground(request, field, tractor, implement, radius_m, reach, headland_m)
+    field = _prepare_ground(request, field, tractor, implement, rules.radius_m, margin_m, headland_m)
     check_width(field, request.width_m)
-    rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_kinds = list_allowed_kinds(request.turn)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
-    create = partial(create, costs=turn_clock.measure_reversal_costs())
-    free_space = compute_free_space(field, reach.margin_m)
+    rules = turn_clock.measure_reversal_costs()
+    free_space = compute_free_space(field, margin_m)
+
+    def measure_turns(headland_m: float) -> tuple[float | None, ...]:
+        """Seconds of turns on a headland that is met squarely."""
+        return turn_clock.measure_best_times(request.width_m, headland_m - rules.tool_m - margin_m, turn_kinds)
 
     def build_context(layout: Layout) -> PlanningContext:
         """The context of one layout: its turns timed and its headland passes laid, with remarks on it."""
         remarks = *field.remarks, *_describe_unmet_wishes(request, layout, needed_m)
         layout = replace(layout, field=replace(field, remarks=remarks))
-        turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
-        turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
+        turn_times = measure_turns(layout.headland_m)
         turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
         return create(
             layout=layout,
@@ -257,15 +258,12 @@ def _lay_out_field(
         )
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
-    turn_times = turn_clock.measure_best_times(
-        request.width_m, compute_available_turn_depth_m(headland_m, reach), turn_kinds
-    )
-    rates = build_effort_rates(rules, turn_times)
+    rates = build_effort_rates(rules, measure_turns(headland_m))
     contexts: list[PlanningContext] = []
     layouts = (
         list_layouts(request, field, headland_m, passing_m, rates)
         if request.swaths == STRAIGHT
-        else [lay_contours(request, field, headland_m, passing_m, physics.terrain, radius_m)]
+        else [lay_contours(request, field, headland_m, passing_m, physics.terrain, rules.radius_m)]
     )
     layouts = next(([one] for one in layouts if planned is not None and planned.fits(one)), layouts)
     weigh = build_slope_weigher(request, physics, tractor, field.default_ground)
@@ -286,7 +284,7 @@ def _prepare_ground(
     tractor: Tractor,
     implement: Implement,
     radius_m: float,
-    reach: TurnReach,
+    margin_m: float,
     headland_m: float,
 ) -> Field:
     """The field reduced to the ground that may be worked, with its entrance checked."""
@@ -295,23 +293,9 @@ def _prepare_ground(
     if not request.no_headland:
         field = move_entrance_to_outline(field)
     with attach_parameter("field"):
-        swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
+        swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - margin_m
         bypassed_m = BYPASSED_WIDTHS * request.width_m
         return field.compute_ground_with_margin(request.margin_m, bypassed_m, max(0.0, swing_m))
-
-
-def _build_base_rules(
-    request: PlanRequest, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach, ground: str
-) -> DrivingRules:
-    """The driving rules without the times of turns."""
-    return DrivingRules(
-        **_list_speeds(request),
-        radius_m=radius_m,
-        tool_m=reach.tool_m,
-        boxes=list_contact_boxes(tractor, implement, tractor.guide_m),
-        ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
-        limits=build_driving_limits(tractor, ground),
-    ).scale_spacing()
 
 
 def _describe_unmet_wishes(request: PlanRequest, layout: Layout, needed_m: float) -> Iterator[str]:

@@ -24,7 +24,7 @@ from strategies.path_planning.paths import shift_pose_ahead
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST, ROUND_CORNERS, SQUARE_CORNERS
 from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import Ground, build_ground
-from strategies.site.site import MISSED_FACTOR, ORDER_S, FoldedBody, Site
+from strategies.site.site import MISSED_FACTOR, ORDER_S, Site
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.terrain import Terrain
@@ -60,19 +60,17 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
     crop_stands, rule = operation in STANDING_CROP_OPERATIONS, context.request.find_draft_rule()
     implement = context.implement
     tracks = intersect(context.layout.inner_region, field.boundary)
-    standing = folded = None
+    standing = None
     if crop_stands and HEADLAND_FIRST in context.request.headland_orders:  # known as deep as the headland
         outline = shapely.Polygon(field.whole_boundary.exterior)
         standing = build_ground(outline, context.layout.headland_m + ROOM_BEYOND_M)
-    if implement.folds:
-        folded = FoldedBody(build_body(context.tractor, implement.folded), implement.fold_s)
     return Site(
         layout=context.layout,
         headland_passes=context.headland_passes,
         rules=context.driving_rules,
-        costs=context.costs,
         body=body,
-        folded=folded,
+        folded=build_body(context.tractor, implement.folded) if implement.folds else None,
+        fold_s=implement.fold_s,
         ground=ground,
         proof_ground=proof_ground,
         gate_grounds=None if context.gateway is None else build_grounds(build_lane_ground(context)),

@@ -20,8 +20,9 @@ from fields.geometry.geodesy import DEGREES_CRS, project
 from fields.terrain.point_files import RTK_FIXED
 from fields.units import DAY_S
 from planner.errors import HeadlandError, RequestError
+from planner.evaluation.ground.coverage import locate_antenna
 from planner.evaluation.work_order import read_requested_field
-from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
+from planner.pipeline.outputs.saved_plans import SavedPlanRun, simulate_saved_plan
 from planner.task_logs.formats.isoxml_logs import DEGREES_PER_UNIT, TLG_EPOCH
 from vehicle.missions.plan import LEAVE
 from vehicle.records import WORKING
@@ -94,7 +95,8 @@ def _simulate_log(saved_run: SavedPlanRun, tractor: int, random: np.random.Gener
         plan_time_s -= pace * np.clip(clock_s - log_time_s, 0.0, length_s)
     rows = np.clip(np.round(plan_time_s / float(run.time_s[1] - run.time_s[0])).astype(int), 0, len(run.time_s) - 1)
     is_working = find_work_state(saved_run, tractor)[rows]
-    return SimulatedLog(clock_s, locate_antenna(saved_run, tractor)[rows], is_working, tuple(s for _, s in stops))
+    places = locate_antenna(run.get_poses(tractor)[rows], saved_run.tractor.guide_m)
+    return SimulatedLog(clock_s, places, is_working, tuple(s for _, s in stops))
 
 
 def find_work_state(saved_run: SavedPlanRun, tractor: int) -> Flags:
@@ -104,14 +106,6 @@ def find_work_state(saved_run: SavedPlanRun, tractor: int) -> Flags:
     is_down = np.array([leg.implement and leg.task.kind != LEAVE for leg in legs])
     leg_numbers = np.minimum(run.get_leg_numbers(tractor), len(legs) - 1)
     return np.asarray(is_down[leg_numbers] & (run.get_statuses(tractor) == WORKING))
-
-
-def locate_antenna(saved_run: SavedPlanRun, tractor: int) -> Floats:
-    """Positions of the antenna of a tractor (t, 2), metres of the plan."""
-    machine, _ = read_machines(saved_run.saved, saved_run.request)
-    x, y, angle = saved_run.run.get_poses(tractor).T
-    forward_m = machine.guide_m
-    return np.column_stack([x + forward_m * np.cos(angle), y + forward_m * np.sin(angle)])
 
 
 def _build_values(truth: SimulatedLog, width_m: float) -> Integers:

@@ -199,19 +199,19 @@ def create_executor(task_count: int, processes: int | None = None) -> Executor:
 
 
 class _SharedTasks:
-    """Tasks that the processes of a pool take from the front, each one at a time, and the caller from either end.
+    """Tasks that the processes of an executor take from the front, each one at a time, and the caller from either end.
 
     A process that has finished gets its next task without waiting for the caller to finish its own.
     """
 
-    def __init__(self, pool: LocalPool, function: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> None:
-        self._pool, self._function = pool, function
+    def __init__(self, executor: Executor, function: Callable[..., Any], arguments: list[tuple[Any, ...]]) -> None:
+        self._executor, self._function = executor, function
         self._pending, self._lock = deque(enumerate(arguments)), threading.RLock()
         self._given: dict[Future[Any], int] = {}
 
-    def begin(self) -> None:
-        """Give every process a task."""
-        for _ in range(self._pool.processes):
+    def begin(self, count: int) -> None:
+        """Give the processes so many tasks."""
+        for _ in range(count):
             self._give()
 
     def _give(self) -> None:
@@ -219,7 +219,7 @@ class _SharedTasks:
             if not self._pending:
                 return
             index, arguments = self._pending[0]
-            future = self._pool.submit(self._function, *arguments)
+            future = self._executor.submit(self._function, *arguments)
             if self._pending:  # not dropped meanwhile
                 self._pending.popleft()
             self._given[future] = index
@@ -243,15 +243,18 @@ class _SharedTasks:
         with self._lock:
             return {future: self._given.pop(future) for future in list(self._given) if future.done()}
 
-    def list_unfinished(self) -> dict[Future[Any], int]:
-        """The tasks that processes are at work on."""
+    def list_given(self) -> dict[Future[Any], int]:
+        """The tasks that processes are at work on, or have finished since they were taken last."""
         with self._lock:
-            return {future: index for future, index in self._given.items() if not future.done()}
+            return dict(self._given)
 
     def drop(self) -> None:
-        """Give no more."""
+        """Give no more, and take back from other executors than a pool what none has begun."""
         with self._lock:
             self._pending.clear()
+            # A pool that is broken by a task, such as an interrupt, cannot end those that were cancelled.
+            for future in [] if isinstance(self._executor, LocalPool) else self._given:
+                future.cancel()
 
 
 def iter_completed(
@@ -263,33 +266,18 @@ def iter_completed(
 ) -> Iterator[tuple[int, T]]:
     """Yield (index, function(*arguments[index])) as tasks finish; those not begun are dropped if the caller stops.
 
-    The caller of a `LocalPool` works too; with `from_both_ends` it begins with the last task: each process then finds
-    most of what neighbours share itself, and no other does. `report_work` is called with the indices of the tasks at
-    work before the caller begins one and while all are waited for. Raises WorkerError where processes are lost.
+    The caller of a `LocalPool` works too, and that of a `SerialExecutor` alone; with `from_both_ends` the former begins
+    with the last task: each process then finds most of what neighbours share itself, and no other does. `report_work`
+    is called with the indices of the tasks at work before the caller begins one and while all are waited for. Raises
+    WorkerError where processes are lost.
     """
+    tasks, is_pool = _SharedTasks(executor, function, arguments), isinstance(executor, LocalPool)
+    given_at_once = 0 if isinstance(executor, SerialExecutor) else len(arguments)
     try:
-        if isinstance(executor, LocalPool):
-            yield from _share_tasks(executor, function, arguments, report_work, from_both_ends)
-        else:
-            yield from _submit_all(executor, function, arguments, report_work)
-    except BrokenExecutor:
-        raise WorkerError(LOST_WORKER_MESSAGE) from None
-
-
-def _share_tasks(
-    pool: LocalPool,
-    function: Callable[..., T],
-    arguments: list[tuple[Any, ...]],
-    report_work: Callable[[list[int]], None],
-    from_both_ends: bool,
-) -> Iterator[tuple[int, T]]:
-    """Work on tasks together with the processes of a pool."""
-    tasks = _SharedTasks(pool, function, arguments)
-    try:
-        tasks.begin()
+        tasks.begin(executor.processes if isinstance(executor, LocalPool) else given_at_once)
         while True:
             yield from ((index, future.result()) for future, index in tasks.take_finished().items())
-            task, given = tasks.take(from_both_ends), tasks.list_unfinished()
+            task, given = tasks.take(from_both_ends and is_pool), tasks.list_given()
             if task is not None:
                 index, task_arguments = task
                 report_work([*given.values(), index])
@@ -299,30 +287,10 @@ def _share_tasks(
                 wait(given, return_when=FIRST_COMPLETED)
             else:
                 return
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
     finally:
         tasks.drop()
-
-
-def _submit_all(
-    executor: Executor,
-    function: Callable[..., T],
-    arguments: list[tuple[Any, ...]],
-    report_work: Callable[[list[int]], None],
-) -> Iterator[tuple[int, T]]:
-    """Submit all tasks at once."""
-    waiting: dict[Future[T], int] = {}
-    try:
-        for index, task_arguments in enumerate(arguments):
-            report_work([*waiting.values(), index])
-            waiting[executor.submit(function, *task_arguments)] = index
-            yield from _pop_finished(waiting)
-        while waiting:
-            report_work(list(waiting.values()))
-            wait(waiting, return_when=FIRST_COMPLETED)
-            yield from _pop_finished(waiting)
-    finally:
-        for future in waiting:
-            future.cancel()
 
 
 def collect_answers(
@@ -338,10 +306,3 @@ def collect_answers(
         if progress:
             progress(len(answers), len(arguments))
     return [answers[index] for index in range(len(arguments))]
-
-
-def _pop_finished(waiting: dict[Future[T], int]) -> Iterator[tuple[int, T]]:
-    """Remove finished futures and yield their (index, result)."""
-    for future in [future for future in waiting if future.done()]:
-        index = waiting.pop(future)
-        yield index, future.result()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import hashlib
 import json
 import platform
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -27,18 +26,13 @@ from planner.evaluation.work_order import match_plan_time
 
 PACKAGES = ("fields", "vehicle", "strategies", "planner", "reports")
 LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "pyogrio", "pyproj", "scipy", "shapely")
-SOURCE_SUFFIX = ".py"
-FILE_SUFFIXES = (SOURCE_SUFFIX, ".toml", ".csv", ".geojson")
-DYNAMIC_IMPORT = "import_module"  # a module that calls it may load any module in its own folder
+FILE_SUFFIXES = (".py", ".toml", ".csv", ".geojson")
 
 
-def hash_content(*parts: Any, worker: str | None = None) -> str:
-    """SHA-256 of plain values, dataclasses, models, arrays and geometries, and of the code that works on them.
-
-    The code is what the module `worker` imports, directly or not; without one, all of Headland.
-    """
+def hash_content(*parts: Any) -> str:
+    """SHA-256 of plain values, dataclasses, models, arrays and geometries, and of the code that works on them."""
     text = json.dumps([_convert_to_plain(part) for part in parts], sort_keys=True, allow_nan=True)
-    return hashlib.sha256(f"{hash_code(worker)}\n{text}".encode()).hexdigest()
+    return hashlib.sha256(f"{hash_code()}\n{text}".encode()).hexdigest()
 
 
 def hash_file(path: Path) -> str | None:
@@ -60,18 +54,12 @@ def hash_strategies(names: Collection[str]) -> list[str | None]:
 
 
 @cache
-def hash_code(worker: str | None = None) -> str:
-    """SHA-256 of Headland's source and tables, and of the versions of its libraries.
-
-    With the name of a module only the source that it imports counts, directly or through other modules. Of a package
-    only the modules that are named are followed, not all that it contains.
-    """
+def hash_code() -> str:
+    """SHA-256 of Headland's source and tables, and of the versions of its libraries."""
     root, digest = Path(__file__).parents[2], hashlib.sha256()
-    used_files = None if worker is None else _find_imported_files(root, worker)
     for package in PACKAGES:
         for path in sorted(path for path in (root / package).rglob("*") if path.suffix in FILE_SUFFIXES):
-            if used_files is None or path.suffix != SOURCE_SUFFIX or path in used_files:
-                digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+            digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     for library in LIBRARIES:
         try:
             digest.update(f"{library} {version(library)}".encode())
@@ -79,42 +67,6 @@ def hash_code(worker: str | None = None) -> str:
             digest.update(library.encode())
     digest.update(f"{platform.machine()} {platform.python_version()}".encode())
     return digest.hexdigest()
-
-
-def _find_imported_files(root: Path, worker: str) -> set[Path]:
-    """The files of a module and of all modules of Headland that it imports, directly or not."""
-    files: set[Path] = set()
-    pending = [path for path in [_find_source_file(root, worker)] if path]
-    while pending:
-        path = pending.pop()
-        if path not in files:
-            files.add(path)
-            pending += _list_imported_modules(root, path)
-    folders = {folder for path in files for folder in path.parents if root in folder.parents}
-    return files | {folder / f"__init__{SOURCE_SUFFIX}" for folder in folders}
-
-
-def _list_imported_modules(root: Path, path: Path) -> Iterator[Path]:
-    """The files of the Headland modules that a file imports."""
-    for node in ast.walk(ast.parse(path.read_bytes())):
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            submodules = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = (
-                submodules if all(_find_source_file(root, name) for name in submodules) else [node.module, *submodules]
-            )
-        elif isinstance(node, ast.Name) and node.id == DYNAMIC_IMPORT:
-            yield from path.parent.glob(f"*{SOURCE_SUFFIX}")
-        yield from (file for name in names if (file := _find_source_file(root, name)))
-
-
-def _find_source_file(root: Path, module: str) -> Path | None:
-    """The source file of a Headland module; None for other modules."""
-    place = root.joinpath(*module.split("."))
-    files = (place.with_suffix(SOURCE_SUFFIX), place / f"__init__{SOURCE_SUFFIX}")
-    return next((path for path in files if module.split(".")[0] in PACKAGES and path.is_file()), None)
 
 
 def _convert_to_plain(value: Any) -> Any:

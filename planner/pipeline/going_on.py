@@ -455,7 +455,7 @@ def _find_stand(run: SimulationRun, number: int, context: PlanningContext, used:
     leg, is_done = legs[min(at, len(legs) - 1)], float(run.finish_s[number]) <= float(run.time_s[-1])
     if waits or leg.task.kind == LEAVE or (is_done and not run.plan.missions[number].rests):
         return None
-    x, y = locate_antenna(poses[-1:], context)[0].tolist()
+    x, y = locate_antenna(poses[-1:], context.tractor.guide_m)[0].tolist()
     pose = (x, y, float(poses[-1, 2]))
     begun_m = math.dist(poses[np.argmax(numbers == at), :2], poses[-1, :2])
     stands = run.get_statuses(number)[-1] in (WAITING, STANDING)

@@ -12,10 +12,11 @@ import shapely
 from fields.text_files import count_noun
 from fields.units import KMH_PER_MPS
 from planner.errors import HeadlandError, RequestError
+from planner.evaluation.ground.coverage import locate_antenna
 from planner.evaluation.preparation import read_planned_field
 from planner.evaluation.work_order import WorkOrder
-from planner.pipeline.example_logs import find_work_state, locate_antenna
-from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
+from planner.pipeline.example_logs import find_work_state
+from planner.pipeline.outputs.saved_plans import SavedPlanRun, simulate_saved_plan
 from planner.task_logs.runs.phases import summarise_run
 from planner.task_logs.runs.run_files import load_imported_runs
 from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg, compute_speeds, reproject_run
@@ -64,8 +65,7 @@ def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> Pla
         raise RequestError(
             f"None of {count_noun(len(runs), 'run')} is in the field {name!r} of the plan; give runs in this field."
         )
-    tractor, implement = read_machines(saved_run.saved, saved_run.request)
-    tool_offset_m = tractor.antenna_forward_m + implement.hitch_m
+    tool_offset_m = saved_run.tractor.antenna_forward_m + saved_run.implement.hitch_m
     sides = [
         _build_comparison_side(side_runs, field, saved_run.request.width_m, tool_offset_m, is_field_known)
         for side_runs in (planned, field_runs)
@@ -95,7 +95,7 @@ def build_planned_run(saved_run: SavedPlanRun, tractor: int) -> ProjectedRun:
     rows = np.unique(
         np.append(np.arange(0, min(end_row + 1, len(run.time_s)), ROW_STEP), min(end_row, len(run.time_s) - 1))
     )
-    xy = locate_antenna(saved_run, tractor)[rows] + np.array(saved_run.saved.origin_m)
+    xy = locate_antenna(run.get_poses(tractor)[rows], saved_run.tractor.guide_m) + np.array(saved_run.saved.origin_m)
     time_s = run.time_s[rows]
     return ProjectedRun(
         name=f"tractor {tractor + 1}",
@@ -117,8 +117,7 @@ def _find_compared_field(
     """The field of the plan, or its part, in its metres and True, or the convex hull of the planned work and False."""
     request = saved_run.request
     try:
-        tractor, implement = read_machines(saved_run.saved, request)
-        field = read_planned_field(WorkOrder(request, tractor=tractor, implement=implement))
+        field = read_planned_field(WorkOrder(request, tractor=saved_run.tractor, implement=saved_run.implement))
         if field.crs == saved_run.saved.crs:
             return shapely.transform(field.boundary, lambda points: points + np.array(field.origin_m)), True
     except HeadlandError:

@@ -20,8 +20,8 @@ from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 MOST_POINTS = 100_000
 MOST_VALUES = 1000
 _RANGE = re.compile(r"(?P<first>[^:]+):(?P<last>[^:]+)(?::(?P<step>[^:]+))?")
-_CLOCKS = ("start_s", "deadline_s")
-_TEXTS = ("tractors", *_CLOCKS, "tractor", "soil", "draft")
+CLOCKS = ("start_s", "deadline_s")
+_TEXTS = ("tractors", *CLOCKS, "tractor", "soil", "draft")
 """Parameters that are swept though they are neither numbers nor choices."""
 _UNSWEPT = ("samples", "seed", "budget", "part", "objective")
 """Parameters that change no estimate, or what is chosen and not what is planned."""
@@ -124,7 +124,7 @@ def _list_values(name: str, option: PlanOption, given: Any) -> list[Any]:
     several = given if isinstance(given, Iterable) else [given]
     ordered = sorted(several, key=str) if isinstance(several, set | frozenset) else several
     values = [convert_time_to_text(one.item() if hasattr(one, "item") else one) for one in ordered]
-    if option.parameter in _CLOCKS:
+    if option.parameter in CLOCKS:
         convert: Callable[[Any], str] = str if name == option.name else partial(write_clock, parameter=option.parameter)
         values = list(map(convert, values))
     wrong = next((value for value in values if not isinstance(value, str | int | float)), None)

@@ -28,7 +28,7 @@ from planner.request.option_texts import format_clock
 from planner.request.parameter_names import UNLAID, WISHES
 from planner.request.plan_request import PlanRequest
 from planner.risk.costs import CostTerms, are_prices_given, choose_terms
-from planner.sweeps.axes import Axis, list_points, read_axes
+from planner.sweeps.axes import CLOCKS, Axis, list_points, read_axes
 from planner.sweeps.estimates import STRATEGY, SUMMED, GroundEstimates
 from reports.common.plan_results import PlanResult
 from reports.sweep.results import SweepResult, SweptOption, SweptPlan
@@ -43,7 +43,6 @@ _ADDED = (
     "time_s", "tractor_time_s", "cost", "missed_m2", "finished_s", "finished_cost", "turning_s",
     "fuel_l", "energy_kwh", "co2_kg",
 )  # fmt: skip
-_CLOCKS = ("start_s", "deadline_s")
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +223,7 @@ class Sweep:
         numbers = [number for number in range(len(self._points)) if all(number in found for found in self._found)]
         areas_ha = [field.area_ha for field in read]
         clocks = [
-            {name: at for name, at in self._get_parameters(self._points[number]).items() if name in _CLOCKS}
+            {name: at for name, at in self._get_parameters(self._points[number]).items() if name in CLOCKS}
             for number in numbers
         ]
         limits_s = [replace(request, **clock).time_limit_s for clock in clocks]

@@ -15,7 +15,7 @@ import numpy as np
 
 from strategies.lines.work_line import WorkLine
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_table import MoveTable
+from strategies.programmes.move_table import MoveTable, split_apart
 from vehicle.missions.plan import SWATH
 
 PARALLEL_RAD = 1e-3
@@ -97,22 +97,15 @@ def _list_ways(before: int, after: int) -> tuple[tuple[int, int], tuple[int, int
 
 def _join_pieces(table: MoveTable, swath: int, order: Sequence[int]) -> Iterator[Column]:
     """The columns of one swath: a piece goes on in the next where the implement stays down both ways."""
-    parts = [[order[0]]]
-    for before, after in pairwise(order):
-        if all(_stays_down(table, *way) for way in _list_ways(before, after)):
-            parts[-1].append(after)
-        else:
-            parts.append([after])
-    for part in parts:
+
+    def stays_down(u: int, v: int) -> bool:
+        move = table.get_move(u, v) if table.is_proven(u, v) else None
+        return move is not None and move.is_work
+
+    for part in split_apart(order, lambda a, b: all(stays_down(*way) for way in _list_ways(a, b))):
         first, last = table.lines[part[0]], table.lines[part[-1]]
         ends, other_ends = ((a.get_begin(way), b.get_end(way)) for a, b, way in ((first, last, 0), (last, first, 1)))
         yield Column(swath, tuple(2 * number for number in part), ends, other_ends)
-
-
-def _stays_down(table: MoveTable, u: int, v: int) -> bool:
-    """Whether the best move between two nodes was driven well with the implement down."""
-    move = table.get_move(u, v) if table.is_proven(u, v) else None
-    return move is not None and move.is_work
 
 
 def find_runs(columns: Sequence[Column], width_m: float) -> list[list[Column]]:

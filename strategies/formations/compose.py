@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from strategies.formations.formation_plan import QueueRule, write_formation
-from strategies.formations.formation_site import FleetOrder, FormationSite, OrderedRounds
-from strategies.formations.queue_rules import list_passes_s, measure_rounds_s
+from strategies.formations.formation_site import OrderedRounds
+from strategies.formations.queue_rules import measure_rounds_s
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
 from vehicle.missions.plan import SWATH, Plan, PlanNotes
@@ -56,29 +56,21 @@ class Formation:
         """Seconds of every tractor; all begin a round together, when the last is in its place."""
         table, rounds = self.found.table, self.found.rounds
         speed, gate = table.site.rules.work_speed_mps, [] if table.site.lane is None else [table.gate]
-        pairs = list(zip(self.found.tours, rounds[0].places, list_passes_s(rounds[-1], speed), strict=True))
         begun_s = max(
             _measure_way_s(table, [*gate, *tour.before, tour.rounds[0]], tour.before) + place.place_m / speed
-            for tour, place, _ in pairs
+            for tour, place in zip(self.found.tours, rounds[0].places, strict=True)
         )
         begun_s += (
             measure_rounds_s(rounds, speed, in_rows=self.rule.in_rows, in_file=self.rule.in_file)
             + table.moves.drives.rest_s
         )
+        last = zip(self.found.tours, rounds[-1].one.columns, rounds[-1].places, strict=True)
         return [
-            begun_s + pass_s + _measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)
-            for tour, _, pass_s in pairs
+            begun_s
+            + (column.length_m - place.place_m) / speed
+            + _measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)
+            for tour, column, place in last
         ]
-
-
-def compose_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> Formation:
-    """A formation with the headland first or last ("" for any); raises StrategyError without a round."""
-    return Formation(site.share(FleetOrder(tractors, headland, rule.in_rows)), rule)
-
-
-def sketch_formation(site: FormationSite, tractors: int, headland: str, rule: FormationRule) -> Formation:
-    """The same as it is likely to be, before anything is driven for it."""
-    return Formation(site.sketch(FleetOrder(tractors, headland, rule.in_rows)), rule)
 
 
 def _measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:

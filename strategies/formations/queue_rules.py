@@ -78,9 +78,3 @@ def _measure_turn_s(before: DirectedRound, after: DirectedRound, speed_mps: floa
         these = [k for k in range(count) if rows[k] == row]
         begun_s = max(max(queued_s[k], ready_s) + turns_s[k] + last_s[k] for k in these)
     return begun_s
-
-
-def list_passes_s(each: DirectedRound, speed_mps: float) -> list[float]:
-    """Per tractor the seconds from its place to the end of its column."""
-    pairs = zip(each.one.columns, each.places, strict=True)
-    return [(column.length_m - place.place_m) / speed_mps for column, place in pairs]

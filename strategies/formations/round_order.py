@@ -23,7 +23,7 @@ from strategies.programmes.driven_search import (
     search_driven_tours,
     search_estimated_tours,
 )
-from strategies.programmes.move_table import MoveTable
+from strategies.programmes.move_table import MoveTable, split_apart
 from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.order_tours import ANY_WAY_S
 
@@ -62,11 +62,11 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
     pose_problem, list_moves = _pose(table, rounds, ends)
     sketched, _ = search_estimated_tours(table, pose_problem, list_moves)
     tours = search_driven_tours(table, pose_problem, list_moves, lambda tours: True, start=sketched)
-    joined: list[list[int]] = [[]]
-    for node in tours[0] if tours else ():
-        if joined[-1] and not _are_joined(table, rounds, joined[-1][-1], node):
-            joined.append([])
-        joined[-1].append(node)
+
+    def are_joined(a: int, b: int) -> bool:
+        return all(table.is_proven(u, v) for u, v in _list_moves(rounds, a, b))
+
+    joined = split_apart(tours[0] if tours else [], are_joined)
     longest = max(joined, key=lambda part: round(sum(rounds[node // 2].length_m for node in part), 3))
     return join_rounds(table, [DirectedRound(rounds[node // 2], node % 2) for node in longest])
 
@@ -121,10 +121,6 @@ def _list_tour_moves(
         moves += [(table.gate, node) for node in rounds[first // 2].list_first_nodes(first % 2) if ends[0]]
         moves += [(node, table.gate) for node in rounds[last // 2].list_last_nodes(last % 2) if ends[1]]
     return moves
-
-
-def _are_joined(table: MoveTable, rounds: Sequence[ColumnRound], a: int, b: int) -> bool:
-    return all(table.is_proven(u, v) for u, v in _list_moves(rounds, a, b))
 
 
 def _pose_problem(

@@ -61,20 +61,13 @@ class _Pieces:
     chains: tuple[tuple[int, ...], ...]
     chain_s: float
 
-    def list_entries(self) -> list[int]:
-        """For every node of the search the node of the table with which it begins."""
-        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
-        return nodes + [chain[0] for chain in self.chains for _ in (0, 1)]
-
-    def list_exits(self) -> list[int]:
-        """For every node of the search the node of the table with which it ends."""
-        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
-        return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
-
     def pose_problem(self, order: str, costs: Floats) -> OrderProblem:
         """The problem of all tractors, with the headland first or last."""
         table, tractors = self.table, len(self.chains)
-        entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
+        kept = [table.lines[line] for line in self.lines]
+        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
+        # For every node of the search the nodes of the table with which it begins and ends.
+        entries, exits = (nodes + [chain[end] for chain in self.chains for _ in (0, 1)] for end in (0, -1))
         backwards = np.arange(2 * len(kept) + 1, len(entries), 2)
         moves: Floats = costs[np.ix_(exits, entries)]
         moves[backwards], moves[:, backwards] = np.inf, np.inf
@@ -83,6 +76,9 @@ class _Pieces:
         allowed = np.ones((tractors, len(kept) + tractors), bool)
         allowed[:, len(kept) :] = np.eye(tractors, dtype=bool)
         ends_s = [np.repeat(row[None] * has_lane, tractors, axis=0) for row in (costs[-1, entries], costs[exits, -1])]
+        clashes = self.clashes
+        if clashes is not None:
+            clashes = np.array([clashes[side][np.ix_(ends, ends)] for side, ends in enumerate((entries, exits))])
         return OrderProblem(
             move_s=moves,
             work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
@@ -91,14 +87,8 @@ class _Pieces:
             end_s=ends_s[1],
             allowed=allowed,
             stage=self._list_stages(order),
-            clashes=self._list_clashes(entries, exits),
+            clashes=clashes,
         )
-
-    def _list_clashes(self, entries: list[int], exits: list[int]) -> Flags | None:
-        """As `clashes`, for the nodes of the search."""
-        if self.clashes is None:
-            return None
-        return np.array([self.clashes[side][np.ix_(nodes, nodes)] for side, nodes in enumerate((entries, exits))])
 
     def list_moves(self, tours: list[list[int]]) -> list[tuple[int, int]]:
         """The moves that tours of the search use, as pairs of nodes of the table."""

@@ -249,7 +249,8 @@ def _settle(site: Site, line: WorkLine, keeps_to_lines: bool) -> WorkLine | None
         if kept is None:
             return None
         path = cut_line(path, *kept)
-        line = line.replace_path(direction, path) if line.both_ways else replace(line, paths=(path, path))
+        other = line.paths[1 - direction] if line.both_ways else path
+        line = replace(line, paths=(other, path) if direction else (path, other))
     return line
 
 

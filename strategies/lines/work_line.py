@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -120,10 +120,6 @@ class WorkLine:
     def measure_path_m(self, direction: int) -> float:
         """Length of the path in a direction (m)."""
         return float(self.alongs[direction][-1])
-
-    def replace_path(self, direction: int, path: Floats) -> WorkLine:
-        """The line with another path in a direction."""
-        return replace(self, paths=(self.paths[0], path) if direction else (path, self.paths[1]))
 
     @property
     def tool_path(self) -> Floats:

@@ -246,7 +246,7 @@ def find_forward_path(a: Pose, b: Pose, radius_m: float, speeds: Floats) -> Driv
     forward, none = np.array([kind != PATH_KINDS[SWITCH_BACK] for kind in PATH_KINDS]), np.zeros(1)
     goal, settled, radii = np.array(place_in_frame(a, b)), np.zeros((2, 1)), np.array([radius_m])
     forms, _, kinds = list_closed_forms(goal, radii, speeds, settled, none, none, forward, 0.0, 0.0, np.inf, 1)
-    return build_path_from_rows(a, forms[0], int(kinds[0]))
+    return build_path_from_rows(a, forms[0], PATH_KINDS[kinds[0]])
 
 
 @compile_function

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 from fields.arrays import Floats
-from strategies.path_planning.paths import DrivePath, PathSegment, Pose, merge_segments
+from strategies.path_planning.paths import DrivePath, Pose, build_path_from_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +46,4 @@ class Move:
     @cached_property
     def path(self) -> DrivePath:
         """Its path, segments of no length left out."""
-        return merge_segments(self.start, _iter_segments(self.rows), self.kind)
-
-
-def _iter_segments(rows: Floats) -> Iterator[PathSegment]:
-    for length_m, curvature, gear in rows.tolist():
-        yield PathSegment(length_m, curvature, 1 if gear > 0.0 else -1)
+        return build_path_from_rows(self.start, self.rows, self.kind)

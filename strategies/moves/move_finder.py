@@ -48,8 +48,9 @@ class MoveFinder:
         self.radii = np.array([radius, WIDER_RADIUS * radius])
 
     @property
-    def _costs(self) -> tuple[Floats, Floats]:
-        return self.site.speeds, self.settling
+    def costs(self) -> tuple[Floats, Floats]:
+        """What driving costs, and beginning a line, as compiled functions take it."""
+        return self.site.rules.turn_costs, self.settling
 
     def _get_body(self, is_folded: bool = False) -> Any:
         body, ground = self.site.get_body(is_folded), self.site.ground
@@ -76,7 +77,7 @@ class MoveFinder:
         if leads and not len(numbers):
             forms, kinds = self._get_forms(place, len(LEADS_OUT_M))
             numbers = pick_with_room(start, forms, most, *body)
-        weights = weigh_forms(start, forms, numbers, *self._costs, kept)
+        weights = weigh_forms(start, forms, numbers, *self.costs, kept)
         return [
             Move(a, forms[k], PATH_KINDS[kinds[k]], *seconds)
             for k, seconds in zip(numbers.tolist(), weights.tolist(), strict=True)
@@ -106,7 +107,7 @@ class MoveFinder:
     def _build_move(self, a: Pose, rows: Floats, kind: str, passes: int | None = None) -> Move:
         """The move of rows (k, 3) from a, with its seconds and charges."""
         only, kept = np.zeros(1, np.int64), self.site.get_kept(passes)
-        drive_s, charge_s, settling_s = weigh_forms(np.array(a), rows[None], only, *self._costs, kept)[0].tolist()
+        drive_s, charge_s, settling_s = weigh_forms(np.array(a), rows[None], only, *self.costs, kept)[0].tolist()
         max_reverse_m = self.site.rules.max_reverse_m
         charge_s += CURVED_REVERSE_S * max(0.0, measure_backing_up(rows, 0.0) / max_reverse_m - 1.0)
         return Move(a, rows, kind, drive_s, charge_s, settling_s)
@@ -115,10 +116,10 @@ class MoveFinder:
         """The move that a search finds; far reversing and wheels on kept ground are charged. `passes` as in
         `list_moves`."""
         start, goal, max_reverse_m = np.array(a), np.array(b), self.site.rules.max_reverse_m
-        how = self.radii[:1], *self._costs, self.site.allowed_kinds, max_reverse_m
+        how = self.radii[:1], *self.costs, self.site.allowed_kinds, max_reverse_m
         body, kept = self._get_body(is_folded), self.site.get_kept(passes)
         least_m = min(half for _, _, half in self.site.rules.boxes)  # no machine gets through less
-        ground, radius_m, speed_mps = self.site.ground, float(self.radii[0]), float(self.site.speeds[0])
+        ground, radius_m, speed_mps = self.site.ground, float(self.radii[0]), self.site.rules.turn_speed_mps
         remaining = measure_remaining_m(start, goal, least_m, radius_m, speed_mps, kept, ground.grid, ground.frame)
         far_s_per_m = CURVED_REVERSE_S / max_reverse_m
         rows = search_move(start, goal, remaining, *how, far_s_per_m, kept, MOST_POSES, body)
@@ -144,7 +145,7 @@ class MoveFinder:
             outs, ins = (LEADS_OUT_M[:leads], LEADS_IN_M[:leads]) if leads > 1 else (none, none)
             goal, kinds = np.array(place), site.allowed_kinds
             forms, _, form_kinds = list_closed_forms(
-                goal, self.radii, *self._costs, outs, ins, kinds, 0.0, site.rules.max_reverse_m, np.inf, MOST_FORMS
+                goal, self.radii, *self.costs, outs, ins, kinds, 0.0, site.rules.max_reverse_m, np.inf, MOST_FORMS
             )
             self._forms[key] = forms, form_kinds
         return self._forms[key]

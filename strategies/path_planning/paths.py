@@ -29,10 +29,6 @@ _SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or micror
 EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that nobody stops beyond it
 
 
-class TurnError(StrategyError):
-    """A turn or path was requested with values that cannot describe one."""
-
-
 @dataclass(frozen=True, slots=True)
 class PathSegment:
     """One piece of constant curvature: length_m >= 0, curvature in 1/m, gear +1 forward or -1 reverse.
@@ -93,10 +89,10 @@ class DrivePath:
         """One polyline per run of equal gear, as (gear, points of shape (n, 2)), at most step_m apart.
 
         Ends of segments are met exactly, and each polyline begins where the one before ended. A path without segments
-        has no polylines. Raises TurnError if step_m is not positive.
+        has no polylines. Raises StrategyError if step_m is not positive.
         """
         if not step_m > 0.0:
-            raise TurnError(f"Sampling step {step_m} m must be above zero; use for instance 0.25.")
+            raise StrategyError(f"Sampling step {step_m} m must be above zero; use for instance 0.25.")
         runs: list[tuple[int, list[Points]]] = []
         for pose, segment in zip(self.list_segment_starts(), self.segments, strict=True):
             points = sample_arc(pose, segment, max(1, math.ceil(segment.length_m / step_m - 1e-9)))
@@ -157,10 +153,10 @@ def place_in_frame(a: Pose, b: Pose) -> tuple[float, float, float]:
     return round(x, _SAME_POSE_DIGITS), round(y, _SAME_POSE_DIGITS), round(turn, 2 * _SAME_POSE_DIGITS)
 
 
-def build_path_from_rows(start: Pose, rows: Points, kind: int) -> DrivePath:
-    """A primitive of the compiled search (n, 3) from a pose as a path; `kind` as in the module primitives."""
+def build_path_from_rows(start: Pose, rows: Points, kind: str) -> DrivePath:
+    """A path from a pose by its segments (n, 3): length m, curvature 1/m, gear; those of no length are left out."""
     segments = (PathSegment(length, curvature, 1 if gear > 0.0 else -1) for length, curvature, gear in rows.tolist())
-    return merge_segments(start, segments, PATH_KINDS[kind])
+    return merge_segments(start, segments, kind)
 
 
 @dataclass(frozen=True)

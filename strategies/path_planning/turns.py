@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from fields.layout.swaths import WIDTH_STEP_M
-from strategies.path_planning.paths import DrivePath, build_path_from_rows
+from strategies.path_planning.paths import PATH_KINDS, DrivePath, build_path_from_rows
 from strategies.path_planning.primitives import (
     MAX_PIECES,
     MAX_PRIMITIVES,
@@ -33,7 +32,7 @@ def list_turns(spacing_m: float, radius_m: float) -> list[DrivePath]:
     turns = []
     for add_primitives in TURN_FAMILIES:
         count = add_primitives(np.array(a), np.array(b), radius_m, rows, kinds, 0)
-        paths = [build_path_from_rows(a, rows[k], int(kinds[k])) for k in range(count)]
+        paths = [build_path_from_rows(a, rows[k], PATH_KINDS[kinds[k]]) for k in range(count)]
         turns.append(min(paths, key=lambda path: (round(path.length_m, 6), path.segments[0].curvature)))
         if turns[0].kind == "u":
             break
@@ -45,25 +44,16 @@ def measure_turn_depth_m(turn: DrivePath) -> float:
     return max(float(points[:, 1].max()) for _, points in turn.sample(DEPTH_STEP_M))
 
 
-@dataclass(frozen=True)
-class TurnReach:
-    """What a turn needs beyond its own depth (m).
-
-    `tool_m`: how far the implement works behind the guided point, which must drive on to finish the swath. `margin_m`:
-    how far the tractor or its implement, whichever is wider, reaches to either side of the guided point.
-    """
-
-    tool_m: float
-    margin_m: float
-
-
 def list_allowed_kinds(turn: str) -> tuple[str, ...]:
     """The kinds of turn allowed by an option "auto" or a kind; the plain U is always allowed where it fits."""
     return TURN_KINDS if turn == "auto" else tuple(dict.fromkeys(("u", turn)))
 
 
-def compute_headland_m(turn: str, width_m: float, radius_m: float, reach: TurnReach) -> float:
+def compute_headland_m(turn: str, width_m: float, radius_m: float, tool_m: float, margin_m: float) -> float:
     """Depth of headland in which the turn to a neighbouring swath fits (m), rounded up to half a metre.
+
+    The implement works `tool_m` behind the guided point, which must drive on to finish the swath; the tractor or its
+    implement, whichever is wider, reaches `margin_m` to either side of that point.
 
     The omega swings out: its middle arc, of the same radius R, touches the two outer ones, whose centres are R + s / 2
     beside it for tracks s apart, so that it lies sqrt((2 R)^2 - (R + s / 2)^2) farther out. Every other kind is one
@@ -72,9 +62,4 @@ def compute_headland_m(turn: str, width_m: float, radius_m: float, reach: TurnRe
     depth = radius_m
     if turn == "omega":
         depth += math.sqrt(4.0 * radius_m**2 - (radius_m + min(0.5 * width_m, radius_m)) ** 2)
-    return math.ceil((reach.tool_m + depth + reach.margin_m) / WIDTH_STEP_M) * WIDTH_STEP_M
-
-
-def compute_available_turn_depth_m(headland_m: float, reach: TurnReach) -> float:
-    """What a headland met squarely leaves for the depth of a turn (m); negative if it is too shallow for any."""
-    return headland_m - reach.tool_m - reach.margin_m
+    return math.ceil((tool_m + depth + margin_m) / WIDTH_STEP_M) * WIDTH_STEP_M

@@ -155,7 +155,7 @@ class MoveEstimates:
                 most_cuts_m[pairs[here]],
                 np.array([(0.0, 0.0), *CUTS_M]),
                 np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
-                (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], site.speeds, finder.settling, *limits),
+                (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], *finder.costs, *limits),
                 (body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, MOVE_MARGIN_M),
                 site.get_kept(worked),
             )

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from bisect import insort
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from operator import attrgetter
 
 import numpy as np
@@ -249,3 +250,14 @@ class MoveTable:
         """Note that a search with the implement up or folded was in vain."""
         for end in (("end", u), ("begin", v)):
             self._searched_in_vain[implement, *end] = self._searched_in_vain.get((implement, *end), 0) + 1
+
+
+def split_apart(numbers: Sequence[int], are_joined: Callable[[int, int], bool]) -> list[list[int]]:
+    """The longest stretches of a sequence in which each number is joined to the next; one without any for none."""
+    parts = [list(numbers[:1])]
+    for before, after in pairwise(numbers):
+        if are_joined(before, after):
+            parts[-1].append(after)
+        else:
+            parts.append([after])
+    return parts

@@ -15,8 +15,9 @@ import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
 from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
+from strategies.path_planning.paths import Pose
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
-from strategies.programmes.move_table import MoveTable
+from strategies.programmes.move_table import MoveTable, split_apart
 from strategies.programmes.order_tours import DETOUR_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, build_stand, stand_to_unfold
@@ -26,8 +27,6 @@ from strategies.programmes.ways_home import Way, WayBook
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-Pose = tuple[float, float, float]
 
 SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
@@ -195,11 +194,7 @@ def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:
 
     Nothing for a tractor that stands on the field, has nothing to work there, and no entrance to leave by.
     """
-    parts: list[list[int]] = [[]]
-    for node in tour:
-        if parts[-1] and not table.is_proven(parts[-1][-1], node):
-            parts.append([])
-        parts[-1].append(node)
+    parts = split_apart(tour, table.is_proven)
     if table.site.lane is not None:
         gate = table.gate
         parts = [p for p in parts if p and _is_begun(table, tour, p) and table.is_proven(p[-1], gate)] or [[]]

@@ -31,11 +31,6 @@ class Way:
     stands: PosePath
     holds: tuple[int, ...]
 
-    @classmethod
-    def from_poses(cls, poses: Floats, holds: tuple[int, ...]) -> Way:
-        """The way over poses (n, 3), with the numbers of those at which it may stand."""
-        return cls(PosePath(build_poses(poses)), PosePath(build_poses(poses[list(holds)])), holds)
-
 
 @dataclass(eq=False)
 class WayBook:
@@ -56,7 +51,9 @@ class WayBook:
             parts = [self._sample_leg(leg) for leg in mission.legs]
             begins = np.cumsum([0, *(len(part) for part in parts)]).tolist()
             holds = [begins[number] for number, leg in enumerate(mission.legs) if not number or leg.may_wait]
-            self._ways[mission] = Way.from_poses(np.concatenate(parts), (*holds, begins[-1] - 1))
+            poses, holds = np.concatenate(parts), [*holds, begins[-1] - 1]
+            stands = PosePath(build_poses(poses[holds]))
+            self._ways[mission] = Way(PosePath(build_poses(poses)), stands, tuple(holds))
         return self._ways[mission]
 
     def _sample_leg(self, leg: Leg) -> Floats:

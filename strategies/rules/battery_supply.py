@@ -58,10 +58,6 @@ class BatterySupply(Supply):
         """What all legs take, those between work included."""
         return (1.0 + ESTIMATE_MARGIN) * math.fsum(self.meter.compute_leg_kwh(leg) for leg in legs)
 
-    def is_enough(self, total: float) -> bool:
-        """Whether all work can be done without a stop."""
-        return total <= self.usable_kwh
-
     def estimate_stop_s(self, total: float) -> float:
         """The mean time of the fewest stops for a total of work."""
         stops = max(math.ceil(total / self.capacity) - 1, 1)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
+import numpy as np
+
+from fields.arrays import Floats
 from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
 
 MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
@@ -18,7 +22,8 @@ class DrivingRules:
     turn over k lines (index 0 unused); beyond its end the last entry grows by driving straight across. A tractor that
     must give way waits `hold_back_m` before the end of its swath, clear of the headland. Two that would turn side by
     side go `ahead_m` one after the other. `boxes` are the outline of tractor and implement: rear and front end ahead of
-    the guided point, and half the width (m). `limits` hold in bends.
+    the guided point, and half the width (m). `limits` hold in bends. A direction change costs `cusp_s` for the stop and
+    the shift, and `swing_sm` seconds per 1/m of curvature by which the wheels must be turned over meanwhile.
     """
 
     work_speed_mps: float
@@ -33,6 +38,16 @@ class DrivingRules:
     turn_s: tuple[float, ...] = (0.0, 20.0)
     boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
     limits: DrivingLimits = UNLIMITED
+    cusp_s: float = 0.0
+    swing_sm: float = 0.0
+
+    @cached_property
+    def turn_costs(self) -> Floats:
+        """What driving turns costs, as compiled functions take it (path_planning.primitives.compute_drive_time_s)."""
+        own = self.turn_speed_mps, self.reverse_speed_mps, self.cusp_s, self.swing_sm
+        limits = self.limits
+        bends = limits.lateral_mps2, limits.steering_mps, limits.window_m, limits.length_m, limits.deceleration_mps2
+        return np.array([*own, *bends])
 
     def get_path_speed_mps(self, gear: float) -> float:
         """Largest speed on a turn or route in a gear; bends are driven more slowly (vehicle.control.speed_profile)."""

@@ -52,10 +52,6 @@ class Supply:
         """What legs take of a load (l or kg), those on which the implement works."""
         return self.compute_need(math.fsum(leg.length_m for leg in legs if leg.implement), width_m)
 
-    def is_enough(self, total: float) -> bool:
-        """Whether all work can be done without a stop."""
-        return total <= self.capacity
-
     def estimate_stop_s(self, total: float) -> float:
         """How long a stop takes in the mean, where the work takes this total."""
         return self.stop_s

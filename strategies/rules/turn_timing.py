@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from fields.geometry.arithmetic import GRID_M
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, Pose
+from strategies.path_planning.primitives import compute_drive_time_s
 from strategies.path_planning.turns import list_turns, measure_turn_depth_m
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.legs import PATH_STEP_M
-from strategies.rules.turn_costs import TurnCosts
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 from vehicle.model.tractor import Implement, Tractor
@@ -87,22 +87,20 @@ class TurnTimer:
         """Estimated seconds of a detour where no turn fits, for comparing orders: two full circles."""
         return 4.0 * math.pi * self.driving_rules.radius_m / self.driving_rules.turn_speed_mps
 
-    def measure_reversal_costs(self) -> TurnCosts:
-        """What a direction change costs, from two simulated turns: arc to arc, and arc to straight.
+    def measure_reversal_costs(self) -> DrivingRules:
+        """The rules with what a direction change costs, from two simulated turns: arc to arc, and arc to straight.
 
         Raises StrategyError if the tractor does not complete them.
         """
-        radius, driving_rules = self.driving_rules.radius_m, self.driving_rules
-        speeds, limits = (driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps), driving_rules.limits
-        free_costs = TurnCosts(*speeds, 0.0, limits=limits)
+        radius, free_costs = self.driving_rules.radius_m, self.driving_rules.turn_costs
         _, three_arc_path, fishtail_path = list_turns(0.75 * radius, radius)
         lost_three_s, lost_tail_s = (
-            (self._measure_required_seconds(path) - free_costs.compute_time_s(path)) / 2.0
+            (self._measure_required_seconds(path) - compute_drive_time_s(path.to_rows(), free_costs)) / 2.0
             for path in (three_arc_path, fishtail_path)
         )
         swing_sm = max(lost_three_s - lost_tail_s, 0.0) * radius
         cusp_s = max(lost_tail_s - swing_sm / radius, 0.0)
-        return TurnCosts(*speeds, cusp_s, swing_sm, limits)
+        return replace(self.driving_rules, cusp_s=cusp_s, swing_sm=swing_sm)
 
     def _measure_required_seconds(self, path: DrivePath) -> float:
         seconds = self.measure_seconds(path)

@@ -31,14 +31,19 @@ from strategies.programmes.tour_legs import (
 from strategies.rules.legs import add_wait_points, make_mission
 from strategies.rules.supply import PLACE, Point, Supply
 from strategies.service_stops.load_tours import order_for_loads
-from strategies.service_stops.service_gates import add_queue_gates, note_stops
+from strategies.service_stops.service_gates import (
+    WAIT_POINT_STEP_M,
+    ServiceStop,
+    add_service_gates,
+    find_waiting_leg,
+    note_stops,
+)
 from strategies.service_stops.stop_moves import StopMoves
-from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
 from strategies.service_stops.tour_parts import TourPart, measure_line_need
 from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
 from strategies.site.ground import CELL_M, measure_rooms
 from strategies.site.site import Site
-from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan, PlanNotes
+from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
 
 STEP_COUNT, STEP_RADII = 8, 0.5  # places tried on either side, and radii between them
 INSET_COUNT, INSET_HALVES = 3, 0.5  # rows tried, the first as near to the edge as the body may be; half widths between
@@ -72,16 +77,14 @@ class StoppedProgramme:
     def build_plan(self) -> Plan:
         """Its plan, with all stops in the notes, one mission per tractor that has lines or stands on the field."""
         table = self.programme.table
-        missions = [
+        pairs = [
             _build_stopped_mission(self.gaps[number], self.stops[number], is_alone=len(self.stops) == 1)
             if self.gaps[number].tour
-            else MissionWithStops(build_stand(table, table.starts[number]).legs, ())
+            else (build_stand(table, table.starts[number]), ())
             for number in self.programme.list_present()
         ]
-        legs = [list(mission.legs) for mission in missions]
-        if self.supply.one_at_a_time and len(legs) > 1:
-            add_queue_gates(legs, [mission.stops for mission in missions], self.supply)
-        return Plan(tuple(map(Mission, map(tuple, legs))), note_stops(PlanNotes(), missions, self.supply))
+        plan, stops = Plan(tuple(mission for mission, _ in pairs)), [own for _, own in pairs]
+        return add_service_gates(note_stops(plan, stops, self.supply), stops, self.supply)
 
 
 def build_stop_moves(table: MoveTable, supply: Supply) -> StopMoves | None:
@@ -118,8 +121,10 @@ def add_stops(
     return StoppedProgramme(programme, supply, tuple(all_gaps), tuple(all_stops))
 
 
-def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alone: bool) -> MissionWithStops:
-    """The legs of a tractor with its stops; alone on the field it needs no places to wait on the way to them."""
+def _build_stopped_mission(
+    gaps: TourGaps, stops: Sequence[TourStop], *, is_alone: bool
+) -> tuple[Mission, tuple[ServiceStop, ...]]:
+    """The mission of a tractor with its stops; alone on the field it needs no places to wait on the way to them."""
     table, parts = gaps.table, gaps.parts
     stop_by_gap = {stop.gap: stop for stop in stops}
     legs, placed = build_way_in(table, parts[0].node), list[ServiceStop]()
@@ -145,22 +150,16 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
             legs += _build_way(table, depart, task, is_alone=is_alone)
         elif direct is not None:
             legs += build_move(table, goal.node, direct)
-    legs = _let_stand([*legs, *build_way_out(table, parts[-1].node)], placed, stops)
-    return MissionWithStops(make_mission(stand_to_unfold(table.site, legs)).legs, tuple(placed))
+    legs += build_way_out(table, parts[-1].node)
+    for at, served in zip(placed, stops, strict=True):
+        legs[at.leg] = legs[at.leg].copy_with(stand_s=served.stand_s)
+    return make_mission(stand_to_unfold(table.site, legs)), tuple(placed)
 
 
 def _build_way(table: MoveTable, move: Move | None, task: LegTask, *, is_alone: bool) -> list[Leg]:
     """The legs of a move to a place or on from there; none where there is no place."""
     legs = [] if move is None else build_path_legs(table.site, move.path, task)
     return legs if is_alone else add_wait_points(legs, WAIT_POINT_STEP_M)
-
-
-def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequence[TourStop]) -> list[Leg]:
-    """The legs with the time that a tractor stands before each leg at which it is served."""
-    standing = list(legs)
-    for at, stop in zip(placed, stops, strict=True):
-        standing[at.leg] = standing[at.leg].copy_with(stand_s=stop.stand_s)
-    return standing
 
 
 def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None) -> Floats:

@@ -1,5 +1,5 @@
-"""Gates that let one tractor at a time be served, what the notes of a plan hold of its stops, and what its tractors
-carry.
+"""Stops in the legs of tractors at which tanks are refilled or emptied, gates that let one tractor at a time be served,
+what the notes of a plan hold of its stops, and what its tractors carry.
 
 Of a plan that does not say what a tractor carries, the most work that any of its tractors does with one load is taken
 as a load.
@@ -8,27 +8,46 @@ as a load.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from fields.geometry.arithmetic import ROUNDING
 from strategies.path_planning.paths import Pose
 from strategies.rules.supply import PLACE, Supply
-from strategies.service_stops.stops import SERVICE_CLEAR_M, MissionWithStops, ServiceStop, find_waiting_leg
-from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, NotedStop, Plan, PlanNotes
+from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, NotedStop, Plan
 
+SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
+WAIT_POINT_STEP_M = SERVICE_CLEAR_M  # between places to wait on the path to a place and back, with several tractors
 MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
 
 
-def note_stops(notes: PlanNotes, missions: Sequence[MissionWithStops], supply: Supply) -> PlanNotes:
-    """Notes with the stops of missions."""
-    stops = tuple(
+@dataclass(frozen=True)
+class ServiceStop:
+    """Before leg `leg` the tank is refilled or emptied by `amount` (l or kg; kWh of a battery).
+
+    The tractor may wait for its turn before leg `hold_leg`.
+    """
+
+    leg: int
+    hold_leg: int
+    amount: float
+
+
+def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:
+    """The last leg before a stop, from `least` on, before which a tractor may wait; else the path to the stop."""
+    work_legs = (number for number in range(len(legs) - 1, least - 1, -1) if legs[number].may_wait)
+    return next(work_legs, len(legs))
+
+
+def note_stops(plan: Plan, stops: Sequence[Sequence[ServiceStop]], supply: Supply) -> Plan:
+    """The plan with the stops of its tractors in its notes."""
+    noted = tuple(
         NotedStop(number, stop.leg, round(stop.amount, 3), *mission.legs[stop.leg].points[0].tolist())
-        for number, mission in enumerate(missions)
-        for stop in mission.stops
+        for number, (mission, own) in enumerate(zip(plan.missions, stops, strict=True))
+        for stop in own
     )
-    return replace(notes, stops=stops, collects=supply.collects, service=supply.service)
+    return replace(plan, notes=replace(plan.notes, stops=noted, collects=supply.collects, service=supply.service))
 
 
 @dataclass
@@ -62,14 +81,18 @@ class _ServiceClock:
         self.free_s[tractor] = begin_s + leg.standing_s + leg.length_m / leg.speed_mps
 
 
-def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]], supply: Supply) -> None:
-    """Add the gates by which tractors are served one at a time, in the order in which they would arrive.
+def add_service_gates(plan: Plan, stops: Iterable[Sequence[ServiceStop]], supply: Supply) -> Plan:
+    """The plan with gates by which its tractors are served one at a time, if only one can be, as they would arrive.
 
     Tractors are moved leg by leg in the order of time at the speeds of their legs, so whoever waits does so for one
     that moves on: no two wait for each other.
     """
+    if not supply.one_at_a_time or plan.tractors <= 1:
+        return plan
+    legs = [list(mission.legs) for mission in plan.missions]
     clock = _ServiceClock(legs, [[] for _ in legs], [0.0] * len(legs))
-    stops_by_leg = [{_get_waiting_leg(stop, supply): stop for stop in tractor_stops} for tractor_stops in stops]
+    waits_afar = supply.served_at == PLACE
+    stops_by_leg = [{stop.hold_leg if waits_afar else stop.leg: stop for stop in of_tractor} for of_tractor in stops]
     queued_legs: set[tuple[int, int]] = set()
     last_served: tuple[int, LegGate] | None = None
     while True:
@@ -77,7 +100,7 @@ def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]
         tractor = ready_s.index(min(ready_s))
         number = len(clock.begun_s[tractor])
         if math.isinf(ready_s[tractor]):
-            return
+            return replace(plan, missions=tuple(Mission(tuple(tractor_legs)) for tractor_legs in legs))
         if number not in stops_by_leg[tractor] or (tractor, number) in queued_legs:
             clock.begin_leg(tractor, ready_s[tractor])
             continue
@@ -85,11 +108,6 @@ def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]
         if last_served is not None and last_served[0] != tractor:
             legs[tractor][number] = legs[tractor][number].copy_with_gates([last_served[1]])
         last_served = tractor, _build_leaving_gate(legs[tractor], tractor, stops_by_leg[tractor][number], supply)
-
-
-def _get_waiting_leg(stop: ServiceStop, supply: Supply) -> int:
-    """The leg before which a tractor waits for its turn."""
-    return stop.hold_leg if supply.served_at == PLACE else stop.leg
 
 
 def _build_leaving_gate(legs: Sequence[Leg], tractor: int, stop: ServiceStop, supply: Supply) -> LegGate:
@@ -140,17 +158,8 @@ def list_service_points(missions: Sequence[Sequence[Leg]]) -> tuple[Pose, ...]:
     return tuple(points)
 
 
-def add_service_gates(plan: Plan, supply: Supply, width_m: float) -> Plan:
-    """The plan with gates by which its tractors are served one at a time, if only one can be."""
-    if not supply.one_at_a_time or plan.tractors == 1:
-        return plan
-    legs = [list(mission.legs) for mission in plan.missions]
-    add_queue_gates(legs, [list_stops(tractor_legs, supply, width_m).stops for tractor_legs in legs], supply)
-    return Plan(tuple(Mission(tuple(tractor_legs)) for tractor_legs in legs), plan.notes)
-
-
-def list_stops(legs: Sequence[Leg], supply: Supply, width_m: float) -> MissionWithStops:
-    """Some legs with the stops in them, their amounts, and where a tractor may wait for its turn before each."""
+def list_stops(legs: Sequence[Leg], supply: Supply, width_m: float) -> tuple[ServiceStop, ...]:
+    """The stops in some legs with their amounts, and where a tractor may wait for its turn before each."""
     numbers = [number for number, leg in enumerate(legs) if leg.stand_s > 0.0]
     loads = [supply.compute_legs_need(legs[a:b], width_m) for a, b in pairwise([0, *numbers, len(legs)])]
     stops = list[ServiceStop]()
@@ -160,4 +169,4 @@ def list_stops(legs: Sequence[Leg], supply: Supply, width_m: float) -> MissionWi
             approach_leg -= 1
         hold_leg = find_waiting_leg(legs[:approach_leg], stops[-1].leg + 1 if stops else 0)
         stops.append(ServiceStop(number, hold_leg, amount))
-    return MissionWithStops(tuple(legs), tuple(stops))
+    return tuple(stops)

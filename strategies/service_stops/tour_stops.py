@@ -23,8 +23,8 @@ from strategies.path_planning.errors import StrategyError
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import NO_MOVE_S
 from strategies.rules.supply import PLACE, Supply
+from strategies.service_stops.service_gates import SERVICE_CLEAR_M
 from strategies.service_stops.stop_moves import StopMoves, Trip
-from strategies.service_stops.stops import SERVICE_CLEAR_M
 from strategies.service_stops.tour_parts import TourPart, cut_at_wait_points, measure_line_need
 from vehicle.missions.plan import ROUTE, Leg, LegTask
 

@@ -17,7 +17,6 @@ from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.paths import PATH_KINDS, EntranceLane
 from strategies.path_planning.turn_kinds import TURN_KINDS
 from strategies.rules.driving_rules import DrivingRules
-from strategies.rules.turn_costs import TurnCosts
 from strategies.site.ground import Ground
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import SimulationRun
@@ -33,22 +32,15 @@ Drive = Callable[[Plan], SimulationRun]
 
 
 @dataclass(frozen=True, eq=False)
-class FoldedBody:
-    """A machine with its implement folded, and how long it stands to fold or to unfold it (s)."""
-
-    body: MachineBody
-    fold_s: float
-
-
-@dataclass(frozen=True, eq=False)
 class Site:
     """Where and with what a job is done.
 
     Attributes:
         layout, headland_passes: what is to be worked.
-        rules, costs: how every tractor drives, and what its turns cost.
+        rules: how every tractor drives.
         body: the machine with its implement.
-        folded: the implement as it is folded for moves that have no room else; None for one that does not fold.
+        folded: the same with it folded for moves that have no room else; None for one that does not fold.
+        fold_s: how long it stands to fold or to unfold it (s).
         ground: what the body may touch in plans.
         proof_ground: what it may touch in a drive; a little more, as a drive errs.
         gate_grounds: both on the way in or out, with the lane through the entrance; None without one.
@@ -70,9 +62,9 @@ class Site:
     layout: Layout
     headland_passes: tuple[HeadlandPass, ...]
     rules: DrivingRules
-    costs: TurnCosts
     body: MachineBody
-    folded: FoldedBody | None
+    folded: MachineBody | None
+    fold_s: float
     ground: Ground
     proof_ground: Ground
     gate_grounds: tuple[Ground, Ground] | None
@@ -116,11 +108,11 @@ class Site:
 
     def get_body(self, is_folded: bool) -> MachineBody:
         """The machine, with its implement folded or not."""
-        return self.folded.body if is_folded and self.folded is not None else self.body
+        return self.folded if is_folded and self.folded is not None else self.body
 
     def get_fold_s(self, is_folded: bool) -> float:
         """How long a tractor stands before and after a move with its implement folded or not (s)."""
-        return self.folded.fold_s if is_folded and self.folded is not None else 0.0
+        return self.fold_s if is_folded and self.folded is not None else 0.0
 
     @cached_property
     def at_gate(self) -> Site:
@@ -140,11 +132,6 @@ class Site:
     def width_m(self) -> float:
         """Working width (m)."""
         return self.layout.width_m
-
-    @cached_property
-    def speeds(self) -> Floats:
-        """The costs of driving as compiled functions take them."""
-        return self.costs.speeds
 
     @cached_property
     def allowed_kinds(self) -> np.ndarray:

@@ -12,7 +12,6 @@ from fields.units import MPS_PER_KMH
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
@@ -23,6 +22,7 @@ from tests.benchmarks.machine_faults import (
     measure_overhang_m,
 )
 from tests.benchmarks.machine_fields import Condition, build_field, measure_fit
+from tests.planner.excursions import measure_excursion_m
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
 from vehicle.model.tractor import RADIUS_FACTOR, Tractor, load_tractor

@@ -75,7 +75,7 @@ def find_faults(run: SimulationRun, context: PlanningContext) -> list[FaultPlace
 def _iter_starts(run: SimulationRun, context: PlanningContext) -> Iterator[tuple[float, int, int]]:
     """How far beside its line work starts after every interruption (m), with tractor and row."""
     for tractor, mission in enumerate(run.plan.missions):
-        legs, places = mission.legs, locate_antenna(run.get_poses(tractor), context)
+        legs, places = mission.legs, locate_antenna(run.get_poses(tractor), context.tractor.guide_m)
         for number in range(1, len(legs)):
             if legs[number].implement and not legs[number - 1].implement:
                 row = int(np.searchsorted(run.get_leg_numbers(tractor), number))
@@ -89,7 +89,7 @@ def list_measures(context: PlanningContext) -> Iterator[tuple[str, Measure]]:
     shapely.prepare(ground)
 
     def measure_path_outside_m(poses: Floats) -> float:
-        path = locate_antenna(poses, context)
+        path = locate_antenna(poses, context.tractor.guide_m)
         path = path[~shapely.contains_xy(ground, path)]
         return float(np.max(shapely.distance(shapely.points(path), ground), initial=0.0))
 
@@ -117,7 +117,7 @@ def _describe_row(
 ) -> FaultPlace:
     number = int(run.get_leg_numbers(tractor)[row])
     leg = run.plan.missions[tractor].legs[number]
-    point = locate_antenna(run.get_poses(tractor)[row : row + 1], context)[0]
+    point = locate_antenna(run.get_poses(tractor)[row : row + 1], context.tractor.guide_m)[0]
     bend_rad, bend_radius_m = find_sharpest_bend(leg.points, point)
     speed_mps, steering_rad = run.record[row, tractor, [REC_SPEED, REC_STEERING]].tolist()
     return FaultPlace(

@@ -21,7 +21,6 @@ from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.fingerprint import (
     FILE_SUFFIXES,
     PACKAGES,
-    _find_imported_files,
     hash_code,
     hash_content,
     hash_sources,
@@ -120,45 +119,6 @@ def test_every_room_counts_with_its_data(tmp_path: Path, monkeypatch: pytest.Mon
         (tmp_path / place).write_text("x")
         found.append(hash_code.__wrapped__())
     assert len({*found}) == 1 + len(FILE_SUFFIXES) * len(PACKAGES)
-
-
-def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sources = {
-        "planner/work.py": "from vehicle import drive\nfrom planner.ways import lead\n", "planner/__init__.py": "",
-        "planner/ways/__init__.py": "from planner.ways.far import lead\n",
-        "planner/ways/far.py": "from strategies.registry import all\n", "planner/ways/other.py": "",
-        "planner/service/api.py": "import planner.work\n", "vehicle/__init__.py": "",
-        "vehicle/drive.py": "def go():\n    import fields.place\n", "fields/place.py": "import numpy\n",
-        "strategies/registry.py": "from importlib import import_module\nimport_module('one')\n",
-        "strategies/one.py": "", "strategies/data.toml": "",
-    }  # fmt: skip
-    for name, text in sources.items():
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_text(text)
-    monkeypatch.setattr(
-        "planner.pipeline.fingerprint.__file__", str(tmp_path / "planner" / "pipeline" / "fingerprint.py")
-    )
-    first, unused = hash_code.__wrapped__("planner.work"), set()
-    for name, text in sources.items():
-        (tmp_path / name).write_text(text + "# changed\n")
-        if hash_code.__wrapped__("planner.work") == first:
-            unused.add(name)
-        (tmp_path / name).write_text(text)
-    assert unused == {"planner/ways/other.py", "planner/service/api.py"}
-
-
-@pytest.mark.slow
-def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() -> None:
-    root = Path(__file__).parents[2]
-    used = {path.relative_to(root).as_posix() for path in _find_imported_files(root, "planner.day.field_times")}
-    assert used >= {
-        "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py", "planner/risk/leg_graph.py",
-        "vehicle/sim/loop.py", "strategies/interleaved.py", "fields/formats/gpx.py",
-        "strategies/programmes/order_search.py", "fields/layout/swaths.py", "planner/__init__.py",
-    }  # fmt: skip
-    assert not [path for path in used if path.startswith(("planner/service", "planner/commands", "planner/day/solve"))]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '0\n{"reason": "x", "left_ha": 0.0}', "\x00"])

@@ -12,7 +12,6 @@ from fields.geometry.field import Field
 from planner import farm as farm_room
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import load_farm
@@ -24,6 +23,7 @@ from planner.request.plan_request import PlanRequest
 from planner.sweeps.estimates import GroundEstimates
 from strategies.registry import STRATEGIES
 from tests.examples import seldom
+from tests.planner.excursions import measure_excursion_m
 from tests.planner.shapes import SHAPES
 from vehicle.model.tractor import BatteryParameters, load_tractor
 

@@ -127,6 +127,14 @@ class TestLocalPool:
         assert os.getpid() in hands and len(hands) > 1
 
     @pytest.mark.slow
+    def test_what_is_finished_while_the_last_result_is_looked_at_is_not_lost(self, pool: LocalPool) -> None:
+        found = []
+        for index, _ in iter_completed(pool, busy, [(0.01,), (0.3,)]):
+            found.append(index)
+            time.sleep(1.0)
+        assert sorted(found) == [0, 1]
+
+    @pytest.mark.slow
     def test_no_process_holds_a_task_that_the_caller_could_do(self) -> None:
         """Two tasks for two: each has one, though the caller is asked last."""
         with LocalPool(1) as executor:

@@ -19,13 +19,14 @@ import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
+from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
+from tests.planner.excursions import measure_excursion_m
 from tests.planner.shapes import SHAPES
 
 GOLDEN = Path(__file__).parent / "golden"

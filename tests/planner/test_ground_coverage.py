@@ -20,8 +20,6 @@ from planner.evaluation.ground.coverage import (
     compute_guided_path,
     count_reversals,
     measure_coverage,
-    measure_excursion_m,
-    replace_infinite,
 )
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import (
@@ -33,6 +31,7 @@ from planner.evaluation.ground.wheel_traffic import (
 )
 from planner.evaluation.site import TOLERANCE_M
 from tests.examples import count_examples
+from tests.planner.excursions import measure_excursion_m
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
@@ -470,10 +469,6 @@ def test_reversals_are_gear_changes(small_site: Any) -> None:
     run = run_of(small_site, pass_north(10.0, 5.0, 55.0))
     assert count_reversals(replace(run, plan=Plan((mission, mission)))) == 4
     assert count_reversals(run) == 0
-
-
-def test_what_is_not_finite_is_none() -> None:
-    assert [replace_infinite(v) for v in (math.inf, math.nan, 1.5)] == [None, None, 1.5]
 
 
 def test_ground_that_cannot_be_cut_as_it_is_is_cut_on_a_grid(monkeypatch: pytest.MonkeyPatch) -> None:

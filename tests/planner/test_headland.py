@@ -15,7 +15,6 @@ from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.executors import SerialExecutor
@@ -23,6 +22,7 @@ from planner.pipeline.outputs.pictures import describe_field
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
+from tests.planner.excursions import measure_excursion_m
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.missions.run import DONE, SimulationRun

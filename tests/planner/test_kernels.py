@@ -30,7 +30,7 @@ import json
 from planner.pipeline import kernels
 
 if __name__ == "__main__":
-    names = ("find_last_passes", "_find_outside_table")
+    names = ("find_last_passes", "find_crossed_poses")
     chosen = [one for one in kernels.read_kernels() if one.function.endswith(names)]
     before = sum(one.is_stored() for one in chosen)
     reports = []

@@ -13,8 +13,8 @@ from fields.geometry.obstacles import Obstacle
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.evaluation.candidates.evaluate import Candidate, _check_run, simulate_candidate
 from planner.evaluation.candidates.figures import CandidateRun
-from planner.evaluation.candidates.fleet_drive import build_clearance_check
-from planner.evaluation.candidates.line_programme import ProgrammeDriver, list_left_remarks, sketch_plans
+from planner.evaluation.candidates.fleet_drive import FleetDriver, build_clearance_check
+from planner.evaluation.candidates.line_programme import drive_composed, list_left_remarks, sketch_plans
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import LEVEL_GROUND, build_terrain
 from planner.evaluation.preparation import prepare_context
@@ -53,9 +53,8 @@ def prepare(field: Field, **request: object) -> PlanningContext:
 
 def drive(found: PlanningContext, tractors: int = 1) -> CandidateRun:
     """The cheapest programme of blocks, driven."""
-    return ProgrammeDriver(found, beside=False).drive(
-        sketch_plans(found, STRATEGIES["split-field"], tractors)[0].compose()
-    )
+    composed = sketch_plans(found, STRATEGIES["split-field"], tractors)[0].compose()
+    return drive_composed(found, FleetDriver(found, beside=False), composed)
 
 
 @pytest.fixture(scope="module")

@@ -23,8 +23,8 @@ class FakeDriver:
     def __init__(self, *_: object) -> None:
         self.driven: list[str] = []
 
-    def measure_alone_s(self, composed: Any) -> list[float]:
-        return [composed.alone_s]
+    def measure_alone_s(self, plan: Any) -> list[float]:
+        return [plan.alone_s]
 
     def drive(self, composed: Any) -> Any:
         self.driven.append(composed.order)
@@ -34,7 +34,8 @@ class FakeDriver:
 
 def sketch(order: str, sketched_s: float, driven_s: float, apart: list[SketchedPlan] | None = None) -> SketchedPlan:
     composed: Any = SimpleNamespace(
-        order=order, alone_s=sketched_s, driven_s=driven_s, least_s=[sketched_s], left_factor=1.0, compose_anew=None,
+        order=order, plan=SimpleNamespace(alone_s=sketched_s), driven_s=driven_s, least_s=[sketched_s],
+        left_factor=1.0, compose_anew=None,
     )  # fmt: skip
     return SketchedPlan(order, [sketched_s], lambda: composed, None if apart is None else lambda: apart)
 
@@ -52,7 +53,8 @@ def test_the_headland_comes_first_only_where_that_gains_more_than_the_error_of_t
     )
     sketches = sketch_plans(CONTEXT, STRATEGIES["split-field"], 2)
     assert [one.order for one in sketches] == [order, *({"first", "last"} - {order})]
-    monkeypatch.setattr(evaluate, "ProgrammeDriver", lambda *_: driver)
+    monkeypatch.setattr(evaluate, "FleetDriver", lambda *_: driver)
+    monkeypatch.setattr(evaluate, "drive_composed", lambda _, driver, composed: driver.drive(composed))
     monkeypatch.setattr(evaluate, "_check_run", lambda _, driven: driven)
     plain = [sketch(name, seconds[name], seconds[name]) for name in ("first", "last")]
     assert run_candidate(CONTEXT, Candidate("split-field", 2), plain).turns == order
@@ -66,7 +68,8 @@ def test_the_headland_comes_first_only_where_that_gains_more_than_the_error_of_t
 
 def test_where_tractors_wait_each_way_to_keep_them_apart_is_weighed_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     driver = FakeDriver()
-    monkeypatch.setattr(evaluate, "ProgrammeDriver", lambda *_: driver)
+    monkeypatch.setattr(evaluate, "FleetDriver", lambda *_: driver)
+    monkeypatch.setattr(evaluate, "drive_composed", lambda _, driver, composed: driver.drive(composed))
     monkeypatch.setattr(evaluate, "_check_run", lambda _, driven: driven)
     ways = [sketch("as before", 2500.0, 2500.0), sketch("blocks", 1100.0, 1100.0), sketch("stretches", 1200.0, 1200.0)]
     for driven_s, order, driven in ((2000.0, "blocks", ["free", "blocks"]), (1005.0, "free", ["free"])):

@@ -15,9 +15,10 @@ from fields.documents.reader import read_field
 from fields.documents.writer import write_field
 from fields.errors import FieldError
 from planner.errors import HeadlandError, RequestError
-from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, _check_run, simulate_candidate
+from planner.evaluation.candidates.figures import CandidateRun
 from planner.evaluation.candidates.fleet_drive import FleetDriver
-from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks, locate_stall
+from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, build_field_physics, read_requested_elevation
 from planner.evaluation.ground_sentences import describe_ground
@@ -28,6 +29,7 @@ from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.saved_plans import export_physics, read_physics, rerun_plan, write_saved_plan
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
+from reports.common.plan_records import STUCK, PlanFault
 from tests.drawn_fields import feature, rectangle, write_features, write_heights
 from vehicle.missions.plan_file import parse_saved_plan
 from vehicle.missions.run import Stall
@@ -114,7 +116,9 @@ def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
     """A plan made for level ground, driven up the plane."""
     level, steep = simulate_candidate(tilt(0.0, 0.0, soil="soft"), ONE), tilt(0.0, 0.45, soil="soft")
     run = FleetDriver(steep, beside=False).simulate(level.run.plan)
-    assert run.stall is not None and locate_stall(run.stall).kind == "stuck"
+    assert run.stall is not None
+    (fault,) = _check_run(steep, CandidateRun(run, None, "")).faults
+    assert fault == PlanFault(STUCK, None, run.stall.x_m, run.stall.y_m)
     reason = describe_stall(run.stall, FIELD)
     assert reason.startswith("tractor 1 gets stuck at x ") and "45 % uphill" in reason
     needed, given = re.findall(r"([\d.]+) kN", reason)

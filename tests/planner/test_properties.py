@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.planning import plan_order
 from planner.request.plan_request import PlanRequest
 from strategies.programmes.move_estimates import CUTS_M
 from strategies.registry import STRATEGIES
+from tests.planner.excursions import measure_excursion_m
 from vehicle.missions.plan import MAX_JOINT_GAP_M, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.missions.run import DONE, SimulationRun

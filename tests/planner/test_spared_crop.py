@@ -24,7 +24,7 @@ def test_a_search_leads_round_the_crop(operation: str, goes_round: bool) -> None
     west, east = (4.0, 60.0, 0.5 * math.pi), (196.0, 60.0, -0.5 * math.pi)
     through, found = moves.finder.list_moves(west, east)[0], moves.finder.search(west, east)
     assert found is not None
-    driven = shapely.MultiLineString([points for _, points in build_path_from_rows(west, found.rows, 0).sample()])
+    driven = shapely.MultiLineString([points for _, points in build_path_from_rows(west, found.rows, "route").sample()])
     crop = shapely.buffer(context.layout.inner_region, -moves.site.body.reach_m)
     assert driven.intersects(crop) != goes_round
     assert (found.cost_s < through.cost_s - 100.0) == goes_round

@@ -19,7 +19,7 @@ from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate
 from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
+from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -27,6 +27,7 @@ from planner.pipeline.outputs.saved_plans import read_request, rerun_plan
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from strategies.registry import STRATEGIES
+from tests.planner.excursions import measure_excursion_m
 from vehicle.missions.plan_file import format_plan, parse_saved_plan
 from vehicle.missions.run import DONE
 from vehicle.sim.world import World

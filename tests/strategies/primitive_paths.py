@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from strategies.path_planning.paths import DrivePath, Pose, build_path_from_rows
+from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose, build_path_from_rows
 from strategies.path_planning.primitives import (
     MAX_PIECES,
     MAX_PRIMITIVES,
@@ -32,5 +32,5 @@ def find_backing_paths(a: Pose, b: Pose, radius_m: float) -> list[DrivePath]:
 def _build_family_paths(add_primitives: Callable[..., int], a: Pose, b: Pose, radius_m: float) -> list[DrivePath]:
     rows, kinds = np.empty((MAX_PRIMITIVES, MAX_PIECES, 3)), np.empty(MAX_PRIMITIVES, np.int64)
     count = add_primitives(np.array(a, float), np.array(b, float), float(radius_m), rows, kinds, 0)
-    paths = [build_path_from_rows(a, rows[index], int(kinds[index])) for index in range(count)]
+    paths = [build_path_from_rows(a, rows[index], PATH_KINDS[kinds[index]]) for index in range(count)]
     return sorted(paths, key=lambda path: round(path.length_m, 9))

@@ -80,8 +80,3 @@ def test_ways_between_work_count_as_well() -> None:
     expected = (0.1 * EG105.mass_kg * 9.80665 * 100.0 + 0.5 * EG105.mass_kg) / 0.85 / 3.6e6
     assert supply.compute_legs_need([leg, leg], 3.0) == pytest.approx(2.0 * (1.0 + ESTIMATE_MARGIN) * expected)
     assert Supply(1.0, 1.0, 1.0).compute_legs_need([leg, leg], 3.0) == 0.0, "nothing is spread there"
-
-
-def test_whether_one_battery_is_enough_is_without_ways_to_a_place() -> None:
-    supply = build_supply(trip_kwh=3.0)
-    assert supply.capacity == 34.0 and supply.is_enough(39.0) and not supply.is_enough(40.1)

@@ -24,11 +24,11 @@ from strategies.moves.move_finder import MOST_POSES
 from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
 from strategies.path_planning.machine_body import MachineBody
 from strategies.path_planning.primitives import advance_pose
-from strategies.rules.turn_costs import TurnCosts
+from strategies.rules.driving_rules import DrivingRules
 from strategies.site.ground import build_ground, has_room_on_path, measure_length_inside
 
 RADIUS_M, MARGIN_M = 5.0, 0.1
-RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), TurnCosts(2.0, 1.4, 4.0).speeds
+RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), DrivingRules(2.0, 2.0, 1.4, RADIUS_M, 0.0, cusp_s=4.0).turn_costs
 SETTLING = np.array([[0.0, 5.0, 20.0], [4.0, 2.0, 0.0]])
 FAR_S_PER_M = 1.5  # charged for reversing far
 LEADS = LEADS_OUT_M, LEADS_IN_M

@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import (
     DrivePath,
     PathSegment,
     Pose,
-    TurnError,
     advance_along_segment,
     merge_segments,
 )
@@ -188,5 +188,5 @@ def test_a_path_without_segments_stays_where_it_is() -> None:
 
 @pytest.mark.parametrize("step", [0.0, -1.0, math.nan])
 def test_step_that_is_not_one_is_refused(step: float) -> None:
-    with pytest.raises(TurnError, match="Sampling step"):
+    with pytest.raises(StrategyError, match="Sampling step"):
         merge_segments((0, 0, 0), [PathSegment(1.0, 0.0, 1)], "route").sample(step)

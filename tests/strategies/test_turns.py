@@ -12,8 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from strategies.path_planning.turns import (
-    TurnReach,
-    compute_available_turn_depth_m,
     compute_headland_m,
     list_allowed_kinds,
     list_turns,
@@ -23,7 +21,7 @@ from strategies.path_planning.turns import (
 R = 4.0
 RADII = st.floats(1.0, 12.0)
 SHARES = st.floats(0.01, 1.99)
-REACH = TurnReach(tool_m=2.3, margin_m=1.5)
+TOOL_M, MARGIN_M = 2.3, 1.5
 
 
 @given(RADII, SHARES)
@@ -58,18 +56,18 @@ def test_every_turn_ends_on_the_next_track_and_stays_in_front(radius: float, sha
 
 def test_headland_by_hand() -> None:
     # All but the omega are R = 4.3 m deep: 2.3 + 4.3 + 1.5 = 8.1, so 8.5 m.
-    assert [compute_headland_m(turn, 3.0, 4.3, REACH) for turn in ("auto", "u", "switch-back")] == [8.5] * 3
+    assert [compute_headland_m(turn, 3.0, 4.3, TOOL_M, MARGIN_M) for turn in ("auto", "u", "switch-back")] == [8.5] * 3
     # Omega over 3 m: R + sqrt(4R^2 - (R + 1.5)^2) = 4.3 + 6.35; with 3.8 that is 14.45, so 14.5 m.
-    assert compute_headland_m("omega", 3.0, 4.3, REACH) == 14.5
+    assert compute_headland_m("omega", 3.0, 4.3, TOOL_M, MARGIN_M) == 14.5
 
 
 @pytest.mark.parametrize("kind", ["omega", "switch-back"])
 @pytest.mark.parametrize("width_m", [2.0, 3.0, 5.0, 12.0])
 def test_headland_fits_its_turn_and_half_a_metre_less_would_not(kind: str, width_m: float) -> None:
-    headland = compute_headland_m(kind, width_m, R, REACH)
+    headland = compute_headland_m(kind, width_m, R, TOOL_M, MARGIN_M)
     needed = max(measure_turn_depth_m(turn) for turn in list_turns(width_m, R) if turn.kind in ("u", kind))
-    assert needed <= compute_available_turn_depth_m(headland, REACH) + 1e-9
-    assert needed > compute_available_turn_depth_m(headland - 0.5, REACH)
+    assert needed <= headland - TOOL_M - MARGIN_M + 1e-9
+    assert needed > headland - 0.5 - TOOL_M - MARGIN_M
 
 
 def test_a_plain_u_is_allowed_beside_what_is_asked_for() -> None:

@@ -13,7 +13,7 @@ import shapely
 
 from planner.errors import RequestError
 from planner.pipeline.example_logs import EXAMPLE_PACE, ExampleTaskData, simulate_task_data
-from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.pipeline.outputs.saved_plans import read_machines, write_saved_plan
 from planner.pipeline.plan_comparison import _find_compared_field, compare_plan_with_runs
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
@@ -164,9 +164,11 @@ def test_table_page_and_json_tell_the_same(found: PlanComparison) -> None:
 def test_a_plan_of_a_part_is_compared_on_that_part(tmp_path: Path) -> None:
     ditch = feature(line((-5, 45), (65, 45)), role="obstacle", width_m=2.0)
     place = write_features(tmp_path / "divided.geojson", feature(rectangle(0, 0, 60, 70)), ditch)
-    saved = SimpleNamespace(scenario={}, crs=None)
+    saved: Any = SimpleNamespace(scenario={}, crs=None)
     for part, area_m2 in ((None, 60 * 70), (2, 60 * (25 - 1.0 - 0.3))):
-        run: Any = SimpleNamespace(saved=saved, request=PlanRequest(str(place), local=True, part=part))
+        request = PlanRequest(str(place), local=True, part=part)
+        tractor, implement = read_machines(saved, request)
+        run: Any = SimpleNamespace(saved=saved, request=request, tractor=tractor, implement=implement)
         field, is_known = _find_compared_field(run, [], [])
         assert is_known and field.area == pytest.approx(area_m2, rel=0.01)
 

@@ -13,15 +13,11 @@ MOST_DRIVES = 4  # of a plan that is composed anew with what its tractors waited
 Driven = TypeVar("Driven")
 
 
-def _find_no_loss_s(_: Sequence[float]) -> float | None:
-    return None
-
-
 def drive_best(
     sketches: Sequence[SketchedPlan],
     measure_alone_s: Callable[[ComposedPlan], list[float]],
     drive: Callable[[ComposedPlan], tuple[Driven, float]],
-    find_loss_s: Callable[[Sequence[float]], float | None] = _find_no_loss_s,
+    find_loss_s: Callable[[Sequence[float]], float | None] = lambda _: None,
     compose_anew: Callable[[ComposedPlan, Driven], ComposedPlan | None] = lambda *_: None,
 ) -> Driven | float:
     """What came of driving the best plan by `weigh_order_s`; of those that cannot be driven the first if none can.

@@ -16,7 +16,7 @@ from planner.evaluation.candidates.best_drive import drive_best
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, appraise_drive, measure_candidate
 from planner.evaluation.candidates.fleet_drive import FleetDriver, compute_machine_gap_m, compute_nearness_m
-from planner.evaluation.candidates.line_programme import ComposedPlan, ProgrammeDriver, SketchedPlan, sketch_plans
+from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, drive_composed, sketch_plans
 from planner.evaluation.candidates.pruning import (
     describe_loss,
     describe_nearness,
@@ -27,14 +27,13 @@ from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,
     list_slope_remarks,
-    locate_stall,
 )
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
 from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.risk.assessment import add_risk_estimate
 from reports.common.language import mark_text
-from reports.common.plan_records import PlanDrive, Remark, Stake
+from reports.common.plan_records import STUCK, PlanDrive, PlanFault, Remark, Stake
 from reports.common.plan_results import PlanResult
 from strategies.path_planning.errors import StrategyError
 from strategies.registry import get_strategy
@@ -96,7 +95,11 @@ def simulate_candidates(
             yield from ((number, _build_refusal(context, candidates[number], reason, **marks)) for number in group)
             return
         sketches = {number: known.get(candidates[number]) or _sketch(context, candidates[number]) for number in group}
-        for number in sorted(group, key=lambda number: (_get_sketched_s(sketches[number]), number)):
+        sketched_s = {
+            number: math.inf if isinstance(found, StrategyError) else max(found[0].tractor_s)
+            for number, found in sketches.items()
+        }
+        for number in sorted(group, key=lambda number: (sketched_s[number], number)):
             incumbent = find_incumbent(results) if prunes else None
             outcome = _simulate_sketched(context, candidates[number], sketches[number], incumbent, is_shown=is_shown)
             results += mark_worked_shares([outcome.result], context)
@@ -124,10 +127,6 @@ def _sketch(context: PlanningContext, candidate: Candidate) -> list[SketchedPlan
         return refusal
 
 
-def _get_sketched_s(sketches: list[SketchedPlan] | StrategyError) -> float:
-    return math.inf if isinstance(sketches, StrategyError) else max(sketches[0].tractor_s)
-
-
 def simulate_candidate(context: PlanningContext, candidate: Candidate, incumbent: PlanResult | None = None) -> Outcome:
     """Sketch, compose, drive and measure one candidate; a refusal becomes a result with its reason.
 
@@ -149,7 +148,8 @@ def _simulate_sketched(
     except StrategyError as refusal:
         return _build_refusal(context, candidate, str(refusal))
     if isinstance(driven, CandidateRun):
-        return _measure_run(context, candidate, driven, is_shown)
+        figures = measure_candidate(context, candidate.strategy, candidate.tractors, driven, is_shown=is_shown)
+        return appraise(context, figures, driven.run)
     assert incumbent is not None
     reason = describe_loss(driven, incumbent)
     return _build_refusal(context, candidate, reason, bound_s=round(driven, 3), is_simulated=False)
@@ -183,12 +183,15 @@ def _run_unless_pruned(
     incumbent."""
     if isinstance(sketches, StrategyError):
         raise sketches
-    driver = ProgrammeDriver(context, get_strategy(candidate.strategy).beside)
+    driver = FleetDriver(context, get_strategy(candidate.strategy).beside)
 
     def drive(composed: ComposedPlan) -> tuple[CandidateRun, float]:
-        driven = _check_run(context, driver.drive(composed))
+        driven = _check_run(context, drive_composed(context, driver, composed))
         dropped = driven.run.plan.notes.loosened  # gates that the operation asks for: each as dear as the plan
         return driven, math.inf if driven.reason else (1 + dropped) * driven.run.duration_s
+
+    def measure_alone_s(composed: ComposedPlan) -> list[float]:
+        return driver.measure_alone_s(composed.plan)
 
     def find_loss_s(tractor_s: Sequence[float]) -> float | None:
         return estimate_loss_s(context, tractor_s, incumbent)
@@ -198,15 +201,15 @@ def _run_unless_pruned(
             return composed.compose_anew and composed.compose_anew(composed.plan, driven)
         return None
 
-    return drive_best(sketches, driver.measure_alone_s, drive, find_loss_s, compose_anew)
+    return drive_best(sketches, measure_alone_s, drive, find_loss_s, compose_anew)
 
 
 def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
     """A run with the reason why it is not feasible, and what else a reader would not expect of it."""
     run = driven.run
     if run.stall is not None:
-        where = (locate_stall(run.stall),)
-        return replace(driven, reason=describe_stall(run.stall, context.layout.field), faults=where)
+        where = PlanFault(STUCK, None, run.stall.x_m, run.stall.y_m)
+        return replace(driven, reason=describe_stall(run.stall, context.layout.field), faults=(where,))
     if driven.reason is not None:
         return driven
     places = find_contact_places(run, context)
@@ -214,11 +217,6 @@ def _check_run(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
     reason = reason or find_flat_battery(context, run)
     remarks = driven.remarks if reason else (*driven.remarks, *_list_remarks(context, run))
     return replace(driven, reason=reason, remarks=remarks, faults=tuple(place.fault for place in places))
-
-
-def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun, is_shown: bool) -> Outcome:
-    driven = measure_candidate(context, candidate.strategy, candidate.tractors, outcome, is_shown=is_shown)
-    return appraise(context, driven, outcome.run)
 
 
 def appraise(context: PlanningContext, driven: PlanResult, run: SimulationRun) -> Outcome:

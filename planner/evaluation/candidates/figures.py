@@ -14,7 +14,7 @@ from planner.evaluation.candidates.energy_figures import list_energy_figures, li
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
-from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage, replace_infinite
+from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import describe_largest_piece
 from planner.evaluation.ground.wheel_traffic import (
@@ -81,7 +81,8 @@ def measure_candidate(
         spoilt_m2 = traffic.area_m2
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2 or 0.0)
     overhang = measure_overhang(run, context) if is_shown else None
-    remarks = [*_list_missed_remarks(coverage, context), *candidate_run.remarks]
+    largest = describe_largest_piece(context, coverage)
+    remarks = [*([] if largest is None else [Remark(Stake.WORK, largest)]), *candidate_run.remarks]
     remarks += [] if overhang is None else _list_overhang_remarks(overhang, context)
     return PlanResult(
         strategy=strategy,
@@ -98,7 +99,7 @@ def measure_candidate(
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=count_reversals(run),
-        min_clearance_m=replace_infinite(run.min_clearance_m),
+        min_clearance_m=run.min_clearance_m if math.isfinite(run.min_clearance_m) else None,
         keeps_clearance=run.min_clearance_m >= context.request.clearance_m,
         collisions=len(run.contacts),
         measured={key: measure(run, context.layout.field.area_ha) for key, measure in MEASURES.items()},
@@ -174,12 +175,6 @@ def measure_headland_phase_s(run: SimulationRun) -> float | None:
             [float(run.time_s[headland_rows[0]]), float(run.time_s[headland_rows[-1]])] if len(headland_rows) else []
         )
     return max(times) - min(times) if times else None
-
-
-def _list_missed_remarks(coverage: Coverage, context: PlanningContext) -> list[Remark]:
-    """A remark on the largest piece that is left, where it is worth one."""
-    text = describe_largest_piece(context, coverage)
-    return [] if text is None else [Remark(Stake.WORK, text)]
 
 
 def _list_overhang_remarks(overhang: Overhang, context: PlanningContext) -> list[Remark]:

@@ -145,11 +145,6 @@ class FleetDriver:
         return schedule_plan(plan, self._check, self._alone, self._cache, self._at_once)
 
 
-def compute_planned_s(mission: Mission) -> float:
-    """Seconds at planned speeds."""
-    return round(math.fsum(leg.length_m / leg.speed_mps for leg in mission.legs), 3)
-
-
 def remove_gates(plan: Plan) -> Plan:
     """The plan without gates and follow orders."""
     free_legs = (
@@ -160,8 +155,8 @@ def remove_gates(plan: Plan) -> Plan:
 
 
 def _estimate_rows(missions: Sequence[Mission]) -> float:
-    """Approximate number of rows in the records of missions."""
-    return ROWS_PER_S * math.fsum(compute_planned_s(mission) for mission in missions)
+    """Approximate number of rows in the records of missions at planned speeds."""
+    return ROWS_PER_S * math.fsum(leg.length_m / leg.speed_mps for mission in missions for leg in mission.legs)
 
 
 def compute_timeout_s(plan: Plan) -> float:

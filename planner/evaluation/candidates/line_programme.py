@@ -20,8 +20,8 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves, recall
 from reports.common.plan_records import Remark, Stake
 from reports.common.plan_results import MODEL_ERROR_SHARE
-from strategies.formations.compose import compose_formation, describe_formation_share, sketch_formation
-from strategies.formations.formation_site import FormationSite
+from strategies.formations.compose import Formation, describe_formation_share
+from strategies.formations.formation_site import FleetOrder, FormationSite
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
@@ -204,15 +204,17 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
     _check_supply_lasts(context, tractors)
 
     def form_up(order: str) -> SketchedPlan:
-        site = get_formation_site(context)
+        site = recall(
+            context, FormationSite, lambda: FormationSite(_require_lines(context), build_clearance_check(context, True))
+        )
+        fleet = FleetOrder(tractors, order, rule.in_rows)
         _check_tracks_suffice(context, tractors)
 
         def compose() -> ComposedPlan:
-            formation = compose_formation(site, tractors, order, rule)
+            formation = Formation(site.share(fleet), rule)
             return ComposedPlan(order, formation.programme, formation.build_plan, formation.compute_tractor_s())
 
-        tractor_s = sketch_formation(site, tractors, order, rule).compute_tractor_s()
-        return SketchedPlan(order, tractor_s, compose)
+        return SketchedPlan(order, Formation(site.sketch(fleet), rule).compute_tractor_s(), compose)
 
     return form_up
 
@@ -252,13 +254,6 @@ def _check_tracks_suffice(context: PlanningContext, tractors: int) -> None:
             f"{tractors} tractors in formation need {tractors} tracks, and there is work on {count}; use split-field "
             "or interleaved."
         )
-
-
-def get_formation_site(context: PlanningContext) -> FormationSite:
-    """What the formations of a context have in common."""
-    return recall(
-        context, FormationSite, lambda: FormationSite(_require_lines(context), build_clearance_check(context, True))
-    )
 
 
 def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
@@ -405,28 +400,17 @@ def _finish_plan(context: PlanningContext, composed: ComposedPlan, notes: PlanNo
     return add_order_gates(plan, table.site, first, context.tractor.width_m, is_kept=is_kept)
 
 
-class ProgrammeDriver:
-    """Drives composed plans of a candidate; tractors give way to one another."""
-
-    def __init__(self, context: PlanningContext, beside: bool) -> None:
-        """For the machines and ground of a context, beside each other or not."""
-        self._context, self._driver = context, FleetDriver(context, beside)
-
-    def measure_alone_s(self, composed: ComposedPlan) -> list[float]:
-        """Seconds that every tractor drives with nobody else on the field; 0 for one that does not finish."""
-        return self._driver.measure_alone_s(composed.plan)
-
-    def drive(self, composed: ComposedPlan) -> CandidateRun:
-        """The run of a composed plan, with what is known of it without measuring."""
-        run, reason = self._driver.drive(composed.plan)
-        table = composed.programme.table
-        moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
-        turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
-        left, apart = list_left_remarks(composed.programme, self._context), describe_formation_share(composed.plan)
-        left += _list_machine_remarks(composed, self._context)
-        return CandidateRun(
-            run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
-        )
+def drive_composed(context: PlanningContext, driver: FleetDriver, composed: ComposedPlan) -> CandidateRun:
+    """The run of a composed plan, with what is known of it without measuring."""
+    run, reason = driver.drive(composed.plan)
+    table = composed.programme.table
+    moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
+    turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
+    left, apart = list_left_remarks(composed.programme, context), describe_formation_share(composed.plan)
+    left += _list_machine_remarks(composed, context)
+    return CandidateRun(
+        run, reason, name_main_turns(turns), (*left, *([] if apart is None else [Remark(Stake.NOTHING, apart)]))
+    )
 
 
 def _list_machine_remarks(composed: ComposedPlan, context: PlanningContext) -> tuple[Remark, ...]:

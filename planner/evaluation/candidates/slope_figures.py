@@ -12,7 +12,7 @@ from fields.geometry.field import Field
 from fields.terrain.checks import describe_place
 from fields.terrain.slopes import compute_directional_slopes
 from planner.evaluation.context import PlanningContext
-from reports.common.plan_records import STUCK, PlanFault, Remark, SlopePlace, Stake
+from reports.common.plan_records import Remark, SlopePlace, Stake
 from vehicle.missions.run import RollOverMargin, SimulationRun, Stall
 from vehicle.model.terrain import Terrain
 from vehicle.records import FINISHED, REC_POSE, REC_SPEED
@@ -117,8 +117,3 @@ def describe_stall(stall: Stall, field: Field) -> str:
         return reason
     # The drive force of a file stands in for the grip, which is often better than that: 0.4 of the weight by rule.
     return f"{reason} by its tractor file; name the soil (loam, firm, soft), and its grip counts instead"
-
-
-def locate_stall(stall: Stall) -> PlanFault:
-    """Where a tractor cannot go on."""
-    return PlanFault(STUCK, None, stall.x_m, stall.y_m)

@@ -6,7 +6,7 @@ Which poses touch a shape is compiled: most do not, and nothing is built for the
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ from fields.arrays import Flags, Floats, Integers, build_directions
 from fields.geometry.arithmetic import GRID_M
 from fields.geometry.overlays import subtract, unite
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import measure_excursion_m, measure_outside_m
+from planner.evaluation.ground.coverage import measure_outside_m
 from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.site import MAX_OUTSIDE_M, TOLERANCE_M
 from reports.common.plan_records import FENCE, OBSTACLE, OUTLINE, PlanFault
@@ -197,7 +197,6 @@ class ContactPlace:
     kind: str
     number: int | None
     name: str
-    tractor: int
     x_m: float
     y_m: float
     depth_m: float
@@ -219,8 +218,8 @@ class ContactPlace:
 
 def find_contact_places(run: SimulationRun, context: PlanningContext) -> tuple[ContactPlace, ...]:
     """All places of a run where it leaves the field, crosses a fence or touches an obstacle, in this order."""
-    outline = () if measure_excursion_m(run, context) < MAX_OUTSIDE_M else _iter_outline_places(run, context)
-    return (*outline, *_iter_fence_places(run, context), *_iter_obstacle_places(run, context))
+    finders = _iter_outline_places, _iter_fence_places, _iter_obstacle_places
+    return tuple(place for find in finders for place in find(run, context))
 
 
 def describe_worst_place(places: Sequence[ContactPlace], context: PlanningContext) -> str:
@@ -242,9 +241,7 @@ def _iter_outline_places(run: SimulationRun, context: PlanningContext) -> Iterat
     for tractor in range(run.plan.tractors):
         depths_m = measure_outside_m(run, tractor, context)
         rows = np.flatnonzero(depths_m >= MAX_OUTSIDE_M)
-        for group in _split_rows(rows):
-            deepest = int(group[np.argmax(depths_m[group])])
-            yield _build_place(run, OUTLINE, None, "the outline", tractor, deepest, float(depths_m[deepest]))
+        yield from _iter_deepest(run, tractor, rows, depths_m[rows], OUTLINE, "the outline")
 
 
 def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
@@ -257,13 +254,12 @@ def _iter_fence_places(run: SimulationRun, context: PlanningContext) -> Iterator
         poses, check = run.get_poses(tractor), checks[state.implement]
         if check.measure_intrusion_m(poses[rows]) <= MAX_FENCE_CROSSING_M:
             continue
-        near_rows = rows[check.find(poses[rows])]
-        depths_m = np.array([check.measure_intrusion_m(poses[[row]]) for row in near_rows])
-        for group in _split_rows(near_rows[depths_m > MAX_FENCE_CROSSING_M]):
-            deepest = int(group[np.argmax(depths_m[np.searchsorted(near_rows, group)])])
-            depth_m = float(depths_m[np.searchsorted(near_rows, deepest)])
-            nearest = int(np.argmin(shapely.distance(list(fences), shapely.Point(poses[deepest, :2]))))
-            yield _build_place(run, FENCE, obstacle_count + nearest, "the fence", tractor, deepest, depth_m)
+        rows = rows[check.find(poses[rows])]
+        depths_m = np.array([check.measure_intrusion_m(poses[[row]]) for row in rows])
+        over = depths_m > MAX_FENCE_CROSSING_M
+        for place in _iter_deepest(run, tractor, rows[over], depths_m[over], FENCE, "the fence"):
+            nearest = int(np.argmin(shapely.distance(list(fences), shapely.Point(place.x_m, place.y_m))))
+            yield replace(place, number=obstacle_count + nearest)
 
 
 def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Iterator[ContactPlace]:
@@ -274,11 +270,20 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
         rows = rows[checks[state.implement].find(poses[rows])]
         for number, obstacle in enumerate(obstacles if len(rows) else ()):
             check = ObstacleIntrusionCheck(state, obstacle)
-            for group in _split_rows(rows[check.find(poses[rows])]):
-                depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
-                deepest = int(np.argmax(depths_m))
-                row = int(group[deepest])
-                yield _build_place(run, OBSTACLE, number, names[number], tractor, row, depths_m[deepest])
+            near = rows[check.find(poses[rows])]
+            depths_m = np.array([check.measure_intrusion_m(poses[[row]]) for row in near])
+            yield from _iter_deepest(run, tractor, near, depths_m, OBSTACLE, names[number], number)
+
+
+def _iter_deepest(
+    run: SimulationRun, tractor: int, rows: Integers, depths_m: Floats, kind: str, name: str, number: int | None = None
+) -> Iterator[ContactPlace]:
+    """Where a tractor reaches deepest, once for rows (n,) of its record that belong to one place."""
+    for group in np.split(np.arange(len(rows)), np.flatnonzero(np.diff(rows) > SAME_PLACE_ROWS) + 1):
+        if len(group):
+            deepest = group[np.argmax(depths_m[group])]
+            x, y = run.get_poses(tractor)[rows[deepest], :2].tolist()
+            yield ContactPlace(kind, number, name, x, y, float(depths_m[deepest]))
 
 
 def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple[int, Integers, PlanningContext]]:
@@ -289,21 +294,6 @@ def _iter_states(run: SimulationRun, context: PlanningContext) -> Iterator[tuple
         for state, here in ((context, rows[~is_folded]), (context.folded, rows[is_folded])):
             if len(here):
                 yield tractor, here, state
-
-
-def _split_rows(rows: Integers) -> list[Integers]:
-    """Rows of a record as groups that belong to one place."""
-    if not len(rows):
-        return []
-    return np.split(rows, np.flatnonzero(np.diff(rows) > SAME_PLACE_ROWS) + 1)
-
-
-def _build_place(
-    run: SimulationRun, kind: str, number: int | None, name: str, tractor: int, deepest: int, depth_m: float
-) -> ContactPlace:
-    """The place where a tractor reaches deepest in a row of the record."""
-    x, y = run.get_poses(tractor)[deepest, :2].tolist()
-    return ContactPlace(kind, number, name, tractor, x, y, depth_m)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,4 @@
-"""Figures of merit of a run: coverage, excursions of the antenna, reversals.
-
-A table of cells that surely lie inside an area saves exact predicates, which decide only near edges.
-"""
+"""Figures of merit of a run: coverage, excursions of the antenna, reversals."""
 
 from __future__ import annotations
 
@@ -13,51 +10,17 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, Integers, build_directions
+from fields.arrays import Floats, build_directions
 from fields.geometry.arithmetic import EDGE_M, MITRE_LIMIT
 from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite, unite_areas
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.plan_records import UnworkedPiece
-from vehicle.jit import compile_function
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 
-TABLE_CELLS = 20_000
-MIN_CELL_M = 1.0
-BUFFER_FACTOR = 1.05  # buffers have chords for arcs, and are too small by at most this factor
 MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
-
-
-@compile_function
-def _find_outside_table(places, west, south, cell, inner):  # type: ignore[no-untyped-def]
-    """Whether places (t, 2 or more columns) lie outside the cells of the table `inner` (rows from south, columns)."""
-    out = np.ones(len(places), dtype=np.bool_)
-    rows, columns = inner.shape
-    for k in range(len(places)):
-        east, north = (places[k, 0] - west) / cell, (places[k, 1] - south) / cell
-        if 0.0 <= east < columns and 0.0 <= north < rows:
-            out[k] = not inner[int(north), int(east)]
-    return out
-
-
-class InteriorCellTable:
-    """The cells of an area that lie more than `off_m` inside its edge."""
-
-    def __init__(self, area: shapely.Geometry, off_m: float) -> None:
-        west, south, east, north = area.bounds if not area.is_empty else (0.0, 0.0, 0.0, 0.0)
-        self._origin = west, south
-        self._cell = max(MIN_CELL_M, math.sqrt((east - west) * (north - south) / TABLE_CELLS))
-        columns, rows = (1 + int(span / self._cell) for span in (east - west, north - south))
-        core = area.buffer(-BUFFER_FACTOR * (off_m + self._cell))  # a corner is less than a cell from the middle
-        shapely.prepare(core)
-        x, y = west + self._cell * (np.arange(columns) + 0.5), south + self._cell * (np.arange(rows) + 0.5)
-        self._inner = np.asarray(shapely.contains_xy(core, *np.meshgrid(x, y)), dtype=np.bool_)
-
-    def find_uncertain(self, points: Floats) -> Integers:
-        """Indices of the points (t, 2 or more columns, x and y first) that may be outside or near the edge."""
-        return np.flatnonzero(_find_outside_table(points, *self._origin, self._cell, self._inner))
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +73,12 @@ class Coverage:
 
 def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: int) -> Floats:
     """Path of the antenna, (t, 2)."""
-    return locate_antenna(run.get_poses(tractor), context)
+    return locate_antenna(run.get_poses(tractor), context.tractor.guide_m)
 
 
-def locate_antenna(poses: Floats, context: PlanningContext) -> Floats:
-    """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
-    return poses[:, :2] + context.tractor.guide_m * build_directions(poses[:, 2])
+def locate_antenna(poses: Floats, guide_m: float) -> Floats:
+    """Places (t, 2) of the antenna, `guide_m` ahead of the centre of mass, which is at poses (t, 3)."""
+    return poses[:, :2] + guide_m * build_directions(poses[:, 2])
 
 
 def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptArea | None = None) -> Coverage:
@@ -189,11 +152,6 @@ def _find_wide_pieces(unworked: shapely.Geometry, min_width_m: float) -> Areas:
     return np.array(sorted(parts, key=lambda piece: (-piece.area, piece.bounds)), dtype=np.object_)
 
 
-def measure_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
-    """The farthest (m) that the guided points' paths go outside the field; 0 where they stay inside."""
-    return max(float(np.max(measure_outside_m(run, tractor, context))) for tractor in range(run.plan.tractors))
-
-
 def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext) -> Floats:
     """How far (t,) the guided point of a tractor is outside the field; 0 inside.
 
@@ -201,22 +159,14 @@ def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext
     """
     boundary, poses = context.layout.field.region_without_obstacles, run.get_poses(tractor)
     shapely.prepare(boundary)
-    outside_m, inside = np.zeros(len(poses)), InteriorCellTable(boundary, abs(context.tractor.guide_m))
-    near = inside.find_uncertain(poses)
-    path = locate_antenna(poses[near], context)
+    outside_m, path = np.zeros(len(poses)), locate_antenna(poses, context.tractor.guide_m)
     is_out = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
-    near, path = near[is_out], path[is_out]
-    outside_m[near] = shapely.distance(shapely.points(path), boundary)
-    at_gate, with_gate = run.find_task_rows(tractor, (ENTER, LEAVE))[near], unite([boundary, context.gate_area])
-    outside_m[near[at_gate]] = shapely.distance(shapely.points(path[at_gate]), with_gate)
+    outside_m[is_out] = shapely.distance(shapely.points(path[is_out]), boundary)
+    at_gate, with_gate = is_out & run.find_task_rows(tractor, (ENTER, LEAVE)), unite([boundary, context.gate_area])
+    outside_m[at_gate] = shapely.distance(shapely.points(path[at_gate]), with_gate)
     return outside_m
 
 
 def count_reversals(run: SimulationRun) -> int:
     """Number of changes of direction in the plan of a run."""
     return sum(a.gear != b.gear for mission in run.plan.missions for a, b in pairwise(mission.legs))
-
-
-def replace_infinite(value: float) -> float | None:
-    """The value, or None if it is not finite."""
-    return value if math.isfinite(value) else None

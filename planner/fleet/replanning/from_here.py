@@ -84,7 +84,10 @@ class RestDriver:
 
     def _build_plan(self, missions: Sequence[tuple[Leg, ...]]) -> Plan:
         plan, supply = _build_plan_from_here(self._remaining, missions), self._context.supply
-        return plan if supply is None else add_service_gates(plan, supply, self._context.request.width_m)
+        if supply is None:
+            return plan
+        width_m = self._context.request.width_m
+        return add_service_gates(plan, (list_stops(one.legs, supply, width_m) for one in plan.missions), supply)
 
 
 def _name_tractors(numbers: Sequence[int]) -> str:
@@ -137,11 +140,10 @@ def build_whole_plan(
         whole_missions.append(whole_mission)
         past_seconds = remaining.states[number].mission.leg_seconds[: len(past_legs)]
         timed_missions.append(TimedMission(whole_mission, (*past_seconds, *timed_run[number].leg_seconds[future])))
-    stops = (
-        [] if context.supply is None else [list_stops(each.legs, context.supply, width_m) for each in whole_missions]
-    )
-    notes = plan.plan.notes if context.supply is None else note_stops(plan.plan.notes, stops, context.supply)
-    saved = replace(plan.saved, plan=Plan(tuple(whole_missions), notes))
+    whole = Plan(tuple(whole_missions), plan.plan.notes)
+    if (supply := context.supply) is not None:
+        whole = note_stops(whole, [list_stops(one.legs, supply, width_m) for one in whole_missions], supply)
+    saved = replace(plan.saved, plan=whole)
     finish = tuple(remaining.elapsed_s + float(seconds) for seconds in run.finish_s)
     return replace(
         plan,

@@ -78,10 +78,12 @@ class StatedFigures:
 
 @dataclass(frozen=True, eq=False)
 class SavedPlanRun:
-    """A saved plan with its request, its run, and the steps of every tractor."""
+    """A saved plan with its request and machines, its run, and the steps of every tractor."""
 
     saved: SavedPlan
     request: PlanRequest
+    tractor: Tractor
+    implement: Implement
     run: SimulationRun
     steps: Steps
 
@@ -106,11 +108,11 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
             f"The plan is not driven to its end ({run.outcome}): it or the tractor {request.tractor!r} was changed "
             f"since it was saved{_describe_old_plan(saved)}; plan again."
         )
-    tractor = read_machines(saved, request)[0]
+    tractor, implement = read_machines(saved, request)
     measures = measure_steps(run, tractor, read_physics(saved, request, tractor))
     steps = list_steps(run, request.width_m, measures, operation=request.operation)
     steps = delay_steps(steps, read_workday(saved, request))
-    return SavedPlanRun(saved, request, run, steps)
+    return SavedPlanRun(saved, request, tractor, implement, run, steps)
 
 
 def read_request(saved: SavedPlan) -> PlanRequest:
