@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
+    from reports.common.text_tables import FittedTable
+
 EXPORT_DECIMALS = 6
 MOST_SUMMARY_CHARS = 280
 MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
@@ -250,19 +252,8 @@ def encode_figure(figure: Figure) -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-@dataclass(frozen=True)
-class ShownTable:
-    """A table of a fragment: headings, and rows of texts; those of `text_columns` stand on the left."""
-
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    text_columns: frozenset[int] = frozenset()
-    bold_row: int | None = None
-    note: str = ""
-
-
 def render_fragment(
-    title: str, sentences: Sequence[str], tables: Sequence[ShownTable], picture: str | None = None, alt: str = ""
+    title: str, sentences: Sequence[str], tables: Sequence[FittedTable], picture: str | None = None, alt: str = ""
 ) -> str:
     """A result as HTML for a notebook, everything escaped; `picture` is a PNG in base64, `alt` what it shows."""
     content: dict[str, Any] = {

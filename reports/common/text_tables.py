@@ -16,7 +16,6 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.rendering import ShownTable
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
@@ -67,7 +66,8 @@ class FittedTable:
     All columns under their headings, else under their short headings, else fewer columns and a line that names the
     missing ones, else a list with a heading and its value per line. `styles` has one entry per row, or is empty;
     `more_hint` says where missing columns can be seen. Control characters, such as a line break in a name, are shown
-    as `\\n`; only with `has_lines` can a cell have several lines.
+    as `\\n`; only with `has_lines` can a cell have several lines. `notes` are said below it: what its marks and columns
+    mean, and what it leaves out.
     """
 
     columns: tuple[TableColumn, ...]
@@ -76,6 +76,7 @@ class FittedTable:
     has_header: bool = True
     more_hint: str = mark_text("a wider window or --json shows more")
     has_lines: bool = False
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.has_lines:
@@ -84,24 +85,20 @@ class FittedTable:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
         places, short = self._choose_columns(options.max_width)
         widths = self._compute_column_widths(places, short, options.max_width)
+        notes = list(self.notes)
         if widths is None:
             for row in self.rows:
                 for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
                     head = f"{column.full_title}: " if column.heading and self.has_header else ""
                     text = (head + cell).replace("\n", " ").strip()
                     yield format_sentence(text, indent=2 if number else 0)
-            return
-        yield self._build_rich_table(places, widths, short)
-        if len(places) < len(self.columns):
-            missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
-            hint = translate(self.more_hint)
-            yield format_sentence(translate("No room for: {columns}; {hint}.", columns=missing, hint=hint), style="dim")
-
-    def convert_for_notebook(self, bold_row: int | None = None, note: str = "") -> ShownTable:
-        """The table as a fragment for notebooks has it, headings in one line."""
-        headings = [" ".join(column.heading.split()) for column in self.columns]
-        text_columns = frozenset(place for place, column in enumerate(self.columns) if column.is_text)
-        return ShownTable(headings, self.rows, text_columns, bold_row, note)
+        else:
+            yield self._build_rich_table(places, widths, short)
+            if len(places) < len(self.columns):
+                missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
+                hint = translate(self.more_hint)
+                notes.insert(0, translate("No room for: {columns}; {hint}.", columns=missing, hint=hint))
+        yield from (format_sentence(note, style="dim") for note in notes)
 
     def _choose_columns(self, width: int) -> tuple[list[int], bool]:
         """The columns that fit, and whether their headings are the short ones."""
@@ -188,6 +185,14 @@ def build_table(
     rows = [(tuple(write(item) for _, write in figures), "bold" if is_marked(item) else "") for item in items]
     cells, styles = (tuple(row[place] for row in rows) for place in (0, 1))
     return FittedTable(tuple(column for column, _ in figures), cells, styles, **look)  # type: ignore[arg-type]
+
+
+def build_plain_table(
+    headings: Sequence[str], rows: Iterable[tuple[str, ...]], texts: Sequence[int] = (0,), **look: Any
+) -> FittedTable:
+    """Rows of cells under plain headings; columns at the places `texts` hold text. `look` as FittedTable."""
+    columns = tuple(TableColumn(heading, is_text=place in texts) for place, heading in enumerate(headings))
+    return FittedTable(columns, tuple(rows), **look)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,6 @@ from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES, TIME_STEPS_S,
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     ResultView,
-    ShownTable,
     build_view,
     create_figure,
     encode_figure,
@@ -20,6 +19,7 @@ from reports.common.rendering import (
     render_fragment,
     render_template,
 )
+from reports.common.text_tables import build_plain_table
 from reports.common.wording import format_number, format_percent, format_price
 from reports.day.results import DayResult, format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.tables import (
@@ -124,9 +124,8 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
 
 def _compute_time_span(result: DayResult) -> tuple[float, float]:
     """First and last second of the day in the picture."""
-    ends = [job.p95_end_s for job in result.jobs] + [
-        fleet.stated_home_s for fleet in result.fleets if fleet.stated_home_s
-    ]
+    ends = [job.p95_end_s for job in result.jobs]
+    ends += [fleet.p50_home_s for fleet in result.fleets if fleet.p50_home_s]
     last = max(ends, default=result.start_s + 6 * HOUR_S)
     return result.start_s, max(last + 0.03 * (last - result.start_s), result.start_s + HOUR_S)
 
@@ -159,14 +158,14 @@ def _draw_machines(axes: Axes, result: DayResult, span: float) -> None:
     for row, fleet in enumerate(result.fleets):
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         for job in jobs:
-            colour, leaves_s = palette.get_tractor_colour(row), job.stated_leaves_s
-            start_s, end_s = job.stated_start_s, job.p50_end_s
+            colour, leaves_s = palette.get_tractor_colour(row), job.p50_leaves_s
+            start_s, end_s = job.p50_start_s, job.p50_end_s
             axes.barh(row, start_s - leaves_s, left=leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
             axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
             _write_bar_name(axes, row, (start_s, end_s), job.field, span)
-        if jobs and fleet.stated_home_s is not None:
+        if jobs and fleet.p50_home_s is not None:
             end_s = jobs[-1].p50_end_s
-            axes.barh(row, fleet.stated_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
+            axes.barh(row, fleet.p50_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
 
 
 def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
@@ -176,7 +175,7 @@ def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
             axes.barh(row, closes - opens, left=opens, height=0.72, color=WINDOW_COLOUR, zorder=1)
     for job in result.jobs:
         row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
-        start_s, end_s = job.stated_start_s, job.p50_end_s
+        start_s, end_s = job.p50_start_s, job.p50_end_s
         axes.plot([end_s, max(job.p95_end_s, end_s)], [row, row], color=colour, linewidth=1.2, zorder=2)
         axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
         probability = f"{format_percent(job.finish_probability)} %"
@@ -226,8 +225,8 @@ def render_day_page(result: DayResult) -> str:
         ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
     ]
     if result.jobs:
-        facts.append(("All done", format_end_of_day(result.stated_end_s)))
-        facts.append(("95 %", format_end_of_day(result.stated_late_end_s)))
+        facts.append(("All done", format_end_of_day(result.p50_done_s)))
+        facts.append(("95 %", format_end_of_day(result.p95_done_s)))
     if result.finish_probability is not None:
         facts.append(("All in time", f"{format_percent(result.finish_probability)} %"))
     facts += [(f"{label}, {result.currency}", money) for label, money in list_money_rows(result)]
@@ -258,11 +257,11 @@ def build_day_view(day: DayResult) -> ResultView:
 
     def render() -> str:
         jobs = sort_by_field(day)
-        left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
-        tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
+        notes = (f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all.",) if len(jobs) > MOST_JOBS else ()
+        tables = [build_job_table(jobs[:MOST_JOBS], notes=notes)]
         if day.unworked_fields:
-            rows = [(one.field, one.reason) for one in day.unworked_fields]
-            tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
+            rows = ((one.field, one.reason) for one in day.unworked_fields)
+            tables.append(build_plain_table(("Not done", "Why"), rows, (0, 1)))
         first, *others = list_day_sentences(day)
         sentences = [*others, describe_optimality_gap(day), *day.remarks]
         return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")

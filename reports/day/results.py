@@ -32,7 +32,7 @@ class DayJob:
     95 % of the samples. `time_s` is the time of the simulated plan without variation, `cost` that of the work,
     `lost_cost` the mean loss on ground not done in time, `worked_pct` the share of the field that the plan works.
     `refills` counts stops to fill or empty a tank, None where nothing is carried. `p50_start_s` and `p50_leaves_s` are
-    the medians of the samples, as reports state them.
+    the medians of the samples, which reports state.
     """
 
     field: str
@@ -50,21 +50,11 @@ class DayJob:
     p50_end_s: float
     p95_end_s: float
     cost: float
-    lost_cost: float = 0.0
-    worked_pct: float | None = None
-    refills: int | None = None
-    p50_start_s: float | None = None
-    p50_leaves_s: float | None = None
-
-    @property
-    def stated_start_s(self) -> float:
-        """The begin of the work that every report states: the median of the samples, seconds of the day."""
-        return self.start_s if self.p50_start_s is None else self.p50_start_s
-
-    @property
-    def stated_leaves_s(self) -> float:
-        """When the fleet leaves the place before, the median of the samples."""
-        return self.leaves_s if self.p50_leaves_s is None else self.p50_leaves_s
+    lost_cost: float
+    worked_pct: float | None
+    refills: int | None
+    p50_start_s: float
+    p50_leaves_s: float
 
 
 @dataclass(frozen=True)
@@ -81,7 +71,7 @@ class UnworkedField:
 class FleetDay:
     """The day of a fleet: what it is (`words`), when it leaves and is home (None if it stays), km and cost of roads.
 
-    `p50_home_s` is the median of the samples.
+    `p50_home_s` is the median of the samples, which reports state.
     """
 
     name: str
@@ -91,11 +81,6 @@ class FleetDay:
     km: float
     road_cost: float = 0.0
     p50_home_s: float | None = None
-
-    @property
-    def stated_home_s(self) -> float | None:
-        """When the fleet is home as every report states it: the median of the samples."""
-        return self.home_s if self.p50_home_s is None else self.p50_home_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +99,11 @@ class DayResult(ShownResult):
 
     `cost` is the expected cost of the whole day: `cost` and `lost_cost` of all jobs, `road_cost` of all fleets and
     `cost` of the fields not done. `gap_pct` is by how much less another order could cost at most, by the times it is
-    planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
-    field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
-    and `p95_done_s` in half and in 95 % of the samples. `questions` are about tractors that seem too weak for their
-    implement, and plans that were cut short for lack of computing time; `shortfalls` sentences on plans that are no
-    recommendation.
+    planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each field
+    may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s` and
+    `p95_done_s` in half and in 95 % of the samples, None without jobs. `questions` are about tractors that seem too
+    weak for their implement, and plans that were cut short for lack of computing time; `shortfalls` sentences on plans
+    that are no recommendation.
     """
 
     start_s: float
@@ -156,16 +141,6 @@ class DayResult(ShownResult):
         """The rest of the cost, which nobody pays: the loss on ground that is late or not worked."""
         return self.cost - self.paid_cost
 
-    @property
-    def stated_end_s(self) -> float:
-        """When the day is done as every report states it: the median of the samples."""
-        return max(job.p50_end_s for job in self.jobs) if self.p50_done_s is None else self.p50_done_s
-
-    @property
-    def stated_late_end_s(self) -> float:
-        """When the day is done in 95 % of the samples."""
-        return max(job.p95_end_s for job in self.jobs) if self.p95_done_s is None else self.p95_done_s
-
 
 def list_day_sentences(result: DayResult) -> list[str]:
     """The answer, the most important first."""
@@ -186,8 +161,8 @@ def describe_day_end(result: DayResult) -> str:
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
     paid, risked = (f"{format_price(each)} {result.currency}" for each in (result.paid_cost, result.risked_cost))
     values = {
-        "done": _format_end_in_words(result.stated_end_s),
-        "late": _format_end_in_words(result.stated_late_end_s),
+        "done": _format_end_in_words(result.p50_done_s),
+        "late": _format_end_in_words(result.p95_done_s),
         "cost": format_risked_money(paid, risked, result.risked_cost),
         "total": total,
     }
@@ -257,7 +232,7 @@ def format_end_of_day(seconds: float | None) -> str:
     return format_time_of_day(None if seconds is None else round_up_to_minute(seconds))
 
 
-def _format_end_in_words(seconds: float) -> str:
+def _format_end_in_words(seconds: float | None) -> str:
     """When something is done, as a sentence says it: ``00:39 next day``."""
     clock, _, days = format_end_of_day(seconds).partition("+")
     if not days:

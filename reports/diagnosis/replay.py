@@ -10,7 +10,6 @@ import numpy as np
 from reports.common import palette
 from reports.common.rendering import (
     ResultView,
-    ShownTable,
     create_figure,
     draw_legend,
     encode_figure,
@@ -19,7 +18,7 @@ from reports.common.rendering import (
     render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.text_tables import build_plain_table, format_sentence
 from reports.common.wording import NO_VALUE, format_effect_with_id, join_list
 from reports.diagnosis.sentences import SHOWN_HORIZON_S, format_errors, list_error_rows
 from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
@@ -65,11 +64,10 @@ def build_replay_table(replayed: ReplayResult, remarks: Sequence[str] = ()) -> G
     """Errors by horizon and remarks on the log for the terminal."""
     from rich.console import Group
 
-    columns = tuple(map(TableColumn, ("Over", "Across cm", "Along cm", "Heading deg")))
     effects = join_list(map(format_effect_with_id, replayed.effects))
     return Group(
         format_sentence(f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {effects}."),
-        FittedTable(columns, tuple(list_error_rows(replayed.errors))),
+        build_plain_table(("Over", "Across cm", "Along cm", "Heading deg"), list_error_rows(replayed.errors), ()),
         *(format_sentence(line) for line in (*remarks, *_list_replayed_measurements(replayed))),
     )
 
@@ -170,7 +168,8 @@ def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultV
     title = f"{replayed.name} against {replayed.tractor}"
 
     def render() -> str:
-        table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows(replayed.errors))
+        headings = "Over", "Across, cm", "Along, cm", "Heading, deg"
+        table = build_plain_table(headings, list_error_rows(replayed.errors), texts=())
         sentences, words = [describe_replay(replayed), *remarks], "Measured and simulated path, angle and speed"
         return render_fragment(title, sentences, [table], encode_figure(draw_replay(replayed)), words)
 

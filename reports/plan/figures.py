@@ -296,6 +296,7 @@ def build_figure_table(
     figures: Sequence[Figure],
     drops: Mapping[str, int],
     more_hint: str,
+    notes: Sequence[str],
     *,
     stars: bool = False,
 ) -> FittedTable:
@@ -311,7 +312,7 @@ def build_figure_table(
     writers = [write_first, *(figure.format for figure in figures[1:])]
     columns = [figure.build_column(drops[figure.key]) for figure in figures]
     cells = list(zip(columns, writers, strict=True))
-    return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint)
+    return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint, notes=tuple(notes))
 
 
 def format_ranking_json(ranking: PlanRanking) -> str:

@@ -11,7 +11,7 @@ from rich.text import Text
 from fields.units import name_compass_point
 from reports.common.plan_records import DriverLeg
 from reports.common.rendering import format_json
-from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import MOST_NAMED, build_plain_table, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
 
 _LEAST_REVERSING_M = 0.5
@@ -98,14 +98,13 @@ def build_leg_tables(
 ) -> RenderableType:
     """A table per tractor, or only for `only_tractor` (from 1); with a `start` times are clock times."""
     parts: list[RenderableType] = [format_title(title)]
-    columns = tuple(TableColumn(name, is_text=name == "Leg") for name in LEG_HEADINGS)
     when = "time of day" if start else "after the start"
     parts.append(format_sentence(f"From: h:mm:ss, {when}. Min:s: duration.", style="dim"))
     for tractor, rows in enumerate(steps, start=1):
         if only_tractor in (None, tractor):
-            cells = tuple(build_leg_cells(place, step, start) for place, step in enumerate(rows, start=1))
+            cells = (build_leg_cells(place, step, start) for place, step in enumerate(rows, start=1))
             heading = Text(format_leg_heading(tractor, rows), style="bold")
-            parts += [Text(""), heading, FittedTable(columns, cells)]
+            parts += [Text(""), heading, build_plain_table(LEG_HEADINGS, cells, texts=(1,))]
     return Group(*parts)
 
 

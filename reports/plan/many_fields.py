@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any
@@ -121,8 +122,7 @@ def has_probability(records: Sequence[ComparisonRow]) -> bool:
 
 def build_many_fields_table(records: Sequence[ComparisonRow]) -> RenderableType:
     """The best plan of every field at every width with totals, and which fields have none and why."""
-    parts: list[RenderableType] = [tabulate_records(records)]
-    parts += [format_sentence(text, style="dim") for text in describe_records(records)]
+    parts: list[RenderableType] = [replace(tabulate_records(records), notes=tuple(describe_records(records)))]
     lacking, without = list_shortfalls(records), list_records_without_plan(records)
     if lacking:
         parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
@@ -195,8 +195,7 @@ def build_many_fields_screen(records: Sequence[ComparisonRow], *, with_next: boo
     return Group(
         AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults), is_whole=is_whole),
         Text(""),
-        _build_screen_table(records[:MOST_ROWS]),
-        *(format_sentence(text, style="dim") for text in notes),
+        replace(_build_screen_table(records[:MOST_ROWS]), notes=tuple(notes)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import shlex
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
@@ -88,8 +89,7 @@ def build_sweep_screen(result: SweepResult) -> RenderableType:
         nearest = translate("> comes nearest to what was asked for.")
         mark = translate("> is the one to take.") if result.has_recommendation else nearest
         legend = f"{mark} {describe_rows(result)}".strip()
-        parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
-        parts.append(format_sentence(ESTIMATED, style="dim"))
+        parts += ["", replace(build_front_table(result), notes=(legend, ESTIMATED))]
     return Group(*parts)
 
 
@@ -325,10 +325,10 @@ def build_sweep_view(result: SweepResult) -> ResultView:
     """A sweep: what to take, cost over time, and all plans as a table."""
 
     def render() -> str:
-        sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
+        sentences = [describe_best(result), *list_remarks(result), ESTIMATED]
         picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
-        best = next((place for place, one in enumerate(rows) if one is result.best), None)
-        tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
+        notes = tuple(filter(None, [describe_rows(result)]))
+        tables = [replace(build_front_table(result), notes=notes)] if result.rows else []
         words = "Cost over time of all combinations"
         return render_fragment(describe_title(result), sentences, tables, picture, words)
 

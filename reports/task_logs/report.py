@@ -15,7 +15,7 @@ from fields.units import KMH_PER_MPS
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.rendering import create_figure, draw_legend, format_json, pick_values, render_template
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.text_tables import FittedTable, TableColumn, build_plain_table, format_sentence
 from reports.common.wording import (
     NO_VALUE,
     format_area,
@@ -146,16 +146,15 @@ def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str])
 
 def build_comparison_table(comparison: PlanComparison) -> RenderableType:
     """Both sides and their difference, its causes, and remarks."""
-    columns = (TableColumn("", is_text=True), TableColumn("Planned"), TableColumn("Driven"), TableColumn("Difference"))
-    causes = tuple((_format_signed_duration(one.seconds), one.words) for one in comparison.differences)
+    causes = [(_format_signed_duration(one.seconds), one.words) for one in comparison.differences]
     parts: list[RenderableType] = [
         format_sentence(describe_comparison(comparison)),
-        FittedTable(columns, tuple(list_comparison_rows(comparison))),
+        build_plain_table(("", "Planned", "Driven", "Difference"), list_comparison_rows(comparison)),
     ]
     if causes:
         parts += [
             format_sentence("Causes of the difference in machine time, largest first:"),
-            FittedTable((TableColumn("Time"), TableColumn("What", is_text=True)), causes),
+            build_plain_table(("Time", "What"), causes, texts=(1,)),
         ]
     return Group(*parts, *map(format_sentence, comparison.notes))
 

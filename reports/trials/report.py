@@ -19,7 +19,6 @@ from reports.common.rendering import (
     ReportError,
     ResultView,
     ShownResult,
-    ShownTable,
     build_view,
     create_figure,
     format_json,
@@ -28,7 +27,7 @@ from reports.common.rendering import (
     render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, TableColumn, format_bullet, format_sentence, format_title
+from reports.common.text_tables import build_plain_table, format_bullet, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_minutes, format_number, format_signed_number, join_list
 from reports.plan.map_figure import encode_svg_base64
 from vehicle.trials.sheets.sheet import (
@@ -293,33 +292,27 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
     if verdict:
         parts += [format_sentence(verdict.headline, style="bold"), *map(format_sentence, verdict.sentences)]
         if len(verdict.rows) > 1:
-            parts.append(Padding(_build_text_table(verdict.header, verdict.rows), (1, 0, 0, 0)))
+            parts.append(Padding(build_plain_table(verdict.header, verdict.rows), (1, 0, 0, 0)))
         parts.append(Text(""))
     for sheet in sheets:
         parts.append(format_sentence(sheet.title, style="bold"))
         parts += [format_sentence(text, indent=2) for text in sheet.words]
         for table in sheet.tables:
-            titled = Group(format_sentence(table.title), _build_text_table(table.header, table.rows))
+            titled = Group(format_sentence(table.title), build_plain_table(table.header, table.rows))
             parts.append(Padding(titled, (1, 0, 0, 2)))
         numbers = _list_compared_numbers(sheet)
         compared = [_build_comparison_cells(row) for row in numbers if row.ours is not None]
         if compared:
-            figures = map(TableColumn, ("Thesis", "Here", "Difference"))
-            columns = (TableColumn("Experiment", is_text=True), TableColumn("Quantity", is_text=True), *figures)
             names = ("experiment", "quantity", "thesis", "ours", "difference")
-            cells = tuple(tuple(str(entry[name]) for name in names) for entry in compared)
-            parts.append(Padding(FittedTable(columns, cells), (1, 0, 0, 2)))
+            cells = (tuple(str(entry[name]) for name in names) for entry in compared)
+            headings = ("Experiment", "Quantity", "Thesis", "Here", "Difference")
+            parts.append(Padding(build_plain_table(headings, cells, (0, 1)), (1, 0, 0, 2)))
         if len(numbers) > len(compared):
             missing = len(numbers) - len(compared)
             note = f"{missing} further numbers cannot be simulated; --json gives the reasons."
             parts.append(format_sentence(note, style="dim", indent=2))
         parts.append(Text(""))
     return Group(*parts)
-
-
-def _build_text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> FittedTable:
-    columns = tuple(TableColumn(name, is_text=not number) for number, name in enumerate(header))
-    return FittedTable(columns, tuple(tuple(row) for row in rows))
 
 
 @dataclass(frozen=True)
@@ -356,20 +349,19 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
     """Tables of the thesis beside the simulation, then each claim with its verdict, then the assumptions."""
     parts: list[RenderableType] = []
     for name, rows in study.tables.items():
-        columns = [TableColumn("Plan", is_text=True), *map(TableColumn, ("Tractors", "Thesis", "Here", "Diff. %"))]
-        columns += [TableColumn("Note", is_text=True)] if any(row.note for row in rows) else []
+        has_notes = any(row.note for row in rows)
+        headings = ("Plan", "Tractors", "Thesis", "Here", "Diff. %", *(["Note"] if has_notes else []))
         cells = (
             (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-             format_signed_number(row.difference_pct, 1), row.note)
+             format_signed_number(row.difference_pct, 1), *([row.note] if has_notes else []))
             for row in rows
         )  # fmt: skip
-        table = FittedTable(tuple(columns), tuple(row[: len(columns)] for row in cells))
-        parts += [format_title(f"Table {name}"), table, Text("")]
+        parts += [format_title(f"Table {name}"), build_plain_table(headings, cells, (0, 5)), Text("")]
     if study.claims:
-        heads = tuple(TableColumn(name, is_text=True) for name in ("Claim", "Verdict", "Why"))
-        verdicts = tuple((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
+        verdicts = ((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
         styles = tuple("" if one.holds else "yellow" for one in study.claims)
-        parts += [format_title("Claims of the thesis"), FittedTable(heads, verdicts, styles), Text("")]
+        table = build_plain_table(("Claim", "Verdict", "Why"), verdicts, (0, 1, 2), styles=styles)
+        parts += [format_title("Claims of the thesis"), table, Text("")]
     if study.assumptions:
         parts.append(format_title("Assumptions behind every row"))
         parts += [format_bullet(text) for text in study.assumptions]
@@ -389,16 +381,16 @@ def build_study_view(study: FleetStudy) -> ResultView:
     named_rows = [(name, row) for name, table in study.tables.items() for row in table]
 
     def render() -> str:
-        rows = [
+        rows = (
             (name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
              format_number(row.difference_pct, 1), row.note)
             for name, row in named_rows
-        ]  # fmt: skip
+        )  # fmt: skip
         headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
-        claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
+        claims = ((claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims)
         tables = (
-            ShownTable(headings, rows, frozenset({0, 1, 6})),
-            ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
+            build_plain_table(headings, rows, (0, 1, 6)),
+            build_plain_table(("Claim", "Holds", "Why"), claims, (0, 1, 2)),
         )
         return render_fragment(f"{summary}.", [], tables)
 

@@ -147,8 +147,8 @@ def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:
         field=f"field {number}", machine=machine, strategy="split-field", tractors=2, area_ha=2.5,
         leaves_s=start_s - 900.0, km=3.0, start_s=start_s, end_s=start_s + 5000.0, time_s=4800.0,
         finish_probability=0.97, finish_probability_interval=(0.965, 0.975), p50_end_s=start_s + 5400.0,
-        p95_end_s=start_s + 7000.0, cost=99.5, lost_cost=1.25, worked_pct=99.0, p50_start_s=start_s + 300.0,
-        p50_leaves_s=start_s - 600.0,
+        p95_end_s=start_s + 7000.0, cost=99.5, lost_cost=1.25, worked_pct=99.0, refills=None,
+        p50_start_s=start_s + 300.0, p50_leaves_s=start_s - 600.0,
     )  # fmt: skip
     return replace(job, **more)
 
