@@ -82,23 +82,19 @@ def format_json(data: Any, decimals: int | None = None, *, is_ascii: bool = True
     return json.dumps(make_json_safe(data, decimals), indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n"
 
 
-def format_csv(rows: Iterable[Sequence[Any]]) -> str:
-    """Rows as CSV text."""
+def format_csv(columns: Sequence[str], entries: Iterable[Any]) -> str:
+    """A header and a row per entry (a mapping or a result), made safe by `make_json_safe`, as CSV text.
+
+    Cells are empty where an entry lacks a column or has None in it; truth values are ``true`` and ``false``, and lines
+    end in a newline alone.
+    """
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    for entry in make_json_safe(list(entries), EXPORT_DECIMALS):
+        values = [entry.get(name) for name in columns]
+        writer.writerow([str(value).lower() if isinstance(value, bool) else value for value in values])
     return buffer.getvalue()
-
-
-def format_entries_csv(columns: Sequence[str], entries: Iterable[Any]) -> str:
-    """A header and a row per entry (a mapping or a result), made safe by `make_json_safe`; empty cells where it lacks
-    a column."""
-    rows = make_json_safe(list(entries), EXPORT_DECIMALS)
-    return format_csv([columns, *([format_csv_cell(row.get(name)) for name in columns] for row in rows)])
-
-
-def format_csv_cell(value: Any) -> Any:
-    """Nothing for None, and truth values as ``true`` and ``false``."""
-    return "" if value is None else str(value).lower() if isinstance(value, bool) else value
 
 
 def render_template(name: str, content: Mapping[str, Any]) -> str:

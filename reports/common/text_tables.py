@@ -73,7 +73,6 @@ class FittedTable:
     columns: tuple[TableColumn, ...]
     rows: tuple[tuple[str, ...], ...]
     styles: tuple[str, ...] = ()
-    has_header: bool = True
     more_hint: str = mark_text("a wider window or --json shows more")
     has_lines: bool = False
     notes: tuple[str, ...] = ()
@@ -89,7 +88,7 @@ class FittedTable:
         if widths is None:
             for row in self.rows:
                 for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
-                    head = f"{column.full_title}: " if column.heading and self.has_header else ""
+                    head = f"{column.full_title}: " if column.heading else ""
                     text = (head + cell).replace("\n", " ").strip()
                     yield format_sentence(text, indent=2 if number else 0)
         else:
@@ -127,11 +126,11 @@ class FittedTable:
             return max(
                 [
                     *map(cell_len, pieces),
-                    _measure_heading(column, short, self.has_header),
+                    _measure_heading(column, short),
                     min(_LEAST_TEXT_COLUMNS, _measure_widest(cells)),
                 ]
             )
-        return max(_measure_widest(cells), _measure_heading(column, short, self.has_header))
+        return max(_measure_widest(cells), _measure_heading(column, short))
 
     def _compute_column_widths(self, places: Sequence[int], short: bool, width: int) -> list[int] | None:
         """A width per column: text gets the room that figures do not need. None when the columns do not fit."""
@@ -140,8 +139,7 @@ class FittedTable:
         if spare < 0:
             return None
         extra_widths = [
-            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].full_title) * self.has_header)
-            - least
+            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].full_title)) - least
             for n, least in zip(places, widths, strict=True)
         ]
         if sum(extra_widths) > spare:
@@ -154,10 +152,11 @@ class FittedTable:
 
     def _build_rich_table(self, places: Sequence[int], widths: Sequence[int], short: bool) -> Table:
         gaps = (0, _GAP_COLUMNS, 0, 0)
-        table = Table(box=None, show_header=self.has_header, header_style="bold", padding=gaps, pad_edge=False)
+        has_header = any(column.heading for column in self.columns)
+        table = Table(box=None, show_header=has_header, header_style="bold", padding=gaps, pad_edge=False)
         for number, width in zip(places, widths, strict=True):
             column = self.columns[number]
-            full = _measure_heading(column, False, self.has_header) <= width
+            full = _measure_heading(column, False) <= width
             heading = column.short_title if short and column.short_title and not full else column.full_title
             lines = [line for part in heading.split("\n") for line in break_text_at_marks(part, width)]
             justify = "left" if column.is_text else "right"
@@ -319,9 +318,7 @@ def _measure_widest(cells: Sequence[str]) -> int:
     return max((cell_len(line) for cell in cells for line in cell.split("\n")), default=0)
 
 
-def _measure_heading(column: TableColumn, short: bool, is_shown: bool) -> int:
+def _measure_heading(column: TableColumn, short: bool) -> int:
     """Columns a heading needs: it may be broken at spaces, a short one at its line ends too."""
-    if not is_shown:
-        return 0
     text = column.short_title if short and column.short_title else column.full_title
     return max((cell_len(word) for word in re.split(r"\s", text)), default=0)

@@ -6,13 +6,12 @@ when, how sure that is, by which machine, and what is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fields.arrays import Floats
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.rendering import ShownResult
-from reports.common.text_tables import MOST_NAMED
+from reports.common.text_tables import MOST_NAMED, AnswerLines
 from reports.common.wording import (
     NO_VALUE,
     SURE_SHARE,
@@ -144,19 +143,29 @@ class DayResult(ShownResult):
 
 def list_day_sentences(result: DayResult) -> list[str]:
     """The answer, the most important first."""
+    answer = build_day_answer(result)
+    return [*answer.sentences, *answer.alternatives, *answer.faults]
+
+
+def build_day_answer(result: DayResult) -> AnswerLines:
+    """The answer, then which machine works which fields in which order, then what is not worked."""
+    unworked = tuple(_describe_unworked_fields(result))
     if not result.jobs:
-        return [translate("No field can be done on this day."), *describe_unworked_fields(result)]
-    return [
-        *result.shortfalls,
-        describe_day_end(result),
-        *result.questions,
-        *describe_day_certainty(result),
-        describe_machine_orders(result.jobs),
-        *describe_unworked_fields(result),
+        return AnswerLines((translate("No field can be done on this day."),), faults=unworked)
+    orders = [
+        translate(
+            "{machine} ({count}): {fields}",
+            machine=machine,
+            count=count,
+            fields=translate(", then ").join(job.field for job in result.jobs if job.machine == machine),
+        )
+        for machine, count in {job.machine: job.tractors for job in result.jobs}.items()
     ]
+    first = (*result.shortfalls, _describe_day_end(result), *result.questions, *_describe_day_certainty(result))
+    return AnswerLines(first, (f"{'; '.join(orders)}.",), unworked)
 
 
-def describe_day_end(result: DayResult) -> str:
+def _describe_day_end(result: DayResult) -> str:
     """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples, means of the costs."""
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
     paid, risked = (f"{format_price(each)} {result.currency}" for each in (result.paid_cost, result.risked_cost))
@@ -176,7 +185,7 @@ def describe_day_end(result: DayResult) -> str:
     )
 
 
-def describe_day_certainty(result: DayResult) -> list[str]:
+def _describe_day_certainty(result: DayResult) -> list[str]:
     """How sure it is that all is done in time, and what is least sure."""
     if result.finish_probability is None:
         return []
@@ -190,22 +199,7 @@ def describe_day_certainty(result: DayResult) -> list[str]:
     ]
 
 
-def describe_machine_orders(jobs: Sequence[DayJob]) -> str:
-    """Which machine works which fields in which order."""
-    counts = {job.machine: job.tractors for job in jobs}
-    orders = [
-        translate(
-            "{machine} ({count}): {fields}",
-            machine=machine,
-            count=count,
-            fields=translate(", then ").join(job.field for job in jobs if job.machine == machine),
-        )
-        for machine, count in counts.items()
-    ]
-    return f"{'; '.join(orders)}."
-
-
-def describe_unworked_fields(result: DayResult) -> list[str]:
+def _describe_unworked_fields(result: DayResult) -> list[str]:
     """The fields that are not done, with the reasons of the first."""
     left = result.unworked_fields
     sentences = [

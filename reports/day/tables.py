@@ -12,9 +12,8 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json
 from reports.common.text_tables import (
-    AnswerLines,
     FittedTable,
     TableColumn,
     build_plain_table,
@@ -26,10 +25,7 @@ from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format
 from reports.day.results import (
     DayJob,
     DayResult,
-    describe_day_certainty,
-    describe_day_end,
-    describe_machine_orders,
-    describe_unworked_fields,
+    build_day_answer,
     format_end_of_day,
     format_time_of_day,
     list_day_sentences,
@@ -83,19 +79,14 @@ def format_day_json(result: DayResult) -> str:
 
 def format_day_csv(result: DayResult) -> str:
     """A row per field as CSV text: jobs fleet by fleet, then the fields not done with the reason."""
-    return format_entries_csv(DAY_CSV_KEYS, [*result.jobs, *result.unworked_fields])
+    return format_csv(DAY_CSV_KEYS, [*result.jobs, *result.unworked_fields])
 
 
 def build_day_screen(result: DayResult, *, with_next: bool = True) -> RenderableType:
     """What is done by when in a few lines, the work of every machine in a table, and what to type next."""
     if not result.jobs:
         return Group(*(format_sentence(text) for text in list_day_sentences(result)))
-    lines = AnswerLines(
-        (*result.shortfalls, describe_day_end(result), *result.questions, *describe_day_certainty(result)),
-        (describe_machine_orders(result.jobs),),
-        tuple(describe_unworked_fields(result)),
-        is_whole=not with_next,
-    )
+    lines = replace(build_day_answer(result), is_whole=not with_next)
     machines = [fleet.name for fleet in result.fleets]
     jobs = sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
     figures = [
@@ -126,12 +117,7 @@ def build_day_table(result: DayResult) -> RenderableType:
         notes = (describe_day_columns(result),)
         parts += [Text(""), format_title("By field"), build_job_table(sort_by_field(result), notes=notes)]
     if result.unworked_fields:
-        rows = (
-            (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
-            for one in result.unworked_fields
-        )
-        table = build_plain_table(("Field", "ha", "Costs", "Why"), rows, (0, 3))
-        parts += [Text(""), format_title("Not done"), table]
+        parts += [Text(""), format_title("Not done"), build_unworked_table(result)]
     money = build_plain_table(("For", result.currency), list_money_rows(result), notes=result.remarks)
     return Group(*parts, Text(""), format_title("Costs"), money)
 
@@ -147,18 +133,14 @@ def describe_day_columns(result: DayResult) -> str:
     return text + " Times include filling and emptying tanks, between fields and on them." * has_service_stops
 
 
-def _describe_planning_times(result: DayResult) -> str:
-    """The times that a day is planned with: means, or a quantile."""
-    if result.certainty_pct is None:
-        return "mean times of work"
-    return f"times of work that {result.certainty_pct:g} % of the samples keep"
-
-
 def describe_optimality_gap(result: DayResult) -> str:
     """How far from the optimal order of the fields the day can be."""
+    times = "mean times of work"
+    if result.certainty_pct is not None:
+        times = f"times of work that {result.certainty_pct:g} % of the samples keep"
     if result.gap_pct == 0.0:
-        return f"Optimal order of the fields, by {_describe_planning_times(result)}."
-    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {_describe_planning_times(result)}."
+        return f"Optimal order of the fields, by {times}."
+    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {times}."
 
 
 def build_machine_table(result: DayResult) -> FittedTable:
@@ -188,6 +170,15 @@ def build_machine_table(result: DayResult) -> FittedTable:
 def build_job_table(jobs: Sequence[DayJob], notes: tuple[str, ...] = ()) -> FittedTable:
     """A row for every field that is done."""
     return build_table(jobs, list(_JOB_FIGURES.values()), notes=notes)
+
+
+def build_unworked_table(result: DayResult) -> FittedTable:
+    """A row for every field that is not done, with what that costs and why."""
+    rows = (
+        (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
+        for one in result.unworked_fields
+    )
+    return build_plain_table(("Field", "ha", "Costs", "Why"), rows, (0, 3))
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
-from reports.common.language import translate, translate_sentence
+from reports.common.language import mark_text, translate, translate_sentence
 from reports.common.rendering import format_json
 from reports.common.text_tables import FittedTable, TableColumn, build_plain_table, build_table, format_title
 from reports.common.wording import NO_VALUE, capitalize_first, format_number, format_yes_no
@@ -53,8 +53,8 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
         for swaths_over in dict.fromkeys([*fitting, *seconds, *estimated_s])
     ]
     if rows:
-        notes = ["Percent of track ends where such a turn fits."]
-        notes += ["Estimated: two full circles, where no turn fits."] if estimated_s else []
+        notes = [mark_text("Percent of track ends where such a turn fits.")]
+        notes += [mark_text("Estimated: two full circles, where no turn fits.")] if estimated_s else []
         parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(rows, notes)]
     return Group(*parts)
 
@@ -62,7 +62,7 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
 def build_field_table(info: Mapping[str, Any]) -> RenderableType:
     """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
     rows = ((_format_fact_label(label), _format_fact_cell(label, value)) for label, value in info.items())
-    return build_plain_table(("Label", "Value"), rows, (0, 1), has_header=False, has_lines=True)
+    return build_plain_table(("", ""), rows, (0, 1), has_lines=True)
 
 
 def _build_facts_table(rows: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) -> FittedTable:

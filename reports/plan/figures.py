@@ -18,7 +18,6 @@ from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     format_csv,
-    format_csv_cell,
     format_json,
     make_json_safe,
     pick_values,
@@ -27,7 +26,7 @@ from reports.common.text_tables import FittedTable, TableColumn, build_table
 from reports.common.wording import (
     NO_VALUE,
     VOLUME,
-    format_area_or_dash,
+    format_area,
     format_duration,
     format_number,
     format_price,
@@ -165,7 +164,7 @@ _CATALOGUE = (
     Figure("feasible"),
     Figure("worked_pct", "Worked %", "Work\n%", _TENTHS, "share of the field that is worked", "of the field", "%"),
     Figure("overlap_pct", "Overlap %", "Over-\nlap %", _TENTHS, "", "of the field, worked more than once", "%"),
-    Figure("missed_m2", "Unworked", "Un-\nworked", format_area_or_dash, "ground that no implement worked",
+    Figure("missed_m2", "Unworked", "Un-\nworked", format_area, "ground that no implement worked",
            is_optional=True),
     Figure("largest_missed", parts=PIECE_KEYS),
     Figure("finished_s", "To finish", "", format_duration,
@@ -211,7 +210,7 @@ _CATALOGUE = (
            measure=lambda run, area_ha: float(run.folding_s.sum()) or None, is_optional=True),
     Figure("over_finished_m"),
     Figure("over_finished_m2", text=_WHOLE, unit="m2"),
-    Figure("spoilt_m2", "Spoilt", "Spoilt", format_area_or_dash,
+    Figure("spoilt_m2", "Spoilt", "Spoilt", format_area,
            note="by wheels: finished ground where it is kept, a crop before it is cut; counted like unworked ground",
            read=get_spoilt_m2, is_optional=True),
     Figure("p50_done_s", "Median time", "Median\ntime", format_duration),
@@ -242,7 +241,7 @@ _CATALOGUE = (
     Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
     Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
     Figure("spared_m2"),
-    Figure("left_out_m2", "Left out", "Left\nout", format_area_or_dash, "ground that was to be left out",
+    Figure("left_out_m2", "Left out", "Left\nout", format_area, "ground that was to be left out",
            is_optional=True),
     Figure("keeps_clearance"),
     Figure("is_simulated"),
@@ -405,15 +404,11 @@ def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
 def format_ranking_csv(ranking: PlanRanking) -> str:
     """The plans as CSV text: a header of `list_csv_columns`, then one row per plan in the order of the ranking.
 
-    `CSV_KEYS` are of the request, the same on every row, so that tables of several fields can be joined.
-    Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone. The largest
+    `CSV_KEYS` are of the request, the same on every row, so that tables of several fields can be joined. The largest
     missed piece has a column for each of its keys (``largest_missed_m2``), an interval one for each end
     (``finish_probability_interval_low``).
     """
-    columns = list_csv_columns()
-    request_values = {**ranking.scenario, "field": ranking.field_name, "area_ha": ranking.area_ha}
-    rows = (build_csv_row(build_plan_entry(plan), request_values, columns) for plan in ranking.plans)
-    return format_csv([columns, *rows])
+    return format_csv(list_csv_columns(), list_csv_entries(ranking, ranking.field_name))
 
 
 def list_csv_columns() -> list[str]:
@@ -422,11 +417,11 @@ def list_csv_columns() -> list[str]:
     return [*FIRST_CSV_KEYS, *(name for name in names if name not in FIRST_CSV_KEYS)]
 
 
-def build_csv_row(entry: Mapping[str, Any], request_values: Mapping[str, Any], columns: Sequence[str]) -> list[Any]:
-    """The cells of a plan, an entry with `PLAN_KEYS`, and of its request."""
-    of_request = {key: make_json_safe(request_values.get(key), EXPORT_DECIMALS) for key in CSV_KEYS}
-    values = {**of_request, **flatten_entry({key: entry.get(key) for key in PLAN_KEYS})}
-    return [format_csv_cell(values[name]) for name in columns]
+def list_csv_entries(ranking: PlanRanking, field_name: Any) -> list[dict[str, Any]]:
+    """Every plan with what CSV has of its request, which calls the field so."""
+    values = {**ranking.scenario, "field": field_name, "area_ha": ranking.area_ha}
+    of_request = {key: values.get(key) for key in CSV_KEYS}
+    return [{**of_request, **flatten_entry(build_plan_entry(plan))} for plan in ranking.plans]
 
 
 def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import PurePath
@@ -14,7 +14,14 @@ from rich.text import Text
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, pick_values, render_template
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import (
+    AnswerLines,
+    FittedTable,
+    TableColumn,
+    build_plain_table,
+    format_sentence,
+    format_title,
+)
 from reports.common.wording import (
     FIELD_AREA,
     LENGTH,
@@ -33,7 +40,7 @@ from reports.common.wording import (
 )
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
-from reports.plan.figures import FIGURES, build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
+from reports.plan.figures import FIGURES, build_ranking_entry, list_csv_columns, list_csv_entries
 from reports.plan.plan_wording import list_feasible
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
@@ -51,21 +58,24 @@ _PLAN_DROPS = {
 
 def format_many_csv_head() -> str:
     """The heading of the CSV: the columns of plans, with the name of the field as given after its own."""
-    first, *others = list_csv_columns()
-    return format_csv([[first, "requested_field", *others]])
+    return _format_csv([])
 
 
 def format_many_csv_rows(record: ComparisonRow) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
-    ranking, columns = record.ranking, list_csv_columns()
+    ranking = record.ranking
     if ranking is None:
-        entries: list[dict[str, Any]] = [{"feasible": False, "reason": record.refusal}]
-        request_values: dict[str, Any] = {"width_m": record.way.width_m}
+        entries = [{"feasible": False, "reason": record.refusal, "width_m": record.way.width_m}]
     else:
-        entries = [build_plan_entry(plan) for plan in ranking.plans]
-        request_values = {**ranking.scenario, "area_ha": ranking.area_ha}
-    rows = (build_csv_row(entry, request_values, columns) for entry in entries)
-    return format_csv([first, record.requested_field, *others] for first, *others in rows)
+        entries = list_csv_entries(ranking, ranking.scenario.get("field"))
+    table = _format_csv([{**entry, "requested_field": record.requested_field} for entry in entries])
+    return table.partition("\n")[2]
+
+
+def _format_csv(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Plans below their heading."""
+    first, *others = list_csv_columns()
+    return format_csv([first, "requested_field", *others], entries)
 
 
 def format_many_fields_json(records: Sequence[ComparisonRow]) -> str:
@@ -266,7 +276,6 @@ def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
     ]
     headings = [column.heading for column in table.columns]
     places = [headings.index(heading) for heading in PAGE_HEADINGS if heading in headings]
-    maps = [one["map"] for one in sections if one["map"]]
     scenarios = [record.ranking.scenario for record in records if record.ranking is not None]
     machines = {f"{one['tractor']}, {one.get('implement') or 'implement'} {one['width_m']:g} m" for one in scenarios}
     return render_template(
@@ -283,9 +292,7 @@ def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
             "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
             "without": list_records_without_plan(records),
             "sections": sections,
-            "plan_head": PLAN_HEAD,
-            "has_missed": any(one["missed"] for one in maps),
-            "has_driven_over": any(one["driven_over"] for one in maps),
+            "maps": [one["map"] for one in sections if one["map"]],
         },
     )
 
@@ -296,11 +303,12 @@ def _build_section(
     """One field at one width: map, what to do, and its feasible plans."""
     cost = format_money(best.stated_cost, ranking.currency)
     rows = []
-    for plan in list_feasible(ranking)[:MAX_PLANS]:
+    plans = list_feasible(ranking)[:MAX_PLANS]
+    for plan in plans:
         headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
         figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
         name = name_plan(plan)
-        rows.append({"best": plan is best, "cells": (name, *figures, headland.strip(" x"))})
+        rows.append((name, *figures, headland.strip(" x")))
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
         "name": ranking.field_name + (f", {record.way.width_m:g} m" if names_width else ""),
@@ -308,5 +316,5 @@ def _build_section(
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),
         "summary": write_answer(ranking).list_sentences(),
-        "rows": rows,
+        "plans": build_plain_table(PLAN_HEAD, rows, styles=tuple("bold" if plan is best else "" for plan in plans)),
     }

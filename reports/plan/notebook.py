@@ -22,7 +22,7 @@ from reports.common.rendering import (
 from reports.common.text_tables import build_plain_table
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
-from reports.plan.drive_geometry import check_drive, compute_extent
+from reports.plan.drive_geometry import compute_extent
 from reports.plan.figures import build_plan_entry, flatten_entry, format_ranking_csv, format_ranking_json
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.map_labels import count_tracks
@@ -121,8 +121,8 @@ def build_plan_view(plan: PlanResult) -> ResultView:
 
     def render() -> str:
         entry = flatten_entry(build_plan_entry(plan))
-        known = ((key, str(value)) for key, value in entry.items() if value is not None)
-        table = build_plain_table(("Figure", "Value"), known)
+        headings, known = ("Figure", "Value"), ((key, str(one)) for key, one in entry.items() if one is not None)
+        table = build_plain_table(headings, known)
         return render_fragment(summarise_plan(plan), [plan.remark] if plan.remark else [], [table])
 
     return ResultView(
@@ -165,7 +165,6 @@ def summarise_plan(plan: PlanResult) -> str:
 
 def draw_drive(axes: Axes, drive: PlanDrive, title: str = "") -> None:
     """The map of a drive on given axes, with title and legend."""
-    check_drive(drive, least_tractors=0)
     draw_map_layers(axes, drive)
     axes.set_title(_shorten_title(title), loc="left", fontsize=10)
     axes.legend(

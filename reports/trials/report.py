@@ -14,6 +14,7 @@ from rich.padding import Padding
 from rich.text import Text
 
 from reports.common import palette
+from reports.common.language import mark_text
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     ReportError,
@@ -27,7 +28,7 @@ from reports.common.rendering import (
     render_fragment,
     render_template,
 )
-from reports.common.text_tables import build_plain_table, format_bullet, format_sentence, format_title
+from reports.common.text_tables import FittedTable, build_plain_table, format_bullet, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_minutes, format_number, format_signed_number, join_list
 from reports.plan.map_figure import encode_svg_base64
 from vehicle.trials.sheets.sheet import (
@@ -136,12 +137,11 @@ def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
 
 @dataclass(frozen=True)
 class ThesisAgreement:
-    """The agreement: a headline, further sentences, and a row per experiment under `header`."""
+    """The agreement: a headline, further sentences, and a table with a row per experiment."""
 
     headline: str
     sentences: tuple[str, ...]
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    table: FittedTable
 
 
 def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreement | None:
@@ -157,7 +157,7 @@ def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreeme
     header = ("Experiment", "Numbers", f"Within {NEAR_PCT:g} %", f"Within {FAR_PCT:g} %", "Farther", "Not compared")
     shown = [one for one in counts if one[1]]
     shown += [("All", total, near, fair, far, uncompared)] if len(shown) > 1 else []
-    rows = tuple(tuple(map(str, one)) for one in shown)
+    table = build_plain_table(header, (tuple(map(str, one)) for one in shown))
     sentences = []
     if far and len(counts) > 1:
         named = join_list(f"{title} ({count})" for title, *_, count, _ in counts if count)
@@ -167,7 +167,7 @@ def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreeme
     ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
     if ours:
         sentences.append(f"{ours} further simulated numbers are not in the thesis.")
-    return ThesisAgreement(headline, tuple(sentences), header, rows)
+    return ThesisAgreement(headline, tuple(sentences), table)
 
 
 def compute_deviation_pct(row: ThesisComparison) -> float | None:
@@ -250,7 +250,10 @@ def render_trials_page(sheets: Sequence[ExperimentSheet]) -> str:
             {
                 "title": sheet.title,
                 "words": sheet.words,
-                "tables": sheet.tables,
+                "tables": [
+                    {"title": table.title, "cells": build_plain_table(table.header, table.rows)}
+                    for table in sheet.tables
+                ],
                 "pictures": [
                     {"title": panel.title, "data": encode_svg_base64(draw_panel(panel))} for panel in sheet.panels
                 ],
@@ -291,8 +294,8 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
     parts: list[RenderableType] = []
     if verdict:
         parts += [format_sentence(verdict.headline, style="bold"), *map(format_sentence, verdict.sentences)]
-        if len(verdict.rows) > 1:
-            parts.append(Padding(build_plain_table(verdict.header, verdict.rows), (1, 0, 0, 0)))
+        if len(verdict.table.rows) > 1:
+            parts.append(Padding(verdict.table, (1, 0, 0, 0)))
         parts.append(Text(""))
     for sheet in sheets:
         parts.append(format_sentence(sheet.title, style="bold"))
@@ -305,7 +308,7 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
         if compared:
             names = ("experiment", "quantity", "thesis", "ours", "difference")
             cells = (tuple(str(entry[name]) for name in names) for entry in compared)
-            headings = ("Experiment", "Quantity", "Thesis", "Here", "Difference")
+            headings = (mark_text("Experiment"), mark_text("Quantity"), "Thesis", "Here", "Difference")
             parts.append(Padding(build_plain_table(headings, cells, (0, 1)), (1, 0, 0, 2)))
         if len(numbers) > len(compared):
             missing = len(numbers) - len(compared)
@@ -350,7 +353,7 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
     parts: list[RenderableType] = []
     for name, rows in study.tables.items():
         has_notes = any(row.note for row in rows)
-        headings = ("Plan", "Tractors", "Thesis", "Here", "Diff. %", *(["Note"] if has_notes else []))
+        headings = ("Plan", "Tractors", "Thesis", "Here", "Diff. %", *([mark_text("Note")] if has_notes else []))
         cells = (
             (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
              format_signed_number(row.difference_pct, 1), *([row.note] if has_notes else []))
@@ -360,7 +363,8 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
     if study.claims:
         verdicts = ((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
         styles = tuple("" if one.holds else "yellow" for one in study.claims)
-        table = build_plain_table(("Claim", "Verdict", "Why"), verdicts, (0, 1, 2), styles=styles)
+        headings = ("Claim", "Verdict", "Why")
+        table = build_plain_table(headings, verdicts, (0, 1, 2), styles=styles)
         parts += [format_title("Claims of the thesis"), table, Text("")]
     if study.assumptions:
         parts.append(format_title("Assumptions behind every row"))
@@ -388,11 +392,9 @@ def build_study_view(study: FleetStudy) -> ResultView:
         )  # fmt: skip
         headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
         claims = ((claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims)
-        tables = (
-            build_plain_table(headings, rows, (0, 1, 6)),
-            build_plain_table(("Claim", "Holds", "Why"), claims, (0, 1, 2)),
-        )
-        return render_fragment(f"{summary}.", [], tables)
+        claim_headings = ("Claim", "Holds", "Why")
+        verdicts = build_plain_table(claim_headings, claims, (0, 1, 2))
+        return render_fragment(f"{summary}.", [], [build_plain_table(headings, rows, (0, 1, 6)), verdicts])
 
     def draw(axes: Axes) -> None:
         """Minutes of the thesis and of the simulation, two bars per row."""

@@ -156,7 +156,10 @@ def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:
 def build_day(count: int = 3) -> DayResult:
     """A day of so many fields that two fleets work in turn, and one that is skipped."""
     jobs = tuple(build_job(number, ("robots", "Fendts")[number % 2], 8.0 + number) for number in range(count))
-    fleets = tuple(FleetDay(name, "2 x A, harrow", 8 * HOUR_S, 20 * HOUR_S, 9.0, 12.0) for name in ("robots", "Fendts"))
+    fleets = tuple(
+        FleetDay(name, "2 x A, harrow", 8 * HOUR_S, 20 * HOUR_S, 9.0, 12.0, 20 * HOUR_S)
+        for name in ("robots", "Fendts")
+    )
     left = (UnworkedField("far", 1.0, 80.0, "no fleet has time for it besides the other fields"),)
     return DayResult(
         8 * HOUR_S, 26 * HOUR_S, jobs, left, fleets, 0.0, 104.0 + 100.75 * count, 0.91, "EUR", 1000, 1, "",
