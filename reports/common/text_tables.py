@@ -189,7 +189,10 @@ def build_table(
 def build_plain_table(
     headings: Sequence[str], rows: Iterable[tuple[str, ...]], texts: Sequence[int] = (0,), **look: Any
 ) -> FittedTable:
-    """Rows of cells under plain headings; columns at the places `texts` hold text. `look` as FittedTable."""
+    """Rows of cells under plain headings; columns at the places `texts` hold text. `look` as FittedTable.
+
+    Headings that are written in the call are texts of the catalogues.
+    """
     columns = tuple(TableColumn(heading, is_text=place in texts) for place, heading in enumerate(headings))
     return FittedTable(columns, tuple(rows), **look)
 

@@ -64,7 +64,7 @@ SCREEN_DROPS = {
 """Of the first screen and notebooks, which show seven at most, each with the order in which it is dropped, the highest
 first."""
 TABLE_DROPS = {
-    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
+    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_end_s": 0, "stated_cost": 2, "paid_cost": 6,
     "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
     "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "spoilt_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
     "finish_probability": 3, "meets_deadline": 3,
@@ -108,7 +108,6 @@ class Figure:
         read: takes the value from the plan.
         parts: keys of what it consists of, each of which has a column in CSV.
         is_optional: whether its column is left out where no plan has it, as plans of older files have none of new ones.
-        is_exported: whether JSON and CSV have it.
     """
 
     key: str
@@ -124,7 +123,6 @@ class Figure:
     measure: Callable[[SimulationRun, float], float | None] | None = None
     is_text: bool = False
     is_optional: bool = False
-    is_exported: bool = True
 
     def get_value(self, plan: PlanResult) -> Any:
         """The value of a plan; None where it is not known."""
@@ -245,21 +243,21 @@ _CATALOGUE = (
            is_optional=True),
     Figure("keeps_clearance"),
     Figure("is_simulated"),
-    Figure("stated_span_s", "Time", "", format_duration, read=lambda plan: plan.stated_end_s, is_exported=False),
 )  # fmt: skip
 FIGURES = {figure.key: figure for figure in _CATALOGUE}
 MEASURES = {figure.key: figure.measure for figure in _CATALOGUE if figure.measure is not None}
-PLAN_KEYS = tuple(figure.key for figure in _CATALOGUE if figure.is_exported)
+PLAN_KEYS = tuple(FIGURES)
 """Of a plan in JSON and CSV, in this order."""
 
 
 def choose_figures(
-    ranking: PlanRanking, plans: Sequence[PlanResult], keys: Iterable[str], *, names_currency: bool = True
+    ranking: PlanRanking, plans: Sequence[PlanResult], keys: Iterable[str], *, is_brief: bool = False
 ) -> list[Figure]:
     """The figures of some keys for a table of plans, as the reader of a ranking wants them.
 
     Optional ones that no plan has are left out, that of the deadline where there are probabilities, and what is paid
-    where it is the cost. Ends of work are clock times where the ranking has a start.
+    where it is the cost. Unless it `is_brief`, costs have their currency, and ends of work are clock times where the
+    ranking has a start.
     """
     skipped = set() if has_late_ground_loss(ranking) else {"paid_cost"}
     if any(plan.finish_probability is not None for plan in plans):
@@ -269,19 +267,20 @@ def choose_figures(
         for figure in (FIGURES[key] for key in keys if key not in skipped)
         if not figure.is_optional or any(figure.get_value(plan) is not None for plan in plans)
     ]
-    return [_fit_to_ranking(figure, ranking, names_currency) for figure in shown]
+    return [_fit_to_ranking(figure, ranking, is_brief) for figure in shown]
 
 
-def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) -> Figure:
+def _fit_to_ranking(figure: Figure, ranking: PlanRanking, is_brief: bool) -> Figure:
     if figure.key in ("fuel_l", "energy_kwh"):
         heading = name_energy_column(figure.key == "energy_kwh")
         return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))
     if figure.key in UNLOADING_HEADINGS and ranking.unloads:
         return replace(figure, heading=UNLOADING_HEADINGS[figure.key], short_heading="")
-    if figure.key == "stated_cost" and names_currency and ranking.currency:
-        return replace(figure, heading=translate("Cost {currency}", currency=ranking.currency))
-    if figure.key not in ("stated_end_s", "stated_late_end_s"):
+    if is_brief or figure.key not in ("stated_cost", "stated_end_s", "stated_late_end_s"):
         return figure
+    if figure.key == "stated_cost":
+        heading = translate("Cost {currency}", currency=ranking.currency) if ranking.currency else figure.heading
+        return replace(figure, heading=heading)
     figure = replace(figure, text=partial(format_stated_end, ranking))
     if figure.key == "stated_late_end_s" or not has_start_time(ranking):
         return figure

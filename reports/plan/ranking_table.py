@@ -177,12 +177,12 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
     ]
     parts: list[RenderableType] = [*map(format_sentence, (*describe_ranking(ranking), *describe_physics(ranking)))]
     if shown:
-        figures = choose_figures(ranking, shown, TABLE_DROPS, names_currency=False)
+        figures = choose_figures(ranking, shown, TABLE_DROPS, is_brief=True)
         notes = _list_table_notes(ranking, shown, figures)
         parts += [Text(""), build_figure_table(ranking, shown, figures, TABLE_DROPS, _ALL_HINT, notes, stars=True)]
         counted = choose_plan_per_count(ranking)
         if len(counted) > 1:
-            figures = choose_figures(ranking, counted, COUNT_DROPS, names_currency=False)
+            figures = choose_figures(ranking, counted, COUNT_DROPS, is_brief=True)
             parts += [Text(""), format_title(f"By number of tractors, money in {ranking.currency}")]
             parts.append(build_figure_table(ranking, counted, figures, COUNT_DROPS, _ALL_HINT, (BY_COUNT_HELP,)))
     effects = describe_simulated_effects(ranking)

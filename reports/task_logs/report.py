@@ -117,12 +117,7 @@ def format_runs_json(runs: Sequence[ImportedRun], notes: Sequence[str]) -> str:
     """``runs`` with their figures in SI units, and ``notes`` on what could not be read, as JSON."""
     about = ("name", "form", "start", "field", "file")
     entries = [
-        {
-            **pick_values(run, about),
-            **vars(run.figures),
-            **pick_values(run.figures, ["share_working"]),
-            "notes": run.notes,
-        }
+        pick_values(run, about) | vars(run.figures) | {"share_working": run.figures.share_working, "notes": run.notes}
         for run in runs
     ]
     return format_json({"runs": entries, "notes": notes})
@@ -150,10 +145,7 @@ def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str])
 def build_comparison_table(comparison: PlanComparison) -> RenderableType:
     """Both sides and their difference, its causes, and remarks."""
     causes = [(_format_signed_duration(one.seconds), one.words) for one in comparison.differences]
-    parts: list[RenderableType] = [
-        format_sentence(describe_comparison(comparison)),
-        tabulate_comparison(comparison),
-    ]
+    parts: list[RenderableType] = [format_sentence(describe_comparison(comparison)), tabulate_comparison(comparison)]
     if causes:
         parts += [
             format_sentence("Causes of the difference in machine time, largest first:"),
