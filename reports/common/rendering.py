@@ -30,8 +30,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from pandas import DataFrame
 
-    from reports.common.text_tables import FittedTable
-
 EXPORT_DECIMALS = 6
 MOST_SUMMARY_CHARS = 280
 MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
@@ -246,13 +244,3 @@ def encode_figure(figure: Figure) -> str:
         if len(content) <= MOST_PICTURE_BYTES:
             break
     return base64.b64encode(content).decode("ascii")
-
-
-def render_fragment(
-    title: str, sentences: Sequence[str], tables: Sequence[FittedTable], picture: str | None = None, alt: str = ""
-) -> str:
-    """A result as HTML for a notebook, everything escaped; `picture` is a PNG in base64, `alt` what it shows."""
-    content: dict[str, Any] = {
-        "title": title, "sentences": sentences, "tables": tables, "picture": picture, "alt": alt
-    }  # fmt: skip
-    return render_template("notebook.html.j2", content)

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
+from reports.common.rendering import render_template
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
@@ -195,6 +196,16 @@ def build_plain_table(
     """
     columns = tuple(TableColumn(heading, is_text=place in texts) for place, heading in enumerate(headings))
     return FittedTable(columns, tuple(rows), **look)
+
+
+def render_fragment(
+    title: str, sentences: Sequence[str], tables: Sequence[FittedTable], picture: str | None = None, alt: str = ""
+) -> str:
+    """A result as HTML for a notebook, everything escaped; `picture` is a PNG in base64, `alt` what it shows."""
+    content: dict[str, Any] = {
+        "title": title, "sentences": sentences, "tables": tables, "picture": picture, "alt": alt
+    }  # fmt: skip
+    return render_template("notebook.html.j2", content)
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,9 @@ from reports.common.rendering import (
     create_figure,
     encode_figure,
     make_json_safe,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import build_plain_table
+from reports.common.text_tables import build_plain_table, render_fragment
 from reports.common.wording import format_number, format_percent
 from reports.day.results import DayResult, format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.tables import (

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from reports.common import palette
-from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment, render_template
+from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_template
+from reports.common.text_tables import render_fragment
 from reports.common.wording import format_number, get_effect_label, join_list, replace_effect_ids
 from reports.diagnosis import sentences as words
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content

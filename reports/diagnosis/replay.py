@@ -15,10 +15,9 @@ from reports.common.rendering import (
     encode_figure,
     format_json,
     make_json_safe,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, build_plain_table, format_sentence
+from reports.common.text_tables import FittedTable, build_plain_table, format_sentence, render_fragment
 from reports.common.wording import NO_VALUE, format_effect_with_id, join_list
 from reports.diagnosis.sentences import SHOWN_HORIZON_S, format_errors, list_error_rows
 from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png

@@ -207,7 +207,7 @@ _CATALOGUE = (
     Figure("folding_s", "Folding", "", format_duration, "of the turns, standing to fold and unfold implements",
            measure=lambda run, area_ha: float(run.folding_s.sum()) or None, is_optional=True),
     Figure("over_finished_m"),
-    Figure("over_finished_m2", text=_WHOLE, unit="m2"),
+    Figure("over_finished_m2", "Driven over m2", "", _WHOLE, unit="m2"),
     Figure("spoilt_m2", "Spoilt", "Spoilt", format_area,
            note="by wheels: finished ground where it is kept, a crop before it is cut; counted like unworked ground",
            read=get_spoilt_m2, is_optional=True),

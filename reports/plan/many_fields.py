@@ -18,7 +18,7 @@ from reports.common.text_tables import (
     AnswerLines,
     FittedTable,
     TableColumn,
-    build_plain_table,
+    build_table,
     format_sentence,
     format_title,
 )
@@ -45,7 +45,6 @@ from reports.plan.plan_wording import list_feasible
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
-PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_finished_m2")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
 PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tractors", "Strategy", "ha")
@@ -301,14 +300,16 @@ def _build_section(
     record: ComparisonRow, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
+
+    def name_headland(plan: PlanResult) -> str:
+        return f"{plan.headland_passes} x {plan.headland_order or ''}".rstrip(" x") if plan.headland_passes else ""
+
     cost = format_money(best.stated_cost, ranking.currency)
-    rows = []
-    plans = list_feasible(ranking)[:MAX_PLANS]
-    for plan in plans:
-        headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
-        figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
-        name = name_plan(plan)
-        rows.append((name, *figures, headland.strip(" x")))
+    figures = (
+        (TableColumn("Plan", is_text=True), name_plan),
+        *((FIGURES[key].build_column(), FIGURES[key].format) for key in PLAN_CELLS),
+        (TableColumn("Headland"), name_headland),
+    )
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
         "name": ranking.field_name + (f", {record.way.width_m:g} m" if names_width else ""),
@@ -316,5 +317,5 @@ def _build_section(
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),
         "summary": write_answer(ranking).list_sentences(),
-        "plans": build_plain_table(PLAN_HEAD, rows, styles=tuple("bold" if plan is best else "" for plan in plans)),
+        "plans": build_table(list_feasible(ranking)[:MAX_PLANS], figures, lambda plan: plan is best),
     }

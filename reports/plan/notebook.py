@@ -17,9 +17,8 @@ from reports.common.rendering import (
     ResultView,
     build_view,
     encode_picture,
-    render_fragment,
 )
-from reports.common.text_tables import build_plain_table
+from reports.common.text_tables import build_plain_table, render_fragment
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import compute_extent

@@ -25,10 +25,16 @@ from reports.common.rendering import (
     format_csv,
     format_json,
     pick_values,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, TableColumn, build_table, format_sentence, format_title
+from reports.common.text_tables import (
+    FittedTable,
+    TableColumn,
+    build_table,
+    format_sentence,
+    format_title,
+    render_fragment,
+)
 from reports.common.wording import capitalize_first, format_duration, format_number, format_tractor_count
 from reports.plan.map_figure import escape_figure_formula, render_png
 from reports.sweep.results import (

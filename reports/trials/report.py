@@ -25,10 +25,16 @@ from reports.common.rendering import (
     format_json,
     make_json_safe,
     pick_values,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, build_plain_table, format_bullet, format_sentence, format_title
+from reports.common.text_tables import (
+    FittedTable,
+    build_plain_table,
+    format_bullet,
+    format_sentence,
+    format_title,
+    render_fragment,
+)
 from reports.common.wording import NO_VALUE, format_minutes, format_number, format_signed_number, join_list
 from reports.plan.map_figure import encode_svg_base64
 from vehicle.trials.sheets.sheet import (
