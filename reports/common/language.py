@@ -202,6 +202,6 @@ def _read_catalogue(language: str) -> Any:
     content = files("reports.languages").joinpath(f"{language}.po").read_bytes()
     catalogue = read_po(BytesIO(content), locale=language)
     for one in list(catalogue):
-        if one.id and not all([one.string] if isinstance(one.string, str) else one.string):
+        if one.id and not all(one.string if isinstance(one.string, list | tuple) else [one.string]):
             catalogue.delete(one.id)
     return catalogue

@@ -83,36 +83,33 @@ class FittedTable:
             object.__setattr__(self, "rows", tuple(tuple(map(escape_controls, row)) for row in self.rows))
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        places, short = self._choose_columns(options.max_width)
-        widths = self._compute_column_widths(places, short, options.max_width)
+        places, short, least_widths = self._choose_columns(options.max_width)
+        spare = options.max_width - sum(least_widths) - _GAP_COLUMNS * (len(places) - 1)
         notes = list(self.notes)
-        if widths is None:
+        if spare < 0:
             for row in self.rows:
                 for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
                     head = f"{column.full_title}: " if column.heading else ""
                     text = (head + cell).replace("\n", " ").strip()
                     yield format_sentence(text, indent=2 if number else 0)
         else:
-            yield self._build_rich_table(places, widths, short)
+            yield self._build_rich_table(places, self._widen_columns(places, least_widths, spare), short)
             if len(places) < len(self.columns):
                 missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
                 hint = translate(self.more_hint)
                 notes.insert(0, translate("No room for: {columns}; {hint}.", columns=missing, hint=hint))
         yield from (format_sentence(note, style="dim") for note in notes)
 
-    def _choose_columns(self, width: int) -> tuple[list[int], bool]:
-        """The columns that fit, and whether their headings are the short ones."""
-        places = list(range(len(self.columns)))
-        if self._compute_least_table_width(places, short=False) <= width:
-            return places, False
-        for number in sorted(places, key=lambda n: self.columns[n].drop_order, reverse=True):
-            if self._compute_least_table_width(places, short=True) <= width or not self.columns[number].drop_order:
+    def _choose_columns(self, width: int) -> tuple[list[int], bool, list[int]]:
+        """The columns that fit, else the fewest; whether their headings are the short ones; and their least widths."""
+        orders = [column.drop_order for column in self.columns]
+        by_order = sorted((n for n, order in enumerate(orders) if order), key=orders.__getitem__, reverse=True)
+        for count, short in ((0, False), *((count, True) for count in range(len(by_order) + 1))):
+            places = [n for n in range(len(orders)) if n not in by_order[:count]]
+            widths = [self._compute_least_column_width(n, short) for n in places]
+            if sum(widths) + _GAP_COLUMNS * (len(places) - 1) <= width:
                 break
-            places.remove(number)
-        return places, True
-
-    def _compute_least_table_width(self, places: Sequence[int], short: bool) -> int:
-        return sum(self._compute_least_column_width(n, short) for n in places) + _GAP_COLUMNS * (len(places) - 1)
+        return places, short, widths
 
     def _compute_least_column_width(self, number: int, short: bool) -> int:
         """The narrowest column that cuts no figure and no word."""
@@ -133,12 +130,8 @@ class FittedTable:
             )
         return max(_measure_widest(cells), _measure_heading(column, short))
 
-    def _compute_column_widths(self, places: Sequence[int], short: bool, width: int) -> list[int] | None:
-        """A width per column: text gets the room that figures do not need. None when the columns do not fit."""
-        widths = [self._compute_least_column_width(n, short) for n in places]
-        spare = width - sum(widths) - _GAP_COLUMNS * (len(places) - 1)
-        if spare < 0:
-            return None
+    def _widen_columns(self, places: Sequence[int], widths: Sequence[int], spare: int) -> list[int]:
+        """The widths with room to spare shared out: text gets what figures do not need."""
         extra_widths = [
             max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].full_title)) - least
             for n, least in zip(places, widths, strict=True)
