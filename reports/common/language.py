@@ -175,12 +175,8 @@ def load_catalogue(language: str) -> gettext.GNUTranslations:
 
     from babel.messages.mofile import write_mo
 
-    catalogue = _read_catalogue(language)
-    for one in list(catalogue):
-        if one.id and not _is_translated(one):
-            catalogue.delete(one.id)
     compiled = BytesIO()
-    write_mo(compiled, catalogue)
+    write_mo(compiled, _read_catalogue(language))
     compiled.seek(0)
     return gettext.GNUTranslations(compiled)
 
@@ -190,20 +186,22 @@ def get_messages(language: str) -> Mapping[str, str]:
     """All translated texts of a catalogue by their English, each form of a count on its own; none for English."""
     messages: dict[str, str] = {}
     for one in () if language == ENGLISH else _read_catalogue(language):
-        if one.id and _is_translated(one):
+        if one.id:
             keys, texts = ((one.id,), (one.string,)) if isinstance(one.id, str) else (one.id, one.string)
             messages |= {keys[0]: texts[0], keys[-1]: texts[-1]}
     return messages
 
 
+@cache
 def _read_catalogue(language: str) -> Any:
+    """The PO file of a language other than English, without texts that are not translated yet."""
     from io import BytesIO
 
     from babel.messages.pofile import read_po
 
     content = files("reports.languages").joinpath(f"{language}.po").read_bytes()
-    return read_po(BytesIO(content), locale=language)
-
-
-def _is_translated(message: Any) -> bool:
-    return bool(message.string) if isinstance(message.string, str) else all(message.string)
+    catalogue = read_po(BytesIO(content), locale=language)
+    for one in list(catalogue):
+        if one.id and not all(one.string if isinstance(one.string, list | tuple) else [one.string]):
+            catalogue.delete(one.id)
+    return catalogue

@@ -80,23 +80,19 @@ def format_json(data: Any, decimals: int | None = None, *, is_ascii: bool = True
     return json.dumps(make_json_safe(data, decimals), indent=2, ensure_ascii=is_ascii, allow_nan=False) + "\n"
 
 
-def format_csv(rows: Iterable[Sequence[Any]]) -> str:
-    """Rows as CSV text."""
+def format_csv(columns: Sequence[str], entries: Iterable[Any]) -> str:
+    """A header and a row per entry (a mapping or a result), made safe by `make_json_safe`, as CSV text.
+
+    Cells are empty where an entry lacks a column or has None in it; truth values are ``true`` and ``false``, and lines
+    end in a newline alone.
+    """
     buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(columns)
+    for entry in make_json_safe(list(entries), EXPORT_DECIMALS):
+        values = [entry.get(name) for name in columns]
+        writer.writerow([str(value).lower() if isinstance(value, bool) else value for value in values])
     return buffer.getvalue()
-
-
-def format_entries_csv(columns: Sequence[str], entries: Iterable[Any]) -> str:
-    """A header and a row per entry (a mapping or a result), made safe by `make_json_safe`; empty cells where it lacks
-    a column."""
-    rows = make_json_safe(list(entries), EXPORT_DECIMALS)
-    return format_csv([columns, *([format_csv_cell(row.get(name)) for name in columns] for row in rows)])
-
-
-def format_csv_cell(value: Any) -> Any:
-    """Nothing for None, and truth values as ``true`` and ``false``."""
-    return "" if value is None else str(value).lower() if isinstance(value, bool) else value
 
 
 def render_template(name: str, content: Mapping[str, Any]) -> str:
@@ -248,24 +244,3 @@ def encode_figure(figure: Figure) -> str:
         if len(content) <= MOST_PICTURE_BYTES:
             break
     return base64.b64encode(content).decode("ascii")
-
-
-@dataclass(frozen=True)
-class ShownTable:
-    """A table of a fragment: headings, and rows of texts; those of `text_columns` stand on the left."""
-
-    headings: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    text_columns: frozenset[int] = frozenset()
-    bold_row: int | None = None
-    note: str = ""
-
-
-def render_fragment(
-    title: str, sentences: Sequence[str], tables: Sequence[ShownTable], picture: str | None = None, alt: str = ""
-) -> str:
-    """A result as HTML for a notebook, everything escaped; `picture` is a PNG in base64, `alt` what it shows."""
-    content: dict[str, Any] = {
-        "title": title, "sentences": sentences, "tables": tables, "picture": picture, "alt": alt
-    }  # fmt: skip
-    return render_template("notebook.html.j2", content)

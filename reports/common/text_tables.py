@@ -16,7 +16,7 @@ from rich.text import Text
 
 from fields.errors import escape_controls
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
-from reports.common.rendering import ShownTable
+from reports.common.rendering import render_template
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
@@ -67,55 +67,49 @@ class FittedTable:
     All columns under their headings, else under their short headings, else fewer columns and a line that names the
     missing ones, else a list with a heading and its value per line. `styles` has one entry per row, or is empty;
     `more_hint` says where missing columns can be seen. Control characters, such as a line break in a name, are shown
-    as `\\n`; only with `has_lines` can a cell have several lines.
+    as `\\n`; only with `has_lines` can a cell have several lines. `notes` are said below it: what its marks and columns
+    mean, and what it leaves out.
     """
 
     columns: tuple[TableColumn, ...]
     rows: tuple[tuple[str, ...], ...]
     styles: tuple[str, ...] = ()
-    has_header: bool = True
     more_hint: str = mark_text("a wider window or --json shows more")
     has_lines: bool = False
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.has_lines:
             object.__setattr__(self, "rows", tuple(tuple(map(escape_controls, row)) for row in self.rows))
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        places, short = self._choose_columns(options.max_width)
-        widths = self._compute_column_widths(places, short, options.max_width)
-        if widths is None:
+        places, short, least_widths = self._choose_columns(options.max_width)
+        spare = options.max_width - sum(least_widths) - _GAP_COLUMNS * (len(places) - 1)
+        notes = list(self.notes)
+        if spare < 0:
             for row in self.rows:
                 for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
-                    head = f"{column.full_title}: " if column.heading and self.has_header else ""
+                    head = f"{column.full_title}: " if column.heading else ""
                     text = (head + cell).replace("\n", " ").strip()
                     yield format_sentence(text, indent=2 if number else 0)
-            return
-        yield self._build_rich_table(places, widths, short)
-        if len(places) < len(self.columns):
-            missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
-            hint = translate(self.more_hint)
-            yield format_sentence(translate("No room for: {columns}; {hint}.", columns=missing, hint=hint), style="dim")
+        else:
+            yield self._build_rich_table(places, self._widen_columns(places, least_widths, spare), short)
+            if len(places) < len(self.columns):
+                missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
+                hint = translate(self.more_hint)
+                notes.insert(0, translate("No room for: {columns}; {hint}.", columns=missing, hint=hint))
+        yield from (format_sentence(note, style="dim") for note in notes)
 
-    def convert_for_notebook(self, bold_row: int | None = None, note: str = "") -> ShownTable:
-        """The table as a fragment for notebooks has it, headings in one line."""
-        headings = [" ".join(column.heading.split()) for column in self.columns]
-        text_columns = frozenset(place for place, column in enumerate(self.columns) if column.is_text)
-        return ShownTable(headings, self.rows, text_columns, bold_row, note)
-
-    def _choose_columns(self, width: int) -> tuple[list[int], bool]:
-        """The columns that fit, and whether their headings are the short ones."""
-        places = list(range(len(self.columns)))
-        if self._compute_least_table_width(places, short=False) <= width:
-            return places, False
-        for number in sorted(places, key=lambda n: self.columns[n].drop_order, reverse=True):
-            if self._compute_least_table_width(places, short=True) <= width or not self.columns[number].drop_order:
+    def _choose_columns(self, width: int) -> tuple[list[int], bool, list[int]]:
+        """The columns that fit, else the fewest; whether their headings are the short ones; and their least widths."""
+        orders = [column.drop_order for column in self.columns]
+        by_order = sorted((n for n, order in enumerate(orders) if order), key=orders.__getitem__, reverse=True)
+        for count, short in ((0, False), *((count, True) for count in range(len(by_order) + 1))):
+            places = [n for n in range(len(orders)) if n not in by_order[:count]]
+            widths = [self._compute_least_column_width(n, short) for n in places]
+            if sum(widths) + _GAP_COLUMNS * (len(places) - 1) <= width:
                 break
-            places.remove(number)
-        return places, True
-
-    def _compute_least_table_width(self, places: Sequence[int], short: bool) -> int:
-        return sum(self._compute_least_column_width(n, short) for n in places) + _GAP_COLUMNS * (len(places) - 1)
+        return places, short, widths
 
     def _compute_least_column_width(self, number: int, short: bool) -> int:
         """The narrowest column that cuts no figure and no word."""
@@ -130,21 +124,16 @@ class FittedTable:
             return max(
                 [
                     *map(cell_len, pieces),
-                    _measure_heading(column, short, self.has_header),
+                    _measure_heading(column, short),
                     min(_LEAST_TEXT_COLUMNS, _measure_widest(cells)),
                 ]
             )
-        return max(_measure_widest(cells), _measure_heading(column, short, self.has_header))
+        return max(_measure_widest(cells), _measure_heading(column, short))
 
-    def _compute_column_widths(self, places: Sequence[int], short: bool, width: int) -> list[int] | None:
-        """A width per column: text gets the room that figures do not need. None when the columns do not fit."""
-        widths = [self._compute_least_column_width(n, short) for n in places]
-        spare = width - sum(widths) - _GAP_COLUMNS * (len(places) - 1)
-        if spare < 0:
-            return None
+    def _widen_columns(self, places: Sequence[int], widths: Sequence[int], spare: int) -> list[int]:
+        """The widths with room to spare shared out: text gets what figures do not need."""
         extra_widths = [
-            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].full_title) * self.has_header)
-            - least
+            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].full_title)) - least
             for n, least in zip(places, widths, strict=True)
         ]
         if sum(extra_widths) > spare:
@@ -157,10 +146,11 @@ class FittedTable:
 
     def _build_rich_table(self, places: Sequence[int], widths: Sequence[int], short: bool) -> Table:
         gaps = (0, _GAP_COLUMNS, 0, 0)
-        table = Table(box=None, show_header=self.has_header, header_style="bold", padding=gaps, pad_edge=False)
+        has_header = any(column.heading for column in self.columns)
+        table = Table(box=None, show_header=has_header, header_style="bold", padding=gaps, pad_edge=False)
         for number, width in zip(places, widths, strict=True):
             column = self.columns[number]
-            full = _measure_heading(column, False, self.has_header) <= width
+            full = _measure_heading(column, False) <= width
             heading = column.short_title if short and column.short_title and not full else column.full_title
             lines = [line for part in heading.split("\n") for line in break_text_at_marks(part, width)]
             justify = "left" if column.is_text else "right"
@@ -188,6 +178,27 @@ def build_table(
     rows = [(tuple(write(item) for _, write in figures), "bold" if is_marked(item) else "") for item in items]
     cells, styles = (tuple(row[place] for row in rows) for place in (0, 1))
     return FittedTable(tuple(column for column, _ in figures), cells, styles, **look)  # type: ignore[arg-type]
+
+
+def build_plain_table(
+    headings: Sequence[str], rows: Iterable[tuple[str, ...]], texts: Sequence[int] = (0,), **look: Any
+) -> FittedTable:
+    """Rows of cells under plain headings; columns at the places `texts` hold text. `look` as FittedTable.
+
+    Headings that are written in the call are texts of the catalogues.
+    """
+    columns = tuple(TableColumn(heading, is_text=place in texts) for place, heading in enumerate(headings))
+    return FittedTable(columns, tuple(rows), **look)
+
+
+def render_fragment(
+    title: str, sentences: Sequence[str], tables: Sequence[FittedTable], picture: str | None = None, alt: str = ""
+) -> str:
+    """A result as HTML for a notebook, everything escaped; `picture` is a PNG in base64, `alt` what it shows."""
+    content: dict[str, Any] = {
+        "title": title, "sentences": sentences, "tables": tables, "picture": picture, "alt": alt
+    }  # fmt: skip
+    return render_template("notebook.html.j2", content)
 
 
 @dataclass(frozen=True)
@@ -314,9 +325,7 @@ def _measure_widest(cells: Sequence[str]) -> int:
     return max((cell_len(line) for cell in cells for line in cell.split("\n")), default=0)
 
 
-def _measure_heading(column: TableColumn, short: bool, is_shown: bool) -> int:
+def _measure_heading(column: TableColumn, short: bool) -> int:
     """Columns a heading needs: it may be broken at spaces, a short one at its line ends too."""
-    if not is_shown:
-        return 0
     text = column.short_title if short and column.short_title else column.full_title
     return max((cell_len(word) for word in re.split(r"\s", text)), default=0)

@@ -78,10 +78,10 @@ def format_speed(speed_kmh: float) -> str:
     return SPEED.format(speed_kmh, 1).replace(".0 ", " ")
 
 
-def format_area(m2: float) -> str:
-    """An area in hectares, or in square metres where it is small; in acres or square feet."""
+def format_area(m2: float | None) -> str:
+    """An area in hectares, or in square metres where it is small; in acres or square feet; a dash when not known."""
     least_m2 = _LEAST_ACRES * ACRE_M2 if is_us() else LEAST_HA_M2
-    return FIELD_AREA.format(m2 / 10_000.0, 2) if m2 >= least_m2 else SMALL_AREA.format(m2)
+    return SMALL_AREA.format(m2) if m2 is None or m2 < least_m2 else FIELD_AREA.format(m2 / 10_000.0, 2)
 
 
 def is_us() -> bool:
@@ -191,11 +191,6 @@ def format_percent(share: float | None) -> str:
     if share is not None and 0.0 < share < LEAST_SHARE:
         return "<1"
     return format_number(None if share is None else 100.0 * share, 0)
-
-
-def format_area_or_dash(m2: float | None) -> str:
-    """An area as `format_area` has it; a dash when it is not known."""
-    return NO_VALUE if m2 is None else format_area(m2)
 
 
 def insert_non_breaking_spaces(text: str) -> str:

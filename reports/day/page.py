@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,19 +13,19 @@ from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES, TIME_STEPS_S,
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     ResultView,
-    ShownTable,
     build_view,
     create_figure,
     encode_figure,
     make_json_safe,
-    render_fragment,
     render_template,
 )
-from reports.common.wording import format_number, format_percent, format_price
+from reports.common.text_tables import build_plain_table, render_fragment
+from reports.common.wording import format_number, format_percent
 from reports.day.results import DayResult, format_end_of_day, format_time_of_day, list_day_sentences
 from reports.day.tables import (
     build_job_table,
     build_machine_table,
+    build_unworked_table,
     describe_day_columns,
     describe_optimality_gap,
     format_day_csv,
@@ -63,23 +64,18 @@ def draw_gantt(result: DayResult) -> Figure:
     height = ROW_INCHES * sum(rows) + 2 * HEAD_INCHES + LINE_INCHES
     figure = create_figure(PAGE_INCHES, height)
     machines, fields = figure.subplots(2, 1, sharex=True, height_ratios=[max(count, 1) for count in rows])
-    span_start_s, span_end_s = _compute_time_span(result)
-    for axes, names, title in (
-        (machines, [fleet.name for fleet in result.fleets], "By machine"), (fields, list(result.fields), "By field"),
-    ):  # fmt: skip
-        _draw_time_grid(axes, names, title, result, (span_start_s, span_end_s))
-    _draw_machines(machines, result, span_end_s - span_start_s)
-    _draw_fields(fields, result, span_end_s - span_start_s)
+    _draw_machines(machines, result)
+    _draw_fields(fields, result)
     bottom = (0.5 + LINE_INCHES) / height
     figure.subplots_adjust(left=0.17, right=0.98, top=1.0 - 0.42 / height, bottom=bottom, hspace=1.1 / height * 2)
     figure.text(0.17, 0.16 / height, GANTT_LEGEND, fontsize=8, color=palette.INK_COLOUR, va="center")
     return figure
 
 
-def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
+def draw_road_map(result: DayResult) -> Figure | None:
     """Fields, yard and the roads driven, north up, in metres; None where fewer than two places are known.
 
-    Roads are straight arrows in the colour of the machine, with their kilometres; `has_title` adds a title.
+    Roads are straight arrows in the colour of the machine, with their kilometres.
     """
     if len(result.places) < 2:
         return None
@@ -117,22 +113,15 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
         f"{bar_m / 1000.0:g} km" if bar_m >= 1000.0 else f"{bar_m:g} m", (x + 0.5 * bar_m, y), (0, 4),
         textcoords="offset points", ha="center", fontsize=8, color=ink,
     )  # fmt: skip
-    if has_title:
-        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=ink, va="center")
     return figure
 
 
-def _compute_time_span(result: DayResult) -> tuple[float, float]:
-    """First and last second of the day in the picture."""
-    ends = [job.p95_end_s for job in result.jobs] + [
-        fleet.stated_home_s for fleet in result.fleets if fleet.stated_home_s
-    ]
+def _draw_time_grid(axes: Axes, names: Sequence[str], title: str, result: DayResult) -> float:
+    """Rows with their names, hours, breaks and rain; the seconds from the left end of the picture to the right."""
+    ends = [job.p95_end_s for job in result.jobs]
+    ends += [fleet.p50_home_s for fleet in result.fleets if fleet.p50_home_s]
     last = max(ends, default=result.start_s + 6 * HOUR_S)
-    return result.start_s, max(last + 0.03 * (last - result.start_s), result.start_s + HOUR_S)
-
-
-def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult, span: tuple[float, float]) -> None:
-    """Rows with their names, hours, breaks and rain."""
+    span = result.start_s, max(last + 0.03 * (last - result.start_s), result.start_s + HOUR_S)
     axes.set_xlim(*span)
     axes.set_ylim(len(names) - 0.4, -0.6)
     most = LONGEST_NAME_CHARS
@@ -153,30 +142,33 @@ def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult,
         if span[0] <= onset <= span[1]:
             axes.axvline(onset, color=RAIN_COLOUR, linestyle="dashed", linewidth=0.9, zorder=2)
             axes.text(onset, -0.55, f" rain {format_percent(share)} %", fontsize=7, color=RAIN_COLOUR, va="top")
+    return span[1] - span[0]
 
 
-def _draw_machines(axes: Axes, result: DayResult, span: float) -> None:
+def _draw_machines(axes: Axes, result: DayResult) -> None:
+    span = _draw_time_grid(axes, [fleet.name for fleet in result.fleets], "By machine", result)
     for row, fleet in enumerate(result.fleets):
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         for job in jobs:
-            colour, leaves_s = palette.get_tractor_colour(row), job.stated_leaves_s
-            start_s, end_s = job.stated_start_s, job.p50_end_s
+            colour, leaves_s = palette.get_tractor_colour(row), job.p50_leaves_s
+            start_s, end_s = job.p50_start_s, job.p50_end_s
             axes.barh(row, start_s - leaves_s, left=leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
             axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
             _write_bar_name(axes, row, (start_s, end_s), job.field, span)
-        if jobs and fleet.stated_home_s is not None:
+        if jobs and fleet.p50_home_s is not None:
             end_s = jobs[-1].p50_end_s
-            axes.barh(row, fleet.stated_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
+            axes.barh(row, fleet.p50_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
 
 
-def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
+def _draw_fields(axes: Axes, result: DayResult) -> None:
+    span = _draw_time_grid(axes, result.fields, "By field", result)
     names = [fleet.name for fleet in result.fleets]
     for row, windows in enumerate(result.windows):
         for opens, closes in windows:
             axes.barh(row, closes - opens, left=opens, height=0.72, color=WINDOW_COLOUR, zorder=1)
     for job in result.jobs:
         row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
-        start_s, end_s = job.stated_start_s, job.p50_end_s
+        start_s, end_s = job.p50_start_s, job.p50_end_s
         axes.plot([end_s, max(job.p95_end_s, end_s)], [row, row], color=colour, linewidth=1.2, zorder=2)
         axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
         probability = f"{format_percent(job.finish_probability)} %"
@@ -219,15 +211,14 @@ def _draw_roads(axes: Axes, result: DayResult) -> None:
 
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
-    jobs, machines = build_job_table(sort_by_field(result)), build_machine_table(result)
-    road_map = draw_road_map(result, has_title=False)
+    road_map = draw_road_map(result)
     facts = [
         ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
         ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
     ]
     if result.jobs:
-        facts.append(("All done", format_end_of_day(result.stated_end_s)))
-        facts.append(("95 %", format_end_of_day(result.stated_late_end_s)))
+        facts.append(("All done", format_end_of_day(result.p50_done_s)))
+        facts.append(("95 %", format_end_of_day(result.p95_done_s)))
     if result.finish_probability is not None:
         facts.append(("All in time", f"{format_percent(result.finish_probability)} %"))
     facts += [(f"{label}, {result.currency}", money) for label, money in list_money_rows(result)]
@@ -238,14 +229,9 @@ def render_day_page(result: DayResult) -> str:
         "facts": facts,
         "gantt": encode_svg_base64(draw_gantt(result)),
         "map": None if road_map is None else encode_svg_base64(road_map),
-        "machine_header": [column.heading for column in machines.columns],
-        "machines": machines.rows,
-        "field_header": [column.heading for column in jobs.columns],
-        "fields": jobs.rows,
-        "left": [
-            (one.field, format_number(one.area_ha, 2), format_price(one.cost), one.reason)
-            for one in result.unworked_fields
-        ],
+        "machines": build_machine_table(result),
+        "fields": build_job_table(sort_by_field(result)),
+        "left": build_unworked_table(result),
         "legend": describe_day_columns(result),
         "remarks": [*result.remarks, f"{result.samples} samples, seed {result.seed}."],
     }
@@ -258,26 +244,20 @@ def build_day_view(day: DayResult) -> ResultView:
 
     def render() -> str:
         jobs = sort_by_field(day)
-        left_out = f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all." if len(jobs) > MOST_JOBS else ""
-        tables = [build_job_table(jobs[:MOST_JOBS]).convert_for_notebook(note=left_out)]
+        notes = (f"{len(jobs) - MOST_JOBS} more fields; to_pandas() has all.",) if len(jobs) > MOST_JOBS else ()
+        tables = [build_job_table(jobs[:MOST_JOBS], notes=notes)]
         if day.unworked_fields:
-            rows = [(one.field, one.reason) for one in day.unworked_fields]
-            tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
+            rows = ((one.field, one.reason) for one in day.unworked_fields)
+            tables.append(build_plain_table(("Not done", "Why"), rows, (0, 1)))
         first, *others = list_day_sentences(day)
         sentences = [*others, describe_optimality_gap(day), *day.remarks]
         return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
-
-    def draw(axes: Axes) -> None:
-        """The work of every machine over the day, as in the upper part of `draw_gantt`."""
-        first_s, last_s = _compute_time_span(day)
-        _draw_time_grid(axes, [fleet.name for fleet in day.fleets], "By machine", day, (first_s, last_s))
-        _draw_machines(axes, day, last_s - first_s)
 
     return ResultView(
         summary=lambda: " ".join(list_day_sentences(day)),
         html=render,
         table=lambda: [flatten_entry(make_json_safe(job, EXPORT_DECIMALS)) for job in day.jobs],
-        draw=draw,
+        draw=lambda axes: _draw_machines(axes, day),
         figure_inches=DAY_INCHES,
         files={
             ".json": lambda: format_day_json(day),

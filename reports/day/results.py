@@ -6,13 +6,12 @@ when, how sure that is, by which machine, and what is left.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from fields.arrays import Floats
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.rendering import ShownResult
-from reports.common.text_tables import MOST_NAMED
+from reports.common.text_tables import MOST_NAMED, AnswerLines
 from reports.common.wording import (
     NO_VALUE,
     SURE_SHARE,
@@ -32,7 +31,7 @@ class DayJob:
     95 % of the samples. `time_s` is the time of the simulated plan without variation, `cost` that of the work,
     `lost_cost` the mean loss on ground not done in time, `worked_pct` the share of the field that the plan works.
     `refills` counts stops to fill or empty a tank, None where nothing is carried. `p50_start_s` and `p50_leaves_s` are
-    the medians of the samples, as reports state them.
+    the medians of the samples, which reports state.
     """
 
     field: str
@@ -50,21 +49,11 @@ class DayJob:
     p50_end_s: float
     p95_end_s: float
     cost: float
-    lost_cost: float = 0.0
-    worked_pct: float | None = None
-    refills: int | None = None
-    p50_start_s: float | None = None
-    p50_leaves_s: float | None = None
-
-    @property
-    def stated_start_s(self) -> float:
-        """The begin of the work that every report states: the median of the samples, seconds of the day."""
-        return self.start_s if self.p50_start_s is None else self.p50_start_s
-
-    @property
-    def stated_leaves_s(self) -> float:
-        """When the fleet leaves the place before, the median of the samples."""
-        return self.leaves_s if self.p50_leaves_s is None else self.p50_leaves_s
+    lost_cost: float
+    worked_pct: float | None
+    refills: int | None
+    p50_start_s: float
+    p50_leaves_s: float
 
 
 @dataclass(frozen=True)
@@ -81,7 +70,7 @@ class UnworkedField:
 class FleetDay:
     """The day of a fleet: what it is (`words`), when it leaves and is home (None if it stays), km and cost of roads.
 
-    `p50_home_s` is the median of the samples.
+    `p50_home_s` is the median of the samples, which reports state.
     """
 
     name: str
@@ -91,11 +80,6 @@ class FleetDay:
     km: float
     road_cost: float = 0.0
     p50_home_s: float | None = None
-
-    @property
-    def stated_home_s(self) -> float | None:
-        """When the fleet is home as every report states it: the median of the samples."""
-        return self.home_s if self.p50_home_s is None else self.p50_home_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,11 +98,11 @@ class DayResult(ShownResult):
 
     `cost` is the expected cost of the whole day: `cost` and `lost_cost` of all jobs, `road_cost` of all fleets and
     `cost` of the fields not done. `gap_pct` is by how much less another order could cost at most, by the times it is
-    planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
-    field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
-    and `p95_done_s` in half and in 95 % of the samples. `questions` are about tractors that seem too weak for their
-    implement, and plans that were cut short for lack of computing time; `shortfalls` sentences on plans that are no
-    recommendation.
+    planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each field
+    may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s` and
+    `p95_done_s` in half and in 95 % of the samples, None without jobs. `questions` are about tractors that seem too
+    weak for their implement, and plans that were cut short for lack of computing time; `shortfalls` sentences on plans
+    that are no recommendation.
     """
 
     start_s: float
@@ -156,38 +140,38 @@ class DayResult(ShownResult):
         """The rest of the cost, which nobody pays: the loss on ground that is late or not worked."""
         return self.cost - self.paid_cost
 
-    @property
-    def stated_end_s(self) -> float:
-        """When the day is done as every report states it: the median of the samples."""
-        return max(job.p50_end_s for job in self.jobs) if self.p50_done_s is None else self.p50_done_s
-
-    @property
-    def stated_late_end_s(self) -> float:
-        """When the day is done in 95 % of the samples."""
-        return max(job.p95_end_s for job in self.jobs) if self.p95_done_s is None else self.p95_done_s
-
 
 def list_day_sentences(result: DayResult) -> list[str]:
     """The answer, the most important first."""
+    answer = build_day_answer(result)
+    return [*answer.sentences, *answer.alternatives, *answer.faults]
+
+
+def build_day_answer(result: DayResult) -> AnswerLines:
+    """The answer, then which machine works which fields in which order, then what is not worked."""
+    unworked = tuple(_describe_unworked_fields(result))
     if not result.jobs:
-        return [translate("No field can be done on this day."), *describe_unworked_fields(result)]
-    return [
-        *result.shortfalls,
-        describe_day_end(result),
-        *result.questions,
-        *describe_day_certainty(result),
-        describe_machine_orders(result.jobs),
-        *describe_unworked_fields(result),
+        return AnswerLines((translate("No field can be done on this day."),), faults=unworked)
+    orders = [
+        translate(
+            "{machine} ({count}): {fields}",
+            machine=machine,
+            count=count,
+            fields=translate(", then ").join(job.field for job in result.jobs if job.machine == machine),
+        )
+        for machine, count in {job.machine: job.tractors for job in result.jobs}.items()
     ]
+    first = (*result.shortfalls, _describe_day_end(result), *result.questions, *_describe_day_certainty(result))
+    return AnswerLines(first, (f"{'; '.join(orders)}.",), unworked)
 
 
-def describe_day_end(result: DayResult) -> str:
+def _describe_day_end(result: DayResult) -> str:
     """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples, means of the costs."""
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
     paid, risked = (f"{format_price(each)} {result.currency}" for each in (result.paid_cost, result.risked_cost))
     values = {
-        "done": _format_end_in_words(result.stated_end_s),
-        "late": _format_end_in_words(result.stated_late_end_s),
+        "done": _format_end_in_words(result.p50_done_s),
+        "late": _format_end_in_words(result.p95_done_s),
         "cost": format_risked_money(paid, risked, result.risked_cost),
         "total": total,
     }
@@ -201,7 +185,7 @@ def describe_day_end(result: DayResult) -> str:
     )
 
 
-def describe_day_certainty(result: DayResult) -> list[str]:
+def _describe_day_certainty(result: DayResult) -> list[str]:
     """How sure it is that all is done in time, and what is least sure."""
     if result.finish_probability is None:
         return []
@@ -215,22 +199,7 @@ def describe_day_certainty(result: DayResult) -> list[str]:
     ]
 
 
-def describe_machine_orders(jobs: Sequence[DayJob]) -> str:
-    """Which machine works which fields in which order."""
-    counts = {job.machine: job.tractors for job in jobs}
-    orders = [
-        translate(
-            "{machine} ({count}): {fields}",
-            machine=machine,
-            count=count,
-            fields=translate(", then ").join(job.field for job in jobs if job.machine == machine),
-        )
-        for machine, count in counts.items()
-    ]
-    return f"{'; '.join(orders)}."
-
-
-def describe_unworked_fields(result: DayResult) -> list[str]:
+def _describe_unworked_fields(result: DayResult) -> list[str]:
     """The fields that are not done, with the reasons of the first."""
     left = result.unworked_fields
     sentences = [
@@ -257,7 +226,7 @@ def format_end_of_day(seconds: float | None) -> str:
     return format_time_of_day(None if seconds is None else round_up_to_minute(seconds))
 
 
-def _format_end_in_words(seconds: float) -> str:
+def _format_end_in_words(seconds: float | None) -> str:
     """When something is done, as a sentence says it: ``00:39 next day``."""
     clock, _, days = format_end_of_day(seconds).partition("+")
     if not days:

@@ -12,16 +12,20 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.rendering import EXPORT_DECIMALS, format_entries_csv, format_json
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, build_table, format_sentence, format_title
+from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json
+from reports.common.text_tables import (
+    FittedTable,
+    TableColumn,
+    build_plain_table,
+    build_table,
+    format_sentence,
+    format_title,
+)
 from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.day.results import (
     DayJob,
     DayResult,
-    describe_day_certainty,
-    describe_day_end,
-    describe_machine_orders,
-    describe_unworked_fields,
+    build_day_answer,
     format_end_of_day,
     format_time_of_day,
     list_day_sentences,
@@ -42,7 +46,7 @@ _JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {
     "area": (TableColumn("ha", drop_order=4), lambda job: format_number(job.area_ha, 2)),
     "machine": (TableColumn("Machine", is_text=True), lambda job: job.machine),
     "tractors": (TableColumn("Tractors", "Trac-\ntors", drop_order=5), lambda job: str(job.tractors)),
-    "begin": (TableColumn("Begins"), lambda job: format_time_of_day(job.stated_start_s)),
+    "begin": (TableColumn("Begins"), lambda job: format_time_of_day(job.p50_start_s)),
     "end": (TableColumn("Done"), lambda job: format_end_of_day(job.p50_end_s)),
     "late end": (TableColumn("95 % by", drop_order=2), lambda job: format_end_of_day(job.p95_end_s)),
     "time": (TableColumn("Plan's time", "Plan's\ntime", drop_order=6), lambda job: format_duration(job.time_s)),
@@ -67,8 +71,6 @@ def format_day_json(result: DayResult) -> str:
     made = {
         "not_done": result.unworked_fields,
         "machines": result.fleets,
-        "p50_done_s": result.stated_end_s if result.jobs else None,
-        "p95_done_s": result.stated_late_end_s if result.jobs else None,
         "summary": list_day_sentences(result),
     }
     content = {key: made[key] if key in made else getattr(result, key) for key in DAY_KEYS}
@@ -77,19 +79,14 @@ def format_day_json(result: DayResult) -> str:
 
 def format_day_csv(result: DayResult) -> str:
     """A row per field as CSV text: jobs fleet by fleet, then the fields not done with the reason."""
-    return format_entries_csv(DAY_CSV_KEYS, [*result.jobs, *result.unworked_fields])
+    return format_csv(DAY_CSV_KEYS, [*result.jobs, *result.unworked_fields])
 
 
 def build_day_screen(result: DayResult, *, with_next: bool = True) -> RenderableType:
     """What is done by when in a few lines, the work of every machine in a table, and what to type next."""
     if not result.jobs:
         return Group(*(format_sentence(text) for text in list_day_sentences(result)))
-    lines = AnswerLines(
-        (*result.shortfalls, describe_day_end(result), *result.questions, *describe_day_certainty(result)),
-        (describe_machine_orders(result.jobs),),
-        tuple(describe_unworked_fields(result)),
-        is_whole=not with_next,
-    )
+    lines = replace(build_day_answer(result), is_whole=not with_next)
     machines = [fleet.name for fleet in result.fleets]
     jobs = sorted(result.jobs, key=lambda job: (machines.index(job.machine), job.p50_end_s))
     figures = [
@@ -99,8 +96,6 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
         )
     ]
     figures[-1] = TableColumn(translate("Cost {currency}", currency=result.currency), drop_order=3), figures[-1][1]
-    table = build_table(jobs[:MOST_ROWS], figures, more_hint=translate("--explain shows more"))
-    parts: list[RenderableType] = [lines, Text(""), table]
     roads, hidden = result.paid_cost - sum(job.cost for job in result.jobs), len(jobs) - MOST_ROWS
     notes = [translate("Times are medians of the samples, costs means.")]
     if roads >= LEAST_COST:
@@ -110,7 +105,8 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
         notes.append(translate_count("{count} more field: --explain.", "{count} more fields: --explain.", hidden))
     if with_next:
         notes.append(translate("Add --explain (roads, costs, how), --html day.html (chart and map)."))
-    return Group(*parts, *(format_sentence(text, style="dim") for text in notes))
+    more_hint = translate("--explain shows more")
+    return Group(lines, "", build_table(jobs[:MOST_ROWS], figures, more_hint=more_hint, notes=tuple(notes)))
 
 
 def build_day_table(result: DayResult) -> RenderableType:
@@ -118,22 +114,12 @@ def build_day_table(result: DayResult) -> RenderableType:
     parts: list[RenderableType] = [format_sentence(describe_optimality_gap(result))]
     if result.jobs:
         parts += [Text(""), format_title("By machine"), build_machine_table(result)]
-        parts += [Text(""), format_title("By field"), build_job_table(sort_by_field(result))]
-        parts.append(format_sentence(describe_day_columns(result), style="dim"))
+        notes = (describe_day_columns(result),)
+        parts += [Text(""), format_title("By field"), build_job_table(sort_by_field(result), notes=notes)]
     if result.unworked_fields:
-        columns = (
-            TableColumn("Field", is_text=True), TableColumn("ha"), TableColumn("Costs"),
-            TableColumn("Why", is_text=True),
-        )  # fmt: skip
-        rows = tuple(
-            (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
-            for one in result.unworked_fields
-        )
-        parts += [Text(""), format_title("Not done"), FittedTable(columns, rows)]
-    money = (TableColumn("For", is_text=True), TableColumn(result.currency))
-    parts += [Text(""), format_title("Costs"), FittedTable(money, tuple(list_money_rows(result)))]
-    parts += [format_sentence(text, style="dim") for text in result.remarks]
-    return Group(*parts)
+        parts += [Text(""), format_title("Not done"), build_unworked_table(result)]
+    money = build_plain_table(("For", result.currency), list_money_rows(result), notes=result.remarks)
+    return Group(*parts, Text(""), format_title("Costs"), money)
 
 
 def describe_day_columns(result: DayResult) -> str:
@@ -147,18 +133,14 @@ def describe_day_columns(result: DayResult) -> str:
     return text + " Times include filling and emptying tanks, between fields and on them." * has_service_stops
 
 
-def _describe_planning_times(result: DayResult) -> str:
-    """The times that a day is planned with: means, or a quantile."""
-    if result.certainty_pct is None:
-        return "mean times of work"
-    return f"times of work that {result.certainty_pct:g} % of the samples keep"
-
-
 def describe_optimality_gap(result: DayResult) -> str:
     """How far from the optimal order of the fields the day can be."""
+    times = "mean times of work"
+    if result.certainty_pct is not None:
+        times = f"times of work that {result.certainty_pct:g} % of the samples keep"
     if result.gap_pct == 0.0:
-        return f"Optimal order of the fields, by {_describe_planning_times(result)}."
-    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {_describe_planning_times(result)}."
+        return f"Optimal order of the fields, by {times}."
+    return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {times}."
 
 
 def build_machine_table(result: DayResult) -> FittedTable:
@@ -175,19 +157,28 @@ def build_machine_table(result: DayResult) -> FittedTable:
             rows.append((name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
         for job in jobs:
             what = f"{job.field}: {job.strategy}"
-            start, end = format_time_of_day(job.stated_start_s), format_end_of_day(job.p50_end_s)
+            start, end = format_time_of_day(job.p50_start_s), format_end_of_day(job.p50_end_s)
             km, share = format_number(job.km, 1), format_percent(job.finish_probability)
             rows.append((name if job is jobs[0] else "", what, start, end, km, share))
-        if jobs and fleet.home_s is not None:
+        if jobs and fleet.p50_home_s is not None:
             back_km = format_number(fleet.km - sum(job.km for job in jobs), 1)
-            start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.stated_home_s)
+            start, end = format_end_of_day(jobs[-1].p50_end_s), format_end_of_day(fleet.p50_home_s)
             rows.append(("", translate("back"), start, end, back_km, NO_VALUE))
     return FittedTable(columns, tuple(rows))
 
 
-def build_job_table(jobs: Sequence[DayJob]) -> FittedTable:
+def build_job_table(jobs: Sequence[DayJob], notes: tuple[str, ...] = ()) -> FittedTable:
     """A row for every field that is done."""
-    return build_table(jobs, list(_JOB_FIGURES.values()))
+    return build_table(jobs, list(_JOB_FIGURES.values()), notes=notes)
+
+
+def build_unworked_table(result: DayResult) -> FittedTable:
+    """A row for every field that is not done, with what that costs and why."""
+    rows = (
+        (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
+        for one in result.unworked_fields
+    )
+    return build_plain_table(("Field", "ha", "Costs", "Why"), rows, (0, 3))
 
 
 def sort_by_field(result: DayResult) -> Sequence[DayJob]:

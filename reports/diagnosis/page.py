@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 from reports.common import palette
-from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_fragment, render_template
+from reports.common.rendering import NOT_DRAWN, ResultView, build_view, encode_picture, render_template
+from reports.common.text_tables import render_fragment
 from reports.common.wording import format_number, get_effect_label, join_list, replace_effect_ids
 from reports.diagnosis import sentences as words
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
@@ -159,8 +161,8 @@ def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
     findings = words.sort_findings(diagnosis.findings)
     shown = list_found(findings) or findings
     left_out = len(findings) - len(shown)
-    note = f"{left_out} more effects were examined; to_pandas() has all." if left_out else ""
-    tables = [build_effect_table(shown, ("Id in files",)).convert_for_notebook(note=note)]
+    notes = (f"{left_out} more effects were examined; to_pandas() has all.",) if left_out else ()
+    tables = [replace(build_effect_table(shown, ("Id in files",)), styles=(), notes=notes)]
     picture = None
     if diagnosis.before:
         picture = encode_picture(lambda axes: draw_errors(axes, diagnosis), (6.0, 3.0))

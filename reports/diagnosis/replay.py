@@ -10,20 +10,18 @@ import numpy as np
 from reports.common import palette
 from reports.common.rendering import (
     ResultView,
-    ShownTable,
     create_figure,
     draw_legend,
     encode_figure,
     format_json,
     make_json_safe,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.text_tables import FittedTable, build_plain_table, format_sentence, render_fragment
 from reports.common.wording import NO_VALUE, format_effect_with_id, join_list
 from reports.diagnosis.sentences import SHOWN_HORIZON_S, format_errors, list_error_rows
 from reports.plan.map_figure import encode_svg_base64, escape_figure_formula, render_png
-from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
+from vehicle.identification.diagnosis.results import ReplayResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,6 +30,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 
+_HEADINGS = ("Over", "Across cm", "Along cm", "Heading deg")
 _MEASURED_COLOUR, _SIMULATED_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 
 
@@ -65,11 +64,10 @@ def build_replay_table(replayed: ReplayResult, remarks: Sequence[str] = ()) -> G
     """Errors by horizon and remarks on the log for the terminal."""
     from rich.console import Group
 
-    columns = tuple(map(TableColumn, ("Over", "Across cm", "Along cm", "Heading deg")))
     effects = join_list(map(format_effect_with_id, replayed.effects))
     return Group(
         format_sentence(f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {effects}."),
-        FittedTable(columns, tuple(list_error_rows(replayed.errors))),
+        build_plain_table(_HEADINGS, list_error_rows(replayed.errors), texts=()),
         *(format_sentence(line) for line in (*remarks, *_list_replayed_measurements(replayed))),
     )
 
@@ -84,8 +82,8 @@ def draw_replay(replayed: ReplayResult) -> Figure:
     commanded: dict[str, Any] = {"color": _MEASURED_COLOUR, "linestyle": "dotted", "label": "commanded"}
     measured_look: dict[str, Any] = {"color": _MEASURED_COLOUR, "linewidth": 1.2}
     simulated: dict[str, Any] = {"color": _SIMULATED_COLOUR, "linewidth": 0.9, "label": "simulated"}
+    _draw_paths(path, replayed)
     for segment in replayed.segments:
-        _draw_path(path, segment)
         measured = segment.measured
         time = measured.start_s + measured.time
         if measured.command is not None:
@@ -102,8 +100,6 @@ def draw_replay(replayed: ReplayResult) -> Figure:
             speed.plot(time, segment.speed, **simulated)
         for piece, errors in segment.pieces:
             error.plot(time[piece], 100.0 * errors[:, 0], color=palette.INK_COLOUR, linewidth=0.8)
-    path.set_aspect("equal", adjustable="datalim")
-    path.set(xlabel="east, m", ylabel="north, m")
     wheel.set_ylabel("wheel angle, deg")
     back = any(segment.measured.gear < 0.0 for segment in replayed.segments)
     speed.set_ylabel("speed, m/s,\nbelow 0 in reverse" if back else "speed, m/s")
@@ -122,15 +118,6 @@ def draw_replay(replayed: ReplayResult) -> Figure:
     return figure
 
 
-def draw_replayed_path(axes: Axes, replayed: ReplayResult) -> None:
-    """Measured and simulated path on given axes."""
-    for segment in replayed.segments:
-        _draw_path(axes, segment)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set(xlabel="east, m", ylabel="north, m")
-    draw_legend(axes, axes, fontsize=8)
-
-
 def describe_replay(replayed: ReplayResult) -> str:
     """How far off the simulation is over pieces of 5 s, or of the longest length there is, in a sentence."""
     if not replayed.errors:
@@ -144,11 +131,15 @@ def describe_replay(replayed: ReplayResult) -> str:
     )
 
 
-def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
-    axes.plot(segment.measured.east, segment.measured.north, color=_MEASURED_COLOUR, linewidth=2.2, label="measured")
-    axes.plot(*segment.antenna.T, color=_SIMULATED_COLOUR, linewidth=1.1, label="simulated, aligned with the first 5 s")
-    start = segment.measured.east[0], segment.measured.north[0]
-    axes.plot(*start, color=palette.INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
+def _draw_paths(axes: Axes, replayed: ReplayResult) -> None:
+    """Measured and simulated paths, to scale."""
+    for one in replayed.segments:
+        axes.plot(one.measured.east, one.measured.north, color=_MEASURED_COLOUR, linewidth=2.2, label="measured")
+        axes.plot(*one.antenna.T, color=_SIMULATED_COLOUR, linewidth=1.1, label="simulated, aligned with the first 5 s")
+        start = one.measured.east[0], one.measured.north[0]
+        axes.plot(*start, color=palette.INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="east, m", ylabel="north, m")
 
 
 def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
@@ -160,9 +151,15 @@ def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> s
         "effects": join_list(map(format_effect_with_id, replayed.effects)),
         "notes": [*remarks, *_list_replayed_measurements(replayed)],
         "picture": encode_svg_base64(draw_replay(replayed)),
-        "rows": list_error_rows(replayed.errors),
+        "errors": _tabulate_errors(replayed, (0,)),
     }
     return render_template("replay.html.j2", content)
+
+
+def _tabulate_errors(replayed: ReplayResult, texts: Sequence[int] = ()) -> FittedTable:
+    """The errors by length of the pieces, with units in words as pages have them."""
+    headings = "Over", "Across, cm", "Along, cm", "Heading, deg"
+    return build_plain_table(headings, list_error_rows(replayed.errors), texts)
 
 
 def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultView:
@@ -170,9 +167,14 @@ def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultV
     title = f"{replayed.name} against {replayed.tractor}"
 
     def render() -> str:
-        table = ShownTable(("Over", "Across, cm", "Along, cm", "Heading, deg"), list_error_rows(replayed.errors))
         sentences, words = [describe_replay(replayed), *remarks], "Measured and simulated path, angle and speed"
-        return render_fragment(title, sentences, [table], encode_figure(draw_replay(replayed)), words)
+        return render_fragment(
+            title, sentences, [_tabulate_errors(replayed)], encode_figure(draw_replay(replayed)), words
+        )
+
+    def draw(axes: Axes) -> None:
+        _draw_paths(axes, replayed)
+        draw_legend(axes, axes, fontsize=8)
 
     def tabulate() -> DataFrame:
         import pandas as pd
@@ -184,7 +186,7 @@ def build_replay_view(replayed: ReplayResult, remarks: Sequence[str]) -> ResultV
         summary=lambda: f"{title}. {describe_replay(replayed)}",
         html=render,
         table=tabulate,
-        draw=lambda axes: draw_replayed_path(axes, replayed),
+        draw=draw,
         files={
             ".json": lambda: format_replay_json(replayed, remarks),
             ".html": lambda: render_replay_page(replayed, remarks),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.text import Text
 
 from reports.common.rendering import format_json, make_json_safe, pick_values
@@ -126,9 +126,9 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
 
 def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
     """Build everything for a terminal: verdict, errors, runs, columns, effects and remarks, from top to bottom."""
-    parts: list[object] = list(build_verdict_lines(diagnosis))
+    parts: list[RenderableType] = list(build_verdict_lines(diagnosis))
     if diagnosis.undiagnosed_reason:
-        return Group(*parts, *map(format_sentence, list_diagnosis_remarks(diagnosis)))  # type: ignore[arg-type]
+        return Group(*parts, *map(format_sentence, list_diagnosis_remarks(diagnosis)))
     title = (
         f"Error of replayed commands on {words.name_held_out_data(diagnosis)} not used for fitting: root mean square "
         "over pieces of that length, each aligned with the measurement; across and along in cm, heading in degrees"
@@ -155,7 +155,7 @@ def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
         Text(""),
     ]
     parts += [format_sentence(line) for line in list_diagnosis_remarks(diagnosis)]
-    return Group(*parts)  # type: ignore[arg-type]
+    return Group(*parts)
 
 
 def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
@@ -175,12 +175,12 @@ def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
         yield format_sentence(f"Guilty block: {diagnosis.guilty_block}.")
 
 
-def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
+def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[RenderableType]:
     """Build what runs held out say: errors by horizon and, with `by_run`, of each run."""
     holdout = diagnosis.holdout
     if holdout is None:
         return []
-    parts: list[object] = [Text(""), *(format_sentence(line) for line in words.describe_holdout(diagnosis))]
+    parts: list[RenderableType] = [Text(""), *(format_sentence(line) for line in words.describe_holdout(diagnosis))]
     parts.append(FittedTable(_HOLDOUT_COLUMNS, tuple(words.list_error_rows(holdout.before, holdout.after))))
     if by_run and len(holdout.by_run) > 1:
         parts.append(FittedTable(_HELD_OUT_RUN_COLUMNS, tuple(words.list_holdout_rows(diagnosis))))
@@ -225,9 +225,9 @@ def list_found(findings: Sequence[Finding]) -> list[Finding]:
 
 def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
     """Build the verdict, the errors by length of the pieces, the effects that were found, and what remains."""
-    parts: list[object] = list(build_verdict_lines(diagnosis))
+    parts: list[RenderableType] = list(build_verdict_lines(diagnosis))
     if diagnosis.undiagnosed_reason:
-        return Group(*parts, format_sentence(MORE_HINT, style="dim"))  # type: ignore[arg-type]
+        return Group(*parts, format_sentence(MORE_HINT, style="dim"))
     if diagnosis.holdout is None or not diagnosis.holdout.is_requested:
         data = words.name_held_out_data(diagnosis)
         title = f"Error on {data} not used for fitting, by length of the pieces (cm, cm, degrees)"
@@ -247,7 +247,7 @@ def build_diagnosis_screen(diagnosis: Diagnosis) -> Group:
         parts.append(format_sentence(f"{others}: {', '.join(counts)}."))
     parts += [format_sentence(line) for line in _list_last_sentences(diagnosis)]
     parts.append(format_sentence(MORE_HINT, style="dim"))
-    return Group(*parts)  # type: ignore[arg-type]
+    return Group(*parts)
 
 
 def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:

@@ -89,8 +89,7 @@ def build_bearing_table(comparison: Comparison) -> RenderableType:
         format_sentence(first, style="bold"),
         *map(format_sentence, others),
         Text(""),
-        build_table(comparison.rows, figures, lambda row: row is quickest),
-        format_sentence(erosion, style="dim"),
+        build_table(comparison.rows, figures, lambda row: row is quickest, notes=(erosion,)),
         *map(format_sentence, missing),
     )
 

@@ -12,7 +12,6 @@ import shapely
 
 from fields.arrays import Floats, Integers
 from reports.common.plan_records import PlanDrive
-from reports.common.rendering import ReportError
 
 FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
 STATUS_BY_STATE = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
@@ -76,39 +75,6 @@ class Viewport:
     def format_rings(self, rings: Iterable[Floats]) -> str:
         """SVG path data of closed rings (n, 2)."""
         return "".join(self.format_path(ring, is_closed=True) for ring in rings)
-
-
-def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:
-    """Raise ReportError for the first entry of a drive that cannot be drawn; it needs `least_tractors`."""
-    count = len(drive.xy)
-    if count < least_tractors:
-        raise ReportError("The drive has no tractors; give at least one path.")
-    if not (math.isfinite(drive.step_s) and drive.step_s > 0):
-        raise ReportError(f"The drive has step_s {drive.step_s}; use seconds above 0.")
-    for name in ("status", "finish_s"):
-        if len(getattr(drive, name)) != count:
-            raise ReportError(f"The drive has {count} paths and {len(getattr(drive, name))} of {name}; give one each.")
-    if drive.steps and len(drive.steps) != count:
-        raise ReportError(f"The drive has {count} paths and {len(drive.steps)} lists of steps; give one each or none.")
-    for ground_name, rings in (("the field", (drive.boundary, *drive.holes)), ("missed ground", drive.unworked)):
-        for ring in rings:
-            if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
-                raise ReportError(
-                    f"A ring of {ground_name} has shape {ring.shape}; give three or more finite (x, y) points."
-                )
-    for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True), start=1):
-        if xy.ndim != 2 or xy.shape[1:] != (2,) or not len(xy) or status.shape != (len(xy),):
-            raise ReportError(
-                f"Tractor {number} has positions of shape {xy.shape} and statuses of shape {status.shape}; "
-                "give (t, 2) and (t,) with t of 1 or more."
-            )
-        if not np.isfinite(xy).all():
-            raise ReportError(f"Tractor {number} has a position that is not a finite number; give metres.")
-    for name in [*STATUS_BY_STATE, *(state for state in RARE_STATES if state in drive.seconds)]:
-        if len(drive.seconds.get(name, ())) != count:
-            raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
-        if not all(math.isfinite(value) and value >= 0 for value in drive.seconds[name]):
-            raise ReportError(f"The {name!r} seconds {drive.seconds[name]} are not all 0 or more; correct them.")
 
 
 def list_states(drives: Iterable[PlanDrive]) -> list[str]:

@@ -10,9 +10,9 @@ from rich.text import Text
 
 from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
-from reports.common.language import translate, translate_sentence
+from reports.common.language import mark_text, translate, translate_sentence
 from reports.common.rendering import format_json
-from reports.common.text_tables import FittedTable, TableColumn, build_table, format_sentence, format_title
+from reports.common.text_tables import FittedTable, TableColumn, build_plain_table, build_table, format_title
 from reports.common.wording import NO_VALUE, capitalize_first, format_number, format_yes_no
 
 _UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
@@ -53,21 +53,19 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
         for swaths_over in dict.fromkeys([*fitting, *seconds, *estimated_s])
     ]
     if rows:
-        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(rows)]
-        parts.append(format_sentence("Percent of track ends where such a turn fits.", style="dim"))
-        if estimated_s:
-            parts.append(format_sentence("Estimated: two full circles, where no turn fits.", style="dim"))
+        notes = [mark_text("Percent of track ends where such a turn fits.")]
+        notes += [mark_text("Estimated: two full circles, where no turn fits.")] if estimated_s else []
+        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(rows, notes)]
     return Group(*parts)
 
 
 def build_field_table(info: Mapping[str, Any]) -> RenderableType:
     """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
-    columns = (TableColumn("Label", is_text=True), TableColumn("Value", is_text=True))
-    rows = tuple((_format_fact_label(label), _format_fact_cell(label, value)) for label, value in info.items())
-    return FittedTable(columns, rows, has_header=False, has_lines=True)
+    rows = ((_format_fact_label(label), _format_fact_cell(label, value)) for label, value in info.items())
+    return build_plain_table(("", ""), rows, (0, 1), has_lines=True)
 
 
-def _build_facts_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
+def _build_facts_table(rows: Sequence[Mapping[str, Any]], notes: Sequence[str] = ()) -> FittedTable:
     """Rows of mappings under the labels of their keys; keys without any value are left out.
 
     Places are in degrees where they are known, else in metres.
@@ -87,6 +85,7 @@ def _build_facts_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
         tuple(tuple(_format_fact_cell(key, row.get(key)) for key in keys) for row in rows),
         more_hint="--json shows all",
         has_lines=True,
+        notes=tuple(notes),
     )
 
 

@@ -18,7 +18,6 @@ from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     format_csv,
-    format_csv_cell,
     format_json,
     make_json_safe,
     pick_values,
@@ -27,7 +26,7 @@ from reports.common.text_tables import FittedTable, TableColumn, build_table
 from reports.common.wording import (
     NO_VALUE,
     VOLUME,
-    format_area_or_dash,
+    format_area,
     format_duration,
     format_number,
     format_price,
@@ -65,7 +64,7 @@ SCREEN_DROPS = {
 """Of the first screen and notebooks, which show seven at most, each with the order in which it is dropped, the highest
 first."""
 TABLE_DROPS = {
-    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_span_s": 0, "stated_cost": 2, "paid_cost": 6,
+    "rank": 0, "tractors": 1, "strategy": 0, "turn": 9, "stated_end_s": 0, "stated_cost": 2, "paid_cost": 6,
     "fuel_l": 6, "energy_kwh": 6, "refills": 3, "folding_s": 3, "charges": 3, "turning_s": 5, "waiting_s": 6,
     "worked_pct": 4, "missed_m2": 4, "left_out_m2": 4, "spoilt_m2": 5, "overlap_pct": 8, "min_clearance_m": 7,
     "finish_probability": 3, "meets_deadline": 3,
@@ -109,7 +108,6 @@ class Figure:
         read: takes the value from the plan.
         parts: keys of what it consists of, each of which has a column in CSV.
         is_optional: whether its column is left out where no plan has it, as plans of older files have none of new ones.
-        is_exported: whether JSON and CSV have it.
     """
 
     key: str
@@ -125,7 +123,6 @@ class Figure:
     measure: Callable[[SimulationRun, float], float | None] | None = None
     is_text: bool = False
     is_optional: bool = False
-    is_exported: bool = True
 
     def get_value(self, plan: PlanResult) -> Any:
         """The value of a plan; None where it is not known."""
@@ -165,7 +162,7 @@ _CATALOGUE = (
     Figure("feasible"),
     Figure("worked_pct", "Worked %", "Work\n%", _TENTHS, "share of the field that is worked", "of the field", "%"),
     Figure("overlap_pct", "Overlap %", "Over-\nlap %", _TENTHS, "", "of the field, worked more than once", "%"),
-    Figure("missed_m2", "Unworked", "Un-\nworked", format_area_or_dash, "ground that no implement worked",
+    Figure("missed_m2", "Unworked", "Un-\nworked", format_area, "ground that no implement worked",
            is_optional=True),
     Figure("largest_missed", parts=PIECE_KEYS),
     Figure("finished_s", "To finish", "", format_duration,
@@ -210,8 +207,8 @@ _CATALOGUE = (
     Figure("folding_s", "Folding", "", format_duration, "of the turns, standing to fold and unfold implements",
            measure=lambda run, area_ha: float(run.folding_s.sum()) or None, is_optional=True),
     Figure("over_finished_m"),
-    Figure("over_finished_m2", text=_WHOLE, unit="m2"),
-    Figure("spoilt_m2", "Spoilt", "Spoilt", format_area_or_dash,
+    Figure("over_finished_m2", "Driven over m2", "", _WHOLE, unit="m2"),
+    Figure("spoilt_m2", "Spoilt", "Spoilt", format_area,
            note="by wheels: finished ground where it is kept, a crop before it is cut; counted like unworked ground",
            read=get_spoilt_m2, is_optional=True),
     Figure("p50_done_s", "Median time", "Median\ntime", format_duration),
@@ -242,25 +239,25 @@ _CATALOGUE = (
     Figure("charges", "Charges", "", _WHOLE, "stops to charge or change batteries", is_optional=True),
     Figure("charging_s", "Charging", "", format_duration, "time of all tractors at these stops", is_optional=True),
     Figure("spared_m2"),
-    Figure("left_out_m2", "Left out", "Left\nout", format_area_or_dash, "ground that was to be left out",
+    Figure("left_out_m2", "Left out", "Left\nout", format_area, "ground that was to be left out",
            is_optional=True),
     Figure("keeps_clearance"),
     Figure("is_simulated"),
-    Figure("stated_span_s", "Time", "", format_duration, read=lambda plan: plan.stated_end_s, is_exported=False),
 )  # fmt: skip
 FIGURES = {figure.key: figure for figure in _CATALOGUE}
 MEASURES = {figure.key: figure.measure for figure in _CATALOGUE if figure.measure is not None}
-PLAN_KEYS = tuple(figure.key for figure in _CATALOGUE if figure.is_exported)
+PLAN_KEYS = tuple(FIGURES)
 """Of a plan in JSON and CSV, in this order."""
 
 
 def choose_figures(
-    ranking: PlanRanking, plans: Sequence[PlanResult], keys: Iterable[str], *, names_currency: bool = True
+    ranking: PlanRanking, plans: Sequence[PlanResult], keys: Iterable[str], *, is_brief: bool = False
 ) -> list[Figure]:
     """The figures of some keys for a table of plans, as the reader of a ranking wants them.
 
     Optional ones that no plan has are left out, that of the deadline where there are probabilities, and what is paid
-    where it is the cost. Ends of work are clock times where the ranking has a start.
+    where it is the cost. Unless it `is_brief`, costs have their currency, and ends of work are clock times where the
+    ranking has a start.
     """
     skipped = set() if has_late_ground_loss(ranking) else {"paid_cost"}
     if any(plan.finish_probability is not None for plan in plans):
@@ -270,19 +267,20 @@ def choose_figures(
         for figure in (FIGURES[key] for key in keys if key not in skipped)
         if not figure.is_optional or any(figure.get_value(plan) is not None for plan in plans)
     ]
-    return [_fit_to_ranking(figure, ranking, names_currency) for figure in shown]
+    return [_fit_to_ranking(figure, ranking, is_brief) for figure in shown]
 
 
-def _fit_to_ranking(figure: Figure, ranking: PlanRanking, names_currency: bool) -> Figure:
+def _fit_to_ranking(figure: Figure, ranking: PlanRanking, is_brief: bool) -> Figure:
     if figure.key in ("fuel_l", "energy_kwh"):
         heading = name_energy_column(figure.key == "energy_kwh")
         return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))
     if figure.key in UNLOADING_HEADINGS and ranking.unloads:
         return replace(figure, heading=UNLOADING_HEADINGS[figure.key], short_heading="")
-    if figure.key == "stated_cost" and names_currency and ranking.currency:
-        return replace(figure, heading=translate("Cost {currency}", currency=ranking.currency))
-    if figure.key not in ("stated_end_s", "stated_late_end_s"):
+    if is_brief or figure.key not in ("stated_cost", "stated_end_s", "stated_late_end_s"):
         return figure
+    if figure.key == "stated_cost":
+        heading = translate("Cost {currency}", currency=ranking.currency) if ranking.currency else figure.heading
+        return replace(figure, heading=heading)
     figure = replace(figure, text=partial(format_stated_end, ranking))
     if figure.key == "stated_late_end_s" or not has_start_time(ranking):
         return figure
@@ -296,6 +294,7 @@ def build_figure_table(
     figures: Sequence[Figure],
     drops: Mapping[str, int],
     more_hint: str,
+    notes: Sequence[str],
     *,
     stars: bool = False,
 ) -> FittedTable:
@@ -311,7 +310,7 @@ def build_figure_table(
     writers = [write_first, *(figure.format for figure in figures[1:])]
     columns = [figure.build_column(drops[figure.key]) for figure in figures]
     cells = list(zip(columns, writers, strict=True))
-    return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint)
+    return build_table(plans, cells, lambda plan: plan is ranking.best, more_hint=more_hint, notes=tuple(notes))
 
 
 def format_ranking_json(ranking: PlanRanking) -> str:
@@ -404,15 +403,11 @@ def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
 def format_ranking_csv(ranking: PlanRanking) -> str:
     """The plans as CSV text: a header of `list_csv_columns`, then one row per plan in the order of the ranking.
 
-    `CSV_KEYS` are of the request, the same on every row, so that tables of several fields can be joined.
-    Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone. The largest
+    `CSV_KEYS` are of the request, the same on every row, so that tables of several fields can be joined. The largest
     missed piece has a column for each of its keys (``largest_missed_m2``), an interval one for each end
     (``finish_probability_interval_low``).
     """
-    columns = list_csv_columns()
-    request_values = {**ranking.scenario, "field": ranking.field_name, "area_ha": ranking.area_ha}
-    rows = (build_csv_row(build_plan_entry(plan), request_values, columns) for plan in ranking.plans)
-    return format_csv([columns, *rows])
+    return format_csv(list_csv_columns(), list_csv_entries(ranking, ranking.field_name))
 
 
 def list_csv_columns() -> list[str]:
@@ -421,11 +416,11 @@ def list_csv_columns() -> list[str]:
     return [*FIRST_CSV_KEYS, *(name for name in names if name not in FIRST_CSV_KEYS)]
 
 
-def build_csv_row(entry: Mapping[str, Any], request_values: Mapping[str, Any], columns: Sequence[str]) -> list[Any]:
-    """The cells of a plan, an entry with `PLAN_KEYS`, and of its request."""
-    of_request = {key: make_json_safe(request_values.get(key), EXPORT_DECIMALS) for key in CSV_KEYS}
-    values = {**of_request, **flatten_entry({key: entry.get(key) for key in PLAN_KEYS})}
-    return [format_csv_cell(values[name]) for name in columns]
+def list_csv_entries(ranking: PlanRanking, field_name: Any) -> list[dict[str, Any]]:
+    """Every plan with what CSV has of its request, which calls the field so."""
+    values = {**ranking.scenario, "field": field_name, "area_ha": ranking.area_ha}
+    of_request = {key: values.get(key) for key in CSV_KEYS}
+    return [{**of_request, **flatten_entry(build_plan_entry(plan))} for plan in ranking.plans]
 
 
 def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:

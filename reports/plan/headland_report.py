@@ -12,7 +12,7 @@ from reports.common.language import translate, translate_count
 from reports.common.plan_results import MODEL_ERROR_SHARE
 from reports.common.rendering import (
     EXPORT_DECIMALS,
-    format_entries_csv,
+    format_csv,
     format_json,
     pick_values,
     render_template,
@@ -413,44 +413,29 @@ def format_headland_csv(comparison: Comparison) -> str:
             values |= {key: getattr(each.best, key) or values[key] for key in ("headland_order", "headland_passes")}
             values |= pick_values(totals, ("overlap_m2", "cost_per_ha", "cut_off_m2"))
         rows.append(values)
-    return format_entries_csv(head, rows)
+    return format_csv(head, rows)
 
 
 def render_headland_page(comparison: Comparison) -> str:
     """The page as HTML text."""
     names = list(comparison.field_names.values())
-    fields = tabulate_fields(comparison)
-    head, rows = _tabulate(comparison, comparison.totals, comparison.best)
     rankings = [each.ranking for each in comparison.rows if each.ranking is not None]
-    maps = [each.map for each in comparison.rows if each.map is not None]
     return render_template(
         "headland_comparison.html.j2",
         {
             "title": f"Headlands compared: {names[0] if len(names) == 1 else f'{len(names)} fields'}",
             "machines": "; ".join(dict.fromkeys(filter(None, map(describe_machines, rankings)))),
             "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
-            "head": head,
-            "rows": rows,
+            "ways": tabulate_ways(comparison, comparison.totals, comparison.best),
             "help": f"{describe_figures()} Times are h:mm:ss.",
-            "field_head": [column.heading for column in fields.columns],
-            "field_rows": [{"best": False, "cells": cells} for cells in fields.rows],
+            "best_ways": tabulate_fields(comparison),
             "cut_off": list_cut_off(comparison),
             "missing": list_missing(comparison),
             "fields": [_build_section(comparison, field) for field in comparison.fields],
-            "has_missed": any(one["missed"] for one in maps),
-            "has_driven_over": any(one["driven_over"] for one in maps),
+            "maps": [each.map for each in comparison.rows if each.map is not None],
             "remarks": list(dict.fromkeys(remark for one in rankings for remark in one.field_remarks)),
         },
     )
-
-
-def _tabulate(
-    comparison: Comparison, totals: Sequence[ComparisonTotals], best: ComparisonTotals | None
-) -> tuple[list[str], list[dict[str, Any]]]:
-    """Headings and rows of a table of ways."""
-    table = tabulate_ways(comparison, totals, best)
-    rows = [{"best": one is best, "cells": cells} for one, cells in zip(totals, table.rows, strict=True)]
-    return [column.heading for column in table.columns], rows
 
 
 def _build_section(comparison: Comparison, field: str) -> dict[str, Any]:
@@ -461,7 +446,7 @@ def _build_section(comparison: Comparison, field: str) -> dict[str, Any]:
     return {
         "name": comparison.field_names[field],
         "area": format_number(best.area_ha, 2) if best else "",
-        "rows": _tabulate(comparison, totals, best)[1],
+        "ways": tabulate_ways(comparison, totals, best),
         "cards": [
             {
                 "name": name_choice(one),

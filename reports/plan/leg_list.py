@@ -10,8 +10,8 @@ from rich.text import Text
 
 from fields.units import name_compass_point
 from reports.common.plan_records import DriverLeg
-from reports.common.rendering import format_json
-from reports.common.text_tables import MOST_NAMED, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.rendering import format_json, pick_values
+from reports.common.text_tables import MOST_NAMED, build_plain_table, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
 
 _LEAST_REVERSING_M = 0.5
@@ -98,14 +98,12 @@ def build_leg_tables(
 ) -> RenderableType:
     """A table per tractor, or only for `only_tractor` (from 1); with a `start` times are clock times."""
     parts: list[RenderableType] = [format_title(title)]
-    columns = tuple(TableColumn(name, is_text=name == "Leg") for name in LEG_HEADINGS)
     when = "time of day" if start else "after the start"
     parts.append(format_sentence(f"From: h:mm:ss, {when}. Min:s: duration.", style="dim"))
     for tractor, rows in enumerate(steps, start=1):
         if only_tractor in (None, tractor):
-            cells = tuple(build_leg_cells(place, step, start) for place, step in enumerate(rows, start=1))
             heading = Text(format_leg_heading(tractor, rows), style="bold")
-            parts += [Text(""), heading, FittedTable(columns, cells)]
+            parts += [Text(""), heading, build_plain_table(LEG_HEADINGS, list_leg_cells(rows, start), texts=(1,))]
     return Group(*parts)
 
 
@@ -116,10 +114,13 @@ def format_leg_heading(tractor: int, steps: Sequence[DriverLeg]) -> str:
     return f"Tractor {tractor}: {legs}, {format_number(length_m / 1000.0, 1)} km, {format_duration(end_s)} on the field"
 
 
-def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tuple[str, ...]:
-    """The cells of a leg under `LEG_HEADINGS`."""
-    when, duration = format_clock_at(start, step.clock_s), format_minutes(step.seconds)
-    return str(place), describe_leg(step), when, format_leg_metres(step), duration
+def list_leg_cells(steps: Sequence[DriverLeg], start: str | None = None) -> list[tuple[str, ...]]:
+    """A row of cells under `LEG_HEADINGS` for every leg; with a `start` times are clock times."""
+    return [
+        (str(place), describe_leg(one), format_clock_at(start, one.clock_s), format_leg_metres(one),
+         format_minutes(one.seconds))
+        for place, one in enumerate(steps, start=1)
+    ]  # fmt: skip
 
 
 def format_leg_metres(step: DriverLeg) -> str:
@@ -129,7 +130,7 @@ def format_leg_metres(step: DriverLeg) -> str:
 
 def format_leg_rows(steps: Sequence[DriverLeg], start: str | None = None) -> list[str]:
     """The rows of a list as text of fixed pitch, headings first; with a `start` times are clock times."""
-    rows = [LEG_HEADINGS, *(build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1))]
+    rows = [LEG_HEADINGS, *list_leg_cells(steps, start)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         " ".join(cell.ljust(width) if place == 1 else cell.rjust(width)
@@ -153,15 +154,13 @@ def format_leg_lists_json(steps: Steps, plan_facts: dict[str, Any], only_tractor
 
 def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
     return {
-        "number": place, "words": describe_leg(step), "kind": step.kind,
-        "from_s": step.from_s, "clock_s": step.clock_s, "seconds": step.seconds, "pause_s": step.pause_s,
-        "length_m": step.length_m,
+        "number": place, "words": describe_leg(step),
+        **pick_values(step, ("kind", "from_s", "clock_s", "seconds", "pause_s", "length_m")),
         "swath": None if step.is_headland_pass else step.number,
         "headland_pass": step.number if step.is_headland_pass else None,
-        "part": step.part or None, "bearing_deg": step.bearing_deg,
-        "over_swaths": step.over_swaths, "shape": step.shape or None, "for_tractors": step.for_tractors,
-        "reversing_m": step.reversing_m, "over_finished": step.over_finished, "over_finished_m": step.over_finished_m,
-        "over_standing": step.over_standing, "over_standing_m": step.over_standing_m,
-        "fuel_l": step.fuel_l, "energy_kwh": step.energy_kwh,
-        "slope_along_pct": step.slope_along_pct, "slope_across_pct": step.slope_across_pct,
+        "part": step.part or None, **pick_values(step, ("bearing_deg", "over_swaths")), "shape": step.shape or None,
+        **pick_values(step, (
+            "for_tractors", "reversing_m", "over_finished", "over_finished_m", "over_standing", "over_standing_m",
+            "fuel_l", "energy_kwh", "slope_along_pct", "slope_across_pct",
+        )),
     }  # fmt: skip

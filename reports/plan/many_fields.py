@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any
@@ -13,7 +14,14 @@ from rich.text import Text
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.rendering import EXPORT_DECIMALS, format_csv, format_json, pick_values, render_template
-from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import (
+    AnswerLines,
+    FittedTable,
+    TableColumn,
+    build_table,
+    format_sentence,
+    format_title,
+)
 from reports.common.wording import (
     FIELD_AREA,
     LENGTH,
@@ -32,12 +40,11 @@ from reports.common.wording import (
 )
 from reports.plan.answer import name_plan, write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
-from reports.plan.figures import FIGURES, build_csv_row, build_plan_entry, build_ranking_entry, list_csv_columns
+from reports.plan.figures import FIGURES, build_ranking_entry, list_csv_columns, list_csv_entries
 from reports.plan.plan_wording import list_feasible
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
-PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 PLAN_CELLS = ("stated_end_s", "stated_cost", "worked_pct", "missed_m2", "over_finished_m2")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
 PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tractors", "Strategy", "ha")
@@ -50,21 +57,24 @@ _PLAN_DROPS = {
 
 def format_many_csv_head() -> str:
     """The heading of the CSV: the columns of plans, with the name of the field as given after its own."""
-    first, *others = list_csv_columns()
-    return format_csv([[first, "requested_field", *others]])
+    return _format_csv([])
 
 
 def format_many_csv_rows(record: ComparisonRow) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
-    ranking, columns = record.ranking, list_csv_columns()
+    ranking = record.ranking
     if ranking is None:
-        entries: list[dict[str, Any]] = [{"feasible": False, "reason": record.refusal}]
-        request_values: dict[str, Any] = {"width_m": record.way.width_m}
+        entries = [{"feasible": False, "reason": record.refusal, "width_m": record.way.width_m}]
     else:
-        entries = [build_plan_entry(plan) for plan in ranking.plans]
-        request_values = {**ranking.scenario, "area_ha": ranking.area_ha}
-    rows = (build_csv_row(entry, request_values, columns) for entry in entries)
-    return format_csv([first, record.requested_field, *others] for first, *others in rows)
+        entries = list_csv_entries(ranking, ranking.scenario.get("field"))
+    table = _format_csv([{**entry, "requested_field": record.requested_field} for entry in entries])
+    return table.partition("\n")[2]
+
+
+def _format_csv(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Plans below their heading."""
+    first, *others = list_csv_columns()
+    return format_csv([first, "requested_field", *others], entries)
 
 
 def format_many_fields_json(records: Sequence[ComparisonRow]) -> str:
@@ -121,8 +131,7 @@ def has_probability(records: Sequence[ComparisonRow]) -> bool:
 
 def build_many_fields_table(records: Sequence[ComparisonRow]) -> RenderableType:
     """The best plan of every field at every width with totals, and which fields have none and why."""
-    parts: list[RenderableType] = [tabulate_records(records)]
-    parts += [format_sentence(text, style="dim") for text in describe_records(records)]
+    parts: list[RenderableType] = [replace(tabulate_records(records), notes=tuple(describe_records(records)))]
     lacking, without = list_shortfalls(records), list_records_without_plan(records)
     if lacking:
         parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
@@ -195,8 +204,7 @@ def build_many_fields_screen(records: Sequence[ComparisonRow], *, with_next: boo
     return Group(
         AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults), is_whole=is_whole),
         Text(""),
-        _build_screen_table(records[:MOST_ROWS]),
-        *(format_sentence(text, style="dim") for text in notes),
+        replace(_build_screen_table(records[:MOST_ROWS]), notes=tuple(notes)),
     )
 
 
@@ -267,7 +275,6 @@ def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
     ]
     headings = [column.heading for column in table.columns]
     places = [headings.index(heading) for heading in PAGE_HEADINGS if heading in headings]
-    maps = [one["map"] for one in sections if one["map"]]
     scenarios = [record.ranking.scenario for record in records if record.ranking is not None]
     machines = {f"{one['tractor']}, {one.get('implement') or 'implement'} {one['width_m']:g} m" for one in scenarios}
     return render_template(
@@ -284,9 +291,7 @@ def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
             "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
             "without": list_records_without_plan(records),
             "sections": sections,
-            "plan_head": PLAN_HEAD,
-            "has_missed": any(one["missed"] for one in maps),
-            "has_driven_over": any(one["driven_over"] for one in maps),
+            "maps": [one["map"] for one in sections if one["map"]],
         },
     )
 
@@ -295,13 +300,16 @@ def _build_section(
     record: ComparisonRow, ranking: PlanRanking, best: PlanResult, anchor: str, names_width: bool
 ) -> dict[str, Any]:
     """One field at one width: map, what to do, and its feasible plans."""
+
+    def name_headland(plan: PlanResult) -> str:
+        return f"{plan.headland_passes} x {plan.headland_order or ''}".rstrip(" x") if plan.headland_passes else ""
+
     cost = format_money(best.stated_cost, ranking.currency)
-    rows = []
-    for plan in list_feasible(ranking)[:MAX_PLANS]:
-        headland = f"{plan.headland_passes} x {plan.headland_order or ''}" if plan.headland_passes else ""
-        figures = (FIGURES[key].format(plan) for key in PLAN_CELLS)
-        name = name_plan(plan)
-        rows.append({"best": plan is best, "cells": (name, *figures, headland.strip(" x"))})
+    figures = (
+        (TableColumn("Plan", is_text=True), name_plan),
+        *((FIGURES[key].build_column(), FIGURES[key].format) for key in PLAN_CELLS),
+        (TableColumn("Headland"), name_headland),
+    )
     facts = f"{ranking.area_ha:.2f} ha, {FIGURES['stated_end_s'].format(best)}, {cost}"
     return {
         "name": ranking.field_name + (f", {record.way.width_m:g} m" if names_width else ""),
@@ -309,5 +317,5 @@ def _build_section(
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),
         "summary": write_answer(ranking).list_sentences(),
-        "rows": rows,
+        "plans": build_table(list_feasible(ranking)[:MAX_PLANS], figures, lambda plan: plan is best),
     }

@@ -35,7 +35,6 @@ from reports.plan.drive_geometry import (
     bound_points,
     build_hatching,
     build_swath_outline,
-    check_drive,
     choose_round_length_m,
     compute_extent,
     find_stops,
@@ -159,15 +158,9 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "width": round((box.width + 2 * margin) * 100),
         "height": round((height + 0.06 * size) * 100),
         "unit": max(round(size), 1),
-        "field": frame.format_rings((first.boundary, *first.holes)),
-        "swaths": frame.format_rings(build_swath_outline(track, first.width_m) for track in first.swaths),
-        "headland_passes": [
-            {"line": frame.format_path(one.points), "tint": one.number % 2, "width": round(first.width_m * 100)}
-            for one in first.headland_passes
-        ],
+        **_draw_ground(first, frame),
         "cells": frame.format_rings(ring for cell in first.cells for ring in cell.rings),
         "done": frame.format_rings(first.done),
-        "obstacles": frame.format_rings(first.obstacles),
         "fences": "".join(frame.format_path(line) for line in first.fences),
         "labels": _place_labels(place_swath_labels(first, size), frame),
         "headland_pass_labels": _place_labels(place_headland_pass_labels(first, size), frame),
@@ -184,6 +177,19 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "folding": FOLDING_STATUS in driven,
         "missed": any(drive.unworked for drive in drives.values()),
         "relief": None if first.relief is None else _draw_relief(first.relief, frame),
+    }
+
+
+def _draw_ground(drive: PlanDrive, view: Viewport) -> dict[str, Any]:
+    """What every map shows of a field: its outline, obstacles, the strips of its tracks, and its headland passes."""
+    return {
+        "field": view.format_rings((drive.boundary, *drive.holes)),
+        "obstacles": view.format_rings(drive.obstacles),
+        "swaths": view.format_rings(build_swath_outline(track, drive.width_m) for track in drive.swaths),
+        "headland_passes": [
+            {"line": view.format_path(one.points), "tint": one.number % 2} for one in drive.headland_passes
+        ],
+        "pass_width": round(drive.width_m * view.scale),
     }
 
 
@@ -325,15 +331,10 @@ def format_maps_json(
     ``points_m`` of its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing,
     5 refilling, 6 folding), and ``steps`` in words. Where heights are known, ``relief`` holds lines of equal height
     (``contours_m``) and the height between two of them (``interval_m``).
-
-    Raises:
-        ReportError: a drive cannot be drawn.
     """
     best = ranking.best
     shown = {(best.strategy, best.tractors): drive} if best and drive else {}
     shown = {**shown, **{key: plan_drive for key, plan_drive in (drives or {}).items() if key not in shown}}
-    for plan_drive in shown.values():
-        check_drive(plan_drive)
     start = ranking.field_start or ranking.start
     plans = [_build_map_plan(strategy, count, plan_drive) for (strategy, count), plan_drive in shown.items()]
     relief = next((plan_drive.relief for plan_drive in shown.values() if plan_drive.relief is not None), None)
@@ -402,13 +403,7 @@ def build_small_map(drive: PlanDrive, driven_over: Sequence[Floats] = ()) -> Sma
     return {
         "width": round(box.width * scale + 2 * MARGIN),
         "height": round(box.height * scale + 2 * MARGIN + FOOT),
-        "field": view.format_rings([drive.boundary, *drive.holes]),
-        "obstacles": view.format_rings(drive.obstacles),
-        "swaths": view.format_rings(build_swath_outline(swath, drive.width_m) for swath in drive.swaths),
-        "headland_passes": [
-            {"line": view.format_path(one.points), "tint": one.number % 2} for one in drive.headland_passes
-        ],
-        "pass_width": round(drive.width_m * scale),
+        **_draw_ground(drive, view),
         "missed": view.format_rings(drive.unworked),
         "driven_over": view.format_rings(driven_over),
         "lanes": lanes,

@@ -29,7 +29,6 @@ from reports.plan.drive_geometry import (
     MapExtent,
     build_hatching,
     build_swath_outline,
-    check_drive,
     choose_round_length_m,
     compute_extent,
     find_stops,
@@ -182,11 +181,7 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
     and number, as many as have room. Leg lists are beside or below the map where they fit. Unworked ground is hatched,
     its largest piece has its area. A drive without tractors shows the field and its swaths. Places that cannot be
     driven are ringed.
-
-    Raises:
-        ReportError: the drive cannot be drawn.
     """
-    check_drive(drive, least_tractors=0)
     across, up = measure_map(compute_extent(drive))
     lists = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
     width = across + 3 * _EDGE_INCHES + _measure_list_inches(lists) * len(lists)
@@ -276,23 +271,18 @@ def measure_map(box: MapExtent) -> tuple[float, float]:
 
 def render_png(figure: Figure) -> bytes:
     """A figure as a PNG file of 150 dots an inch; what no font of the machine shows is a box."""
-    buffer = io.BytesIO()
-    _add_fonts(figure)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
-        figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": None})
-    return buffer.getvalue()
-
-
-def _add_fonts(figure: Figure) -> None:
-    """Let texts fall back on fonts of this machine for letters that matplotlib's own lacks."""
     from matplotlib.font_manager import fontManager
     from matplotlib.text import Text
 
     installed = {font.name for font in fontManager.ttflist}
     others = [name for name in OTHER_FONTS if name in installed]
-    for text in figure.findobj(Text):
+    for text in figure.findobj(Text):  # for letters that matplotlib's own fonts lack
         text.set_fontfamily([*text.get_fontfamily(), *others])
+    buffer = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
+        figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()
 
 
 def render_svg(figure: Figure) -> str:

@@ -15,20 +15,19 @@ from reports.common.rendering import (
     FIGURE_INCHES,
     NOT_DRAWN,
     ResultView,
-    ShownTable,
     build_view,
     encode_picture,
-    render_fragment,
 )
+from reports.common.text_tables import build_plain_table, render_fragment
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
 from reports.plan.answer import name_plan, write_answer
-from reports.plan.drive_geometry import check_drive, compute_extent
+from reports.plan.drive_geometry import compute_extent
 from reports.plan.figures import build_plan_entry, flatten_entry, format_ranking_csv, format_ranking_json
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.map_labels import count_tracks
 from reports.plan.plan_wording import describe_machines, list_feasible
 from reports.plan.ranking_page import render_plan_page
-from reports.plan.ranking_table import build_answer_table, choose_first_plans, count_other_plans, write_legend
+from reports.plan.ranking_table import build_answer_table, choose_first_plans
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,10 +60,7 @@ def build_ranking_view(
         heading = ", ".join(filter(None, (ranking.field_name, area, describe_machines(ranking))))
         drawing = None if picture is None else _encode_map(picture())
         if list_feasible(ranking):
-            plans = choose_first_plans(ranking, MOST_ROWS)
-            note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
-            table = build_answer_table(ranking, plans)
-            tables.append(table.convert_for_notebook(0 if ranking.best else None, note))
+            tables.append(build_answer_table(ranking, choose_first_plans(ranking, MOST_ROWS)))
         sentences = write_answer(ranking).list_sentences()
         return render_fragment(heading, sentences, tables, drawing, "Map of the field and the best plan")
 
@@ -124,8 +120,8 @@ def build_plan_view(plan: PlanResult) -> ResultView:
 
     def render() -> str:
         entry = flatten_entry(build_plan_entry(plan))
-        known = [(key, str(value)) for key, value in entry.items() if value is not None]
-        table = ShownTable(("Figure", "Value"), known, frozenset({0}))
+        headings, known = ("Figure", "Value"), ((key, str(one)) for key, one in entry.items() if one is not None)
+        table = build_plain_table(headings, known)
         return render_fragment(summarise_plan(plan), [plan.remark] if plan.remark else [], [table])
 
     return ResultView(
@@ -168,7 +164,6 @@ def summarise_plan(plan: PlanResult) -> str:
 
 def draw_drive(axes: Axes, drive: PlanDrive, title: str = "") -> None:
     """The map of a drive on given axes, with title and legend."""
-    check_drive(drive, least_tractors=0)
     draw_map_layers(axes, drive)
     axes.set_title(_shorten_title(title), loc="left", fontsize=10)
     axes.legend(

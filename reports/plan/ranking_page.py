@@ -29,9 +29,9 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
 )
 from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
-from reports.plan.drive_geometry import SERVICE_STATE, MapExtent, check_drive, list_states
+from reports.plan.drive_geometry import SERVICE_STATE, list_states
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
-from reports.plan.leg_list import LEG_HEADINGS, Steps, build_leg_cells, format_leg_heading
+from reports.plan.leg_list import LEG_HEADINGS, Steps, format_leg_heading, list_leg_cells
 from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
@@ -81,14 +81,12 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     if limit is not None:
         deadline = {"y": axis.place(limit), "text": f"deadline {format_deadline(ranking)}"}
     return {
-        # The band of the picture that an upward axis is of: its south is the upper edge, as y is down.
-        "box": MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first),
-        "width": TIME_FRAME.width,
-        "height": TIME_FRAME.height,
+        "frame": TIME_FRAME,
+        "axis": axis,
         "points": _place_points(plans, names, [(places[one.tractors], axis.place(one.ranked_s)) for one in plans]),
         "line": " ".join(f"{places[count]},{axis.place(time)}" for count, time in front),
         "deadline": deadline,
-        "counts": [{"x": x, "text": str(count)} for count, x in places.items()],
+        "counts": places,
         "times": axis.list_ticks(TIME_STEPS_S, lambda time_s: format_duration(time_s).removesuffix(":00")),
         "names": [{"text": name, "colour": index % len(TRACTOR_COLOURS)} for index, name in enumerate(names)],
     }
@@ -145,11 +143,10 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
                      "text": texts[plan.tractors]}
                     for plan, value in points
                 ],
-                "box": MapExtent(TIME_FRAME.left, axis.last, TIME_FRAME.right, axis.first),
+                "axis": axis,
             }
         )  # fmt: skip
-    counts = [{"x": x, "text": str(count)} for count, x in places.items()]
-    return {"width": RISK_FRAME.width, "height": RISK_FRAME.height, "bands": bands, "counts": counts}
+    return {"frame": RISK_FRAME, "bands": bands, "counts": places}
 
 
 def render_plan_page(
@@ -165,9 +162,6 @@ def render_plan_page(
     `drive` is that of the best plan; `drives` adds others by strategy and number of tractors, which a reader can
     choose for the map. Without a plan `field_picture` shows the field and where plans fail. Paths are thinned so that
     the page stays below two megabytes for all but huge tables.
-
-    Raises:
-        ReportError: a drive cannot be drawn.
     """
     best, shown = ranking.best, dict[PlanKey | None, PlanDrive]()
     if drive is not None:
@@ -176,8 +170,6 @@ def render_plan_page(
         key = plan.strategy, plan.tractors
         if drives and key in drives:
             shown.setdefault(key, drives[key])
-    for plan_drive in shown.values():
-        check_drive(plan_drive)
     content = _build_page_content(ranking, shown)
     content["picture"] = None
     if field_picture is not None:
@@ -246,7 +238,7 @@ def _build_leg_cards(steps_by_tractor: Steps, start: str | None) -> list[dict[st
             "number": tractor,
             "colour": (tractor - 1) % len(TRACTOR_COLOURS),
             "heading": format_leg_heading(tractor, steps),
-            "rows": [build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)],
+            "rows": list_leg_cells(steps, start),
         }
         for tractor, steps in enumerate(steps_by_tractor, start=1)
     ]

@@ -58,12 +58,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     lines = AnswerLines(tuple(filter(None, must)), others, faults, title, is_whole=not with_next)
     parts: list[RenderableType] = [lines]
     if plans:
-        parts += [
-            Text(""),
-            build_answer_table(ranking, plans),
-            format_sentence(write_legend(ranking, plans), style="dim"),
-        ]
-    parts += [format_sentence(text, style="dim") for text in count_other_plans(ranking, plans)]
+        parts += [Text(""), build_answer_table(ranking, plans)]
     if with_next and ranking.best is None:
         hints = [translate("Add --explain (all reasons), --html plan.html (map of the places that fail).")]
     elif with_next:
@@ -102,7 +97,10 @@ def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
-    """The table of some plans, in at most seven columns; those that hold the answer are dropped last."""
+    """The table of some plans, in at most seven columns; those that hold the answer are dropped last.
+
+    Below it are what it means and what it leaves out.
+    """
     figures = {figure.key: figure for figure in choose_figures(ranking, plans, SCREEN_DROPS)}
     if late := figures.get("stated_late_end_s"):
         has_start = has_start_time(ranking)
@@ -112,7 +110,8 @@ def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> Fit
     kept = sorted(figures, key=SCREEN_DROPS.__getitem__)[:MOST_COLUMNS]
     figures = {key: figure for key, figure in figures.items() if key in kept}
     shown = list(figures.values())
-    return build_figure_table(ranking, plans, shown, SCREEN_DROPS, _MORE_HINT, stars=_shows_front(plans))
+    notes = (write_legend(ranking, plans), *count_other_plans(ranking, plans))
+    return build_figure_table(ranking, plans, shown, SCREEN_DROPS, _MORE_HINT, notes, stars=_shows_front(plans))
 
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
@@ -182,15 +181,14 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
     ]
     parts: list[RenderableType] = [*map(format_sentence, (*describe_ranking(ranking), *describe_physics(ranking)))]
     if shown:
-        figures = choose_figures(ranking, shown, TABLE_DROPS, names_currency=False)
-        parts += [Text(""), build_figure_table(ranking, shown, figures, TABLE_DROPS, _ALL_HINT, stars=True)]
-        parts += [format_sentence(text, style="dim") for text in _list_table_notes(ranking, shown, figures)]
+        figures = choose_figures(ranking, shown, TABLE_DROPS, is_brief=True)
+        notes = _list_table_notes(ranking, shown, figures)
+        parts += [Text(""), build_figure_table(ranking, shown, figures, TABLE_DROPS, _ALL_HINT, notes, stars=True)]
         counted = choose_plan_per_count(ranking)
         if len(counted) > 1:
-            figures = choose_figures(ranking, counted, COUNT_DROPS, names_currency=False)
+            figures = choose_figures(ranking, counted, COUNT_DROPS, is_brief=True)
             parts += [Text(""), format_title(f"By number of tractors, money in {ranking.currency}")]
-            parts.append(build_figure_table(ranking, counted, figures, COUNT_DROPS, _ALL_HINT))
-            parts.append(format_sentence(BY_COUNT_HELP, style="dim"))
+            parts.append(build_figure_table(ranking, counted, figures, COUNT_DROPS, _ALL_HINT, (BY_COUNT_HELP,)))
     effects = describe_simulated_effects(ranking)
     remarks = [*ranking.check_sentences, *([effects] if effects else [])]
     parts += [format_sentence(text, style="dim") for text in remarks]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import io
 import shlex
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
@@ -21,13 +22,19 @@ from reports.common.rendering import (
     build_view,
     create_figure,
     encode_picture,
-    format_entries_csv,
+    format_csv,
     format_json,
     pick_values,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.text_tables import (
+    FittedTable,
+    TableColumn,
+    build_table,
+    format_sentence,
+    format_title,
+    render_fragment,
+)
 from reports.common.wording import capitalize_first, format_duration, format_number, format_tractor_count
 from reports.plan.map_figure import escape_figure_formula, render_png
 from reports.sweep.results import (
@@ -88,8 +95,7 @@ def build_sweep_screen(result: SweepResult) -> RenderableType:
         nearest = translate("> comes nearest to what was asked for.")
         mark = translate("> is the one to take.") if result.has_recommendation else nearest
         legend = f"{mark} {describe_rows(result)}".strip()
-        parts += ["", build_front_table(result), format_sentence(legend, style="dim")]
-        parts.append(format_sentence(ESTIMATED, style="dim"))
+        parts += ["", replace(build_front_table(result), notes=(legend, ESTIMATED))]
     return Group(*parts)
 
 
@@ -97,39 +103,33 @@ def build_front_table(result: SweepResult) -> FittedTable:
     """The rows of `choose_rows` with their numbers, only varied options as columns."""
     varied = [place for place, option in enumerate(result.options) if len(option.values) > 1]
     titles = [(capitalize_first(translate_sentence(option.label)), option.unit) for option in result.options]
-    headings = [", ".join(filter(None, titles[place])) for place in varied]
-    rows = result.rows
+    rows, cost = result.rows, translate("Cost {currency}", currency=result.currency or "").strip()
     uses_energy = any(one.plan.energy_kwh is not None for one in rows)
-    columns = [
-        TableColumn("Row"),
-        *map(TableColumn, headings),
-        TableColumn("Time"),
-        TableColumn(translate("Cost {currency}", currency=result.currency or "").strip()),
-        TableColumn("± %"),
-        TableColumn("Worked %", drop_order=1),
-        TableColumn("Energy kWh" if uses_energy else "Fuel l", drop_order=2),
-    ]
-    best = None if result.best is None else result.best.numbers
-    cells = [
-        (
-            f"> {number}" if one.numbers == best else str(number),
-            *(format_value(result.get_values(one)[place]) for place in varied),
-            format_duration(one.plan.ranked_s),
-            format_number(one.plan.ranked_cost, 2),
-            format_number(one.plan.uncertainty_pct, 0),
-            format_number(one.plan.worked_pct, 1),
-            format_number(one.plan.energy_kwh if uses_energy else one.plan.fuel_l, 1),
-        )
-        for number, one in enumerate(rows, start=1)
-    ]
-    styles = tuple("bold" if one.numbers == best else "" for one in rows)
-    return FittedTable(tuple(columns), tuple(cells), styles)
+    used, key = ("Energy kWh", "energy_kwh") if uses_energy else ("Fuel l", "fuel_l")
+
+    def is_best(one: SweptPlan) -> bool:
+        return result.best is not None and one.numbers == result.best.numbers
+
+    figures: list[tuple[TableColumn, Callable[[SweptPlan], str]]] = [
+        (TableColumn("Row"), lambda one: f"{'> ' if is_best(one) else ''}{rows.index(one) + 1}"),
+        *(
+            (TableColumn(", ".join(filter(None, titles[place]))),
+             lambda one, place=place: format_value(result.get_values(one)[place]))
+            for place in varied
+        ),
+        (TableColumn("Time"), lambda one: format_duration(one.plan.ranked_s)),
+        (TableColumn(cost), lambda one: format_number(one.plan.ranked_cost, 2)),
+        (TableColumn("± %"), lambda one: format_number(one.plan.uncertainty_pct, 0)),
+        (TableColumn("Worked %", drop_order=1), lambda one: format_number(one.plan.worked_pct, 1)),
+        (TableColumn(used, drop_order=2), lambda one: format_number(getattr(one.plan, key), 1)),
+    ]  # fmt: skip
+    return build_table(rows, figures, is_best)
 
 
 def format_sweep_csv(result: SweepResult) -> str:
     """All plans as CSV, a row each."""
     rows = [{**row, "lacks": " ".join(row["lacks"])} for row in list_rows(result)]
-    return format_entries_csv(list(rows[0]) if rows else [], rows)
+    return format_csv(list(rows[0]) if rows else [], rows)
 
 
 def format_sweep_json(result: SweepResult) -> str:
@@ -325,10 +325,10 @@ def build_sweep_view(result: SweepResult) -> ResultView:
     """A sweep: what to take, cost over time, and all plans as a table."""
 
     def render() -> str:
-        sentences, rows = [describe_best(result), *list_remarks(result), ESTIMATED], result.rows
+        sentences = [describe_best(result), *list_remarks(result), ESTIMATED]
         picture = None if result.best is None else encode_picture(lambda axes: draw_sweep(axes, result))
-        best = next((place for place, one in enumerate(rows) if one is result.best), None)
-        tables = [build_front_table(result).convert_for_notebook(best, describe_rows(result))] if rows else []
+        notes = tuple(filter(None, [describe_rows(result)]))
+        tables = [replace(build_front_table(result), notes=notes)] if result.rows else []
         words = "Cost over time of all combinations"
         return render_fragment(describe_title(result), sentences, tables, picture, words)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from fields.units import KMH_PER_MPS
 from reports.common import palette
 from reports.common.drawing_sizes import COLUMN_INCHES
 from reports.common.rendering import create_figure, draw_legend, format_json, pick_values, render_template
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.text_tables import FittedTable, TableColumn, build_plain_table, build_table, format_sentence
 from reports.common.wording import (
     NO_VALUE,
     format_area,
@@ -116,46 +115,41 @@ def group_run_notes(runs: Sequence[ImportedRun]) -> Iterator[str]:
 
 def format_runs_json(runs: Sequence[ImportedRun], notes: Sequence[str]) -> str:
     """``runs`` with their figures in SI units, and ``notes`` on what could not be read, as JSON."""
-    entries = []
-    for run in runs:
-        about = {key: value for key, value in asdict(run).items() if key not in ("figures", "notes")}
-        figures = {**asdict(run.figures), "share_working": run.figures.share_working}
-        entries.append({**about, **figures, "notes": list(run.notes)})
-    return format_json({"runs": entries, "notes": list(notes)})
+    about = ("name", "form", "start", "field", "file")
+    entries = [
+        pick_values(run, about) | vars(run.figures) | {"share_working": run.figures.share_working, "notes": run.notes}
+        for run in runs
+    ]
+    return format_json({"runs": entries, "notes": notes})
 
 
 def build_learned_table(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> RenderableType:
     """One row per value, then the origin of each, then the remarks."""
-    rows = []
-    for one in learned:
-        value = one.value if isinstance(one.value, str) else f"{one.value:g}"
-        interval = NO_VALUE if one.low is None or one.high is None else f"{one.low:g} to {one.high:g}"
-        rows.append((one.key, value, interval, one.done))
-    columns = (
-        TableColumn("Value of the farm file", "Value", is_text=True), TableColumn("Learned", is_unbroken=True),
-        TableColumn("95 %", is_unbroken=True), TableColumn("In the file", is_text=True, is_unbroken=True),
+    figures: tuple[tuple[TableColumn, Callable[[LearnedOutcome], str]], ...] = (
+        (TableColumn("Value of the farm file", "Value", is_text=True), lambda one: one.key),
+        (TableColumn("Learned", is_unbroken=True),
+         lambda one: one.value if isinstance(one.value, str) else f"{one.value:g}"),
+        (TableColumn("95 %", is_unbroken=True),
+         lambda one: NO_VALUE if one.low is None or one.high is None else f"{one.low:g} to {one.high:g}"),
+        (TableColumn("In the file", is_text=True, is_unbroken=True), lambda one: one.done),
     )  # fmt: skip
     origins = (f"{one.key.rpartition('.')[2]}: {one.measured}." for one in learned)
-    return Group(FittedTable(columns, tuple(rows)), *map(format_sentence, (*origins, *notes)))
+    return Group(build_table(learned, figures), *map(format_sentence, (*origins, *notes)))
 
 
 def format_learned_json(learned: Sequence[LearnedOutcome], notes: Sequence[str]) -> str:
     """``learned``, values with interval, origin and what was done, and ``notes``, as JSON."""
-    return format_json({"learned": [asdict(one) for one in learned], "notes": list(notes)})
+    return format_json({"learned": learned, "notes": notes})
 
 
 def build_comparison_table(comparison: PlanComparison) -> RenderableType:
     """Both sides and their difference, its causes, and remarks."""
-    columns = (TableColumn("", is_text=True), TableColumn("Planned"), TableColumn("Driven"), TableColumn("Difference"))
-    causes = tuple((_format_signed_duration(one.seconds), one.words) for one in comparison.differences)
-    parts: list[RenderableType] = [
-        format_sentence(describe_comparison(comparison)),
-        FittedTable(columns, tuple(list_comparison_rows(comparison))),
-    ]
+    causes = [(_format_signed_duration(one.seconds), one.words) for one in comparison.differences]
+    parts: list[RenderableType] = [format_sentence(describe_comparison(comparison)), tabulate_comparison(comparison)]
     if causes:
         parts += [
             format_sentence("Causes of the difference in machine time, largest first:"),
-            FittedTable((TableColumn("Time"), TableColumn("What", is_text=True)), causes),
+            build_plain_table(("Time", "What"), causes, texts=(1,)),
         ]
     return Group(*parts, *map(format_sentence, comparison.notes))
 
@@ -172,6 +166,11 @@ def describe_comparison(comparison: PlanComparison) -> str:
         first = comparison.differences[0]
         text += f" The largest difference is in {first.what}: {first.words} ({_format_signed_duration(first.seconds)})."
     return text
+
+
+def tabulate_comparison(comparison: PlanComparison) -> FittedTable:
+    """A row for every figure that one side has."""
+    return build_plain_table(("", "Planned", "Driven", "Difference"), list_comparison_rows(comparison))
 
 
 def list_comparison_rows(comparison: PlanComparison) -> Iterator[ComparisonRow]:
@@ -220,15 +219,14 @@ def format_comparison_json(comparison: PlanComparison) -> str:
         **pick_values(comparison, ("field_m2", "width_m")),
         "planned": _build_side_entry(comparison.planned),
         "driven": _build_side_entry(comparison.as_driven),
-        "differences": [asdict(one) for one in comparison.differences],
-        "notes": list(comparison.notes),
+        **pick_values(comparison, ("differences", "notes")),
     }
     return format_json(content)
 
 
 def _build_side_entry(side: ComparisonSide) -> dict[str, Any]:
     ground = side.ground and pick_values(side.ground, ("worked_m2", "overlap_m2", "missed_m2"))
-    figures = {key: value for key, value in asdict(side.figures).items() if key not in _UNSHOWN_KEYS}
+    figures = {key: value for key, value in vars(side.figures).items() if key not in _UNSHOWN_KEYS}
     return {"machines": side.machines, **figures, "ground": ground}
 
 
@@ -289,12 +287,13 @@ def _draw_ground_pieces(axes: Axes, rings: Sequence[Floats], colour: str, name: 
 
 def render_comparison_page(comparison: PlanComparison) -> str:
     """The map, the table and the causes of the difference as one page that loads nothing from elsewhere."""
+    causes = ((_format_signed_duration(one.seconds), one.what, one.words) for one in comparison.differences)
     content = {
         "name": comparison.name,
         "lead": describe_comparison(comparison),
         "picture": encode_svg_base64(draw_comparison(comparison)),
-        "rows": list(list_comparison_rows(comparison)),
-        "causes": [(_format_signed_duration(one.seconds), one.what, one.words) for one in comparison.differences],
+        "figures": tabulate_comparison(comparison),
+        "causes": build_plain_table(("Time", "Kind", "What"), causes, (1, 2)),
         "notes": comparison.notes,
     }
     return render_template("work_compare.html.j2", content)

@@ -14,21 +14,27 @@ from rich.padding import Padding
 from rich.text import Text
 
 from reports.common import palette
+from reports.common.language import mark_text
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     ReportError,
     ResultView,
     ShownResult,
-    ShownTable,
     build_view,
     create_figure,
     format_json,
     make_json_safe,
     pick_values,
-    render_fragment,
     render_template,
 )
-from reports.common.text_tables import FittedTable, TableColumn, format_bullet, format_sentence, format_title
+from reports.common.text_tables import (
+    FittedTable,
+    build_plain_table,
+    format_bullet,
+    format_sentence,
+    format_title,
+    render_fragment,
+)
 from reports.common.wording import NO_VALUE, format_minutes, format_number, format_signed_number, join_list
 from reports.plan.map_figure import encode_svg_base64
 from vehicle.trials.sheets.sheet import (
@@ -137,12 +143,11 @@ def _draw_axes(axes: Axes, panel: PlotPanel | HeatMap) -> None:
 
 @dataclass(frozen=True)
 class ThesisAgreement:
-    """The agreement: a headline, further sentences, and a row per experiment under `header`."""
+    """The agreement: a headline, further sentences, and a table with a row per experiment."""
 
     headline: str
     sentences: tuple[str, ...]
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    table: FittedTable
 
 
 def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreement | None:
@@ -158,7 +163,7 @@ def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreeme
     header = ("Experiment", "Numbers", f"Within {NEAR_PCT:g} %", f"Within {FAR_PCT:g} %", "Farther", "Not compared")
     shown = [one for one in counts if one[1]]
     shown += [("All", total, near, fair, far, uncompared)] if len(shown) > 1 else []
-    rows = tuple(tuple(map(str, one)) for one in shown)
+    table = build_plain_table(header, (tuple(map(str, one)) for one in shown))
     sentences = []
     if far and len(counts) > 1:
         named = join_list(f"{title} ({count})" for title, *_, count, _ in counts if count)
@@ -168,7 +173,7 @@ def measure_thesis_agreement(sheets: Sequence[ExperimentSheet]) -> ThesisAgreeme
     ours = sum(row.thesis is None and row.ours is not None for sheet in sheets for row in sheet.comparisons)
     if ours:
         sentences.append(f"{ours} further simulated numbers are not in the thesis.")
-    return ThesisAgreement(headline, tuple(sentences), header, rows)
+    return ThesisAgreement(headline, tuple(sentences), table)
 
 
 def compute_deviation_pct(row: ThesisComparison) -> float | None:
@@ -251,7 +256,10 @@ def render_trials_page(sheets: Sequence[ExperimentSheet]) -> str:
             {
                 "title": sheet.title,
                 "words": sheet.words,
-                "tables": sheet.tables,
+                "tables": [
+                    {"title": table.title, "cells": build_plain_table(table.header, table.rows)}
+                    for table in sheet.tables
+                ],
                 "pictures": [
                     {"title": panel.title, "data": encode_svg_base64(draw_panel(panel))} for panel in sheet.panels
                 ],
@@ -292,34 +300,28 @@ def build_trials_table(sheets: Sequence[ExperimentSheet]) -> RenderableType:
     parts: list[RenderableType] = []
     if verdict:
         parts += [format_sentence(verdict.headline, style="bold"), *map(format_sentence, verdict.sentences)]
-        if len(verdict.rows) > 1:
-            parts.append(Padding(_build_text_table(verdict.header, verdict.rows), (1, 0, 0, 0)))
+        if len(verdict.table.rows) > 1:
+            parts.append(Padding(verdict.table, (1, 0, 0, 0)))
         parts.append(Text(""))
     for sheet in sheets:
         parts.append(format_sentence(sheet.title, style="bold"))
         parts += [format_sentence(text, indent=2) for text in sheet.words]
         for table in sheet.tables:
-            titled = Group(format_sentence(table.title), _build_text_table(table.header, table.rows))
+            titled = Group(format_sentence(table.title), build_plain_table(table.header, table.rows))
             parts.append(Padding(titled, (1, 0, 0, 2)))
         numbers = _list_compared_numbers(sheet)
         compared = [_build_comparison_cells(row) for row in numbers if row.ours is not None]
         if compared:
-            figures = map(TableColumn, ("Thesis", "Here", "Difference"))
-            columns = (TableColumn("Experiment", is_text=True), TableColumn("Quantity", is_text=True), *figures)
             names = ("experiment", "quantity", "thesis", "ours", "difference")
-            cells = tuple(tuple(str(entry[name]) for name in names) for entry in compared)
-            parts.append(Padding(FittedTable(columns, cells), (1, 0, 0, 2)))
+            cells = (tuple(str(entry[name]) for name in names) for entry in compared)
+            headings = (mark_text("Experiment"), mark_text("Quantity"), "Thesis", "Here", "Difference")
+            parts.append(Padding(build_plain_table(headings, cells, (0, 1)), (1, 0, 0, 2)))
         if len(numbers) > len(compared):
             missing = len(numbers) - len(compared)
             note = f"{missing} further numbers cannot be simulated; --json gives the reasons."
             parts.append(format_sentence(note, style="dim", indent=2))
         parts.append(Text(""))
     return Group(*parts)
-
-
-def _build_text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> FittedTable:
-    columns = tuple(TableColumn(name, is_text=not number) for number, name in enumerate(header))
-    return FittedTable(columns, tuple(tuple(row) for row in rows))
 
 
 @dataclass(frozen=True)
@@ -356,20 +358,20 @@ def build_study_tables(study: FleetStudy) -> RenderableType:
     """Tables of the thesis beside the simulation, then each claim with its verdict, then the assumptions."""
     parts: list[RenderableType] = []
     for name, rows in study.tables.items():
-        columns = [TableColumn("Plan", is_text=True), *map(TableColumn, ("Tractors", "Thesis", "Here", "Diff. %"))]
-        columns += [TableColumn("Note", is_text=True)] if any(row.note for row in rows) else []
+        has_notes = any(row.note for row in rows)
+        headings = ("Plan", "Tractors", "Thesis", "Here", "Diff. %", *([mark_text("Note")] if has_notes else []))
         cells = (
             (row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
-             format_signed_number(row.difference_pct, 1), row.note)
+             format_signed_number(row.difference_pct, 1), *([row.note] if has_notes else []))
             for row in rows
         )  # fmt: skip
-        table = FittedTable(tuple(columns), tuple(row[: len(columns)] for row in cells))
-        parts += [format_title(f"Table {name}"), table, Text("")]
+        parts += [format_title(f"Table {name}"), build_plain_table(headings, cells, (0, 5)), Text("")]
     if study.claims:
-        heads = tuple(TableColumn(name, is_text=True) for name in ("Claim", "Verdict", "Why"))
-        verdicts = tuple((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
+        verdicts = ((one.claim, "holds" if one.holds else "does not hold here", one.why) for one in study.claims)
         styles = tuple("" if one.holds else "yellow" for one in study.claims)
-        parts += [format_title("Claims of the thesis"), FittedTable(heads, verdicts, styles), Text("")]
+        headings = ("Claim", "Verdict", "Why")
+        table = build_plain_table(headings, verdicts, (0, 1, 2), styles=styles)
+        parts += [format_title("Claims of the thesis"), table, Text("")]
     if study.assumptions:
         parts.append(format_title("Assumptions behind every row"))
         parts += [format_bullet(text) for text in study.assumptions]
@@ -389,18 +391,16 @@ def build_study_view(study: FleetStudy) -> ResultView:
     named_rows = [(name, row) for name, table in study.tables.items() for row in table]
 
     def render() -> str:
-        rows = [
+        rows = (
             (name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
              format_number(row.difference_pct, 1), row.note)
             for name, row in named_rows
-        ]  # fmt: skip
+        )  # fmt: skip
         headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
-        claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
-        tables = (
-            ShownTable(headings, rows, frozenset({0, 1, 6})),
-            ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
-        )
-        return render_fragment(f"{summary}.", [], tables)
+        claims = ((claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims)
+        claim_headings = ("Claim", "Holds", "Why")
+        verdicts = build_plain_table(claim_headings, claims, (0, 1, 2))
+        return render_fragment(f"{summary}.", [], [build_plain_table(headings, rows, (0, 1, 6)), verdicts])
 
     def draw(axes: Axes) -> None:
         """Minutes of the thesis and of the simulation, two bars per row."""

@@ -33,7 +33,11 @@ JOB = DayJob(
     p50_end_s=10.1 * HOUR,
     p95_end_s=11 * HOUR,
     cost=99.5,
+    lost_cost=0.0,
     worked_pct=99.0,
+    refills=None,
+    p50_start_s=8.5 * HOUR,
+    p50_leaves_s=8 * HOUR,
 )
 RING = np.array([[0.0, 0.0], [200.0, 0.0], [200.0, 100.0], [0.0, 100.0], [0.0, 0.0]])
 
@@ -45,10 +49,14 @@ def result() -> DayResult:
         end_s=26 * HOUR,
         jobs=(
             JOB,
-            replace(JOB, field="night", start_s=23 * HOUR, end_s=24.9 * HOUR, p50_end_s=25 * HOUR, p95_end_s=26 * HOUR),
+            replace(JOB, field="night", start_s=23 * HOUR, end_s=24.9 * HOUR, p50_end_s=25 * HOUR, p95_end_s=26 * HOUR,
+                    p50_start_s=23 * HOUR),
         ),
         unworked_fields=(UnworkedField("far", 1.0, 80.0, "doing it costs 3.10 more than leaving it"),),
-        fleets=(FleetDay("one", "2 x A, harrow", 8 * HOUR, 25.5 * HOUR, 9.0), FleetDay("two", "B", None, None, 0.0)),
+        fleets=(
+            FleetDay("one", "2 x A, harrow", 8 * HOUR, 25.5 * HOUR, 9.0, p50_home_s=25.6 * HOUR),
+            FleetDay("two", "B", None, None, 0.0),
+        ),
         gap_pct=2.5,
         cost=321.0,
         finish_probability=0.9,
@@ -66,7 +74,9 @@ def result() -> DayResult:
             MapPlace("far", 900.0, 50.0, RING + 900.0),
             MapPlace("yard", -500.0, 0.0),
         ),
-    )
+        p50_done_s=25 * HOUR,
+        p95_done_s=26 * HOUR,
+    )  # fmt: skip
 
 
 def test_keys_and_values(result: DayResult) -> None:
@@ -98,7 +108,7 @@ def test_csv_has_a_row_per_field(result: DayResult) -> None:
 @pytest.mark.parametrize("width", [60, 80, 160])
 def test_tables_hold_every_field(result: DayResult, width: int) -> None:
     text = print_text(build_day_table(result), width)
-    for words in ("2.5 %", "Home $1", "night", "23:00", "01:00+1", "stays", "far", "A remark."):
+    for words in ("2.5 %", "Home $1", "night", "23:00", "01:00+1", "01:36+1", "stays", "far", "A remark."):
         assert words in text
     assert max(map(len, text.splitlines())) <= width
 

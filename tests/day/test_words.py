@@ -51,8 +51,10 @@ def list_told(jobs: tuple[DayJob, ...], left: tuple[UnworkedField, ...], probabi
     """The sentences of a day that costs 321 EUR."""
     fleets = (FleetDay("one", "2 x A", 8 * HOUR, 12 * HOUR, 9.0),)
     return list_day_sentences(
-        DayResult(8 * HOUR, 20 * HOUR, jobs, left, fleets, 0.0, 321.0, probability, "EUR", 1000, 1, "")
-    )
+        DayResult(8 * HOUR, 20 * HOUR, jobs, left, fleets, 0.0, 321.0, probability, "EUR", 1000, 1, "",
+                  p50_done_s=max((job.p50_end_s for job in jobs), default=None),
+                  p95_done_s=max((job.p95_end_s for job in jobs), default=None))
+    )  # fmt: skip
 
 
 def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
@@ -82,7 +84,7 @@ def test_a_day_says_first_what_is_no_recommendation_and_what_nobody_pays_is_no_p
     left = (UnworkedField("a", 1.0, 80.0, "it is far"),)
     lacking = "north: No recommendation: only 53.9 % of the field is worked; 44 % is cut off by obstacles."
     day = DayResult(8 * HOUR, 20 * HOUR, jobs, left, (fleet,), 0.0, 192.75, 1.0, "EUR", 1000, 1, "",
-                    shortfalls=(lacking,))  # fmt: skip
+                    shortfalls=(lacking,), p50_done_s=10.1 * HOUR, p95_done_s=11 * HOUR)  # fmt: skip
     assert (day.paid_cost, day.risked_cost) == (111.5, 81.25)
     told = list_day_sentences(day)
     assert told[0] == lacking and told[1].endswith(", 112 EUR paid and 81 EUR at risk.")

@@ -142,8 +142,8 @@ def test_a_day_is_done_when_its_last_field_is(rain: str, tmp_path: Path) -> None
     (tmp_path / "day.toml").write_text(DAY.format(rain=rain), encoding="utf-8")
     day = plan_day(tmp_path / "day.toml", samples=SAMPLES)
     last_s = max(job.p50_end_s for job in day.jobs)
-    assert last_s == pytest.approx(day.stated_end_s), "one fleet: the day ends with its last field"
-    assert day.stated_late_end_s == pytest.approx(max(job.p95_end_s for job in day.jobs))
+    assert last_s == pytest.approx(day.p50_done_s), "one fleet: the day ends with its last field"
+    assert day.p95_done_s == pytest.approx(max(job.p95_end_s for job in day.jobs))
     first, second = sorted(day.jobs, key=lambda job: job.p50_end_s)
     assert second.p50_start_s >= first.p50_end_s
     lines = print_text(build_day_screen(day)).splitlines()

@@ -82,7 +82,7 @@ PRINTING = {
     "print_sentence": 1, "open_stage_bar": 1, "TableColumn": 2, "NumberLimits": 1,
 }  # fmt: skip
 """Functions whose first arguments are texts, and how many."""
-CALLS = re.compile(rf"\b(translate_count|{'|'.join(PRINTING)})\(")
+CALLS = re.compile(rf"\b(translate_count|build_plain_table|{'|'.join(PRINTING)})\(")
 
 Text = str | tuple[str, str]
 """A text, or its forms for one and for many."""
@@ -150,6 +150,9 @@ def _iter_figure_texts() -> Iterator[str]:
 def _read_call(node: ast.AST) -> Iterator[Text]:
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
         return
+    if node.func.id == "build_plain_table" and isinstance(node.args[0], ast.Tuple):
+        keys = [key for key in map(build_key, node.args[0].elts) if key]
+        yield from (key for key in keys if re.search(r"[A-Za-z]{2}", key))
     if node.func.id not in ("translate_count", *PRINTING):
         return
     keys = [key for key in map(build_key, node.args[:2]) if key]

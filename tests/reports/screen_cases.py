@@ -147,8 +147,8 @@ def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:
         field=f"field {number}", machine=machine, strategy="split-field", tractors=2, area_ha=2.5,
         leaves_s=start_s - 900.0, km=3.0, start_s=start_s, end_s=start_s + 5000.0, time_s=4800.0,
         finish_probability=0.97, finish_probability_interval=(0.965, 0.975), p50_end_s=start_s + 5400.0,
-        p95_end_s=start_s + 7000.0, cost=99.5, lost_cost=1.25, worked_pct=99.0, p50_start_s=start_s + 300.0,
-        p50_leaves_s=start_s - 600.0,
+        p95_end_s=start_s + 7000.0, cost=99.5, lost_cost=1.25, worked_pct=99.0, refills=None,
+        p50_start_s=start_s + 300.0, p50_leaves_s=start_s - 600.0,
     )  # fmt: skip
     return replace(job, **more)
 
@@ -156,7 +156,10 @@ def build_job(number: int, machine: str, start_h: float, **more: Any) -> DayJob:
 def build_day(count: int = 3) -> DayResult:
     """A day of so many fields that two fleets work in turn, and one that is skipped."""
     jobs = tuple(build_job(number, ("robots", "Fendts")[number % 2], 8.0 + number) for number in range(count))
-    fleets = tuple(FleetDay(name, "2 x A, harrow", 8 * HOUR_S, 20 * HOUR_S, 9.0, 12.0) for name in ("robots", "Fendts"))
+    fleets = tuple(
+        FleetDay(name, "2 x A, harrow", 8 * HOUR_S, 20 * HOUR_S, 9.0, 12.0, 20 * HOUR_S)
+        for name in ("robots", "Fendts")
+    )
     left = (UnworkedField("far", 1.0, 80.0, "no fleet has time for it besides the other fields"),)
     return DayResult(
         8 * HOUR_S, 26 * HOUR_S, jobs, left, fleets, 0.0, 104.0 + 100.75 * count, 0.91, "EUR", 1000, 1, "",

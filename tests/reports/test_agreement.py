@@ -28,15 +28,15 @@ def test_numbers_are_counted_by_how_far_they_are_off() -> None:
     assert verdict.headline == (
         "4 of 6 numbers of the thesis are reproduced: 1 within 5 %, 2 more within 15 %; 1 differ by more."
     )
-    assert verdict.rows == (("Circles (Table 1)", "6", "1", "2", "1", "2"),)
+    assert verdict.table.rows == (("Circles (Table 1)", "6", "1", "2", "1", "2"),)
     assert "2 cannot be compared; each is listed with the reason." in verdict.sentences
     assert "1 further simulated numbers are not in the thesis." in verdict.sentences
 
 
 def test_several_experiments_have_a_row_each_and_one_for_all() -> None:
     verdict = measure_thesis_agreement([SHEET, OTHER])
-    assert [row[0] for row in verdict.rows] == ["Circles (Table 1)", "Fixed", "All"]
-    assert verdict.rows[-1][1:] == ("7", "2", "2", "1", "2")
+    assert [row[0] for row in verdict.table.rows] == ["Circles (Table 1)", "Fixed", "All"]
+    assert verdict.table.rows[-1][1:] == ("7", "2", "2", "1", "2")
     assert verdict.sentences[0] == "Differ by more than 15 %: Circles (Table 1) (1)."
 
 
@@ -57,7 +57,7 @@ def test_every_printed_number_is_counted_once(pairs: list[tuple[float | None, fl
     if not printed:
         assert verdict is None
         return
-    whole, *parts = map(int, verdict.rows[0][1:])
+    whole, *parts = map(int, verdict.table.rows[0][1:])
     assert whole == sum(parts) == printed
 
 

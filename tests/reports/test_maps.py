@@ -4,11 +4,9 @@ import json
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from reports.common.plan_records import PlanDrive, Relief
 from reports.common.plan_results import PlanRanking
-from reports.common.rendering import ReportError
 from reports.plan.map_data import PATH_TOLERANCE_M, format_maps_json
 
 
@@ -30,8 +28,6 @@ def test_the_best_plan_is_first_and_others_follow_by_their_names(ranking: PlanRa
     told = [(plan["strategy"], plan["tractors"]) for plan in plans]
     assert told == [(best.strategy, best.tractors), ("row-by-row", 5)]
     assert json.loads(format_maps_json(ranking, None))["plans"] == []
-    with pytest.raises(ReportError, match="step_s"):
-        format_maps_json(ranking, replace(drive, step_s=0.0))
 
 
 def test_contours_are_those_of_the_relief(listed_drive: PlanDrive, ranking: PlanRanking) -> None:

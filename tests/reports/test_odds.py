@@ -24,18 +24,18 @@ RANKING = PlanRanking(
 def test_points_are_to_scale_and_one_for_every_count() -> None:
     picture = build_risk_chart(RANKING)
     sure, money = picture["bands"]
-    box = sure["box"]
-    assert [(box.north - point["y"]) / (box.north - box.south) for point in sure["points"]] == pytest.approx(
+    axis = sure["axis"]
+    assert [(axis.first - point["y"]) / (axis.first - axis.last) for point in sure["points"]] == pytest.approx(
         [0.61, 0.97, 0.995], abs=1e-3
     )
-    box, top = money["box"], 1.06 * 160.0
-    assert [(box.north - point["y"]) / (box.north - box.south) * top for point in money["points"]] == pytest.approx(
+    axis, top = money["axis"], 1.06 * 160.0
+    assert [(axis.first - point["y"]) / (axis.first - axis.last) * top for point in money["points"]] == pytest.approx(
         [160.0, 130.0, 140.0], abs=0.1
     )
     assert [point["best"] for point in money["points"]] == [False, True, False]  # though another of two costs less
-    one, two, four = (tick["x"] for tick in picture["counts"])
+    one, two, four = picture["counts"].values()
     assert four - two == pytest.approx(2 * (two - one), abs=0.2)
-    assert sure["box"].north < money["box"].south
+    assert sure["axis"].first < money["axis"].last
 
 
 def test_without_a_limit_there_is_cost_alone_and_without_draws_nothing() -> None:
@@ -51,7 +51,7 @@ def test_ticks_are_few_and_inside(cost: float) -> None:
     picture = build_risk_chart(replace(RANKING, plans=(plan(1, "a", None, cost),), chosen=None))
     (band,) = picture["bands"]
     heights = [y for y, _ in band["ticks"]]
-    assert 2 <= len(heights) <= 6 and min(heights) >= band["box"].south and heights[0] == band["box"].north
+    assert 2 <= len(heights) <= 6 and min(heights) >= band["axis"].last and heights[0] == band["axis"].first
 
 
 def test_the_page_shows_answer_curve_and_columns() -> None:

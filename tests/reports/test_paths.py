@@ -1,8 +1,7 @@
-"""Cutting and simplifying paths, and drives that cannot be drawn."""
+"""Cutting and simplifying paths."""
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reports.common.plan_records import PlanDrive
-from reports.common.rendering import ReportError
 from reports.plan.drive_geometry import (
     REVERSING,
     WAITING,
     WORKING,
     build_hatching,
     build_swath_outline,
-    check_drive,
     choose_round_length_m,
     compute_extent,
     find_stops,
@@ -104,28 +101,3 @@ def test_extent_holds_field_paths_and_entrance(drive: PlanDrive) -> None:
     box = compute_extent(replace(drive, entrance=(-20.0, 90.0)))
     assert (box.west, box.south, box.east, box.north) == (-20.0, -1.0, 272.0, 90.0)
     assert (box.width, box.height, box.size) == (292.0, 91.0, 292.0)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"xy": ()}, "has no tractors"),
-        ({"step_s": 0.0}, "step_s 0.0"),
-        ({"finish_s": (1.0,)}, "3 paths and 1 of finish_s"),
-        ({"boundary": np.zeros((2, 2))}, r"ring of the field has shape \(2, 2\)"),
-        ({"unworked": (np.zeros((2, 2)),)}, r"ring of missed ground has shape \(2, 2\)"),
-        ({"xy": (np.zeros((4, 3)),) * 3}, r"Tractor 1 has positions of shape \(4, 3\)"),
-        ({"seconds": {}}, "no 'working' seconds"),
-        ({"seconds": dict.fromkeys(("working", "turning", "waiting", "reversing"), (1.0, -2.0, 0.0))}, "-2.0"),
-    ],
-)
-def test_bad_drives_are_refused(drive: PlanDrive, change: dict[str, Any], words: str) -> None:
-    with pytest.raises(ReportError, match=words):
-        check_drive(replace(drive, **change))
-
-
-def test_a_position_that_is_not_a_number_is_refused(drive: PlanDrive) -> None:
-    paths = [xy.copy() for xy in drive.xy]
-    paths[1][5, 0] = np.nan
-    with pytest.raises(ReportError, match="Tractor 2"):
-        check_drive(replace(drive, xy=tuple(paths)))

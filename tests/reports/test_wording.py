@@ -80,8 +80,8 @@ def test_sentence_and_table_of_all_plans_state_the_end_of_field_work(ranking: Pl
     plans = tuple(replace(plan, meets_deadline=None) for plan in plans)
     free = replace(ranking, plans=plans, start=None, deadline=None, allowed_s=None, chosen=("split-field", 3))
     assert "split-field, turns switch-back, done in 0:27:32, cost" in describe_ranking(free)[0]
-    assert FIGURES["stated_span_s"].format(free.best) == "0:27:32"
-    assert "stated_span_s" in TABLE_DROPS and write_answer(free).decision.endswith("done in 0:27:32, 5.65")
+    assert FIGURES["stated_end_s"].format(free.best) == "0:27:32"
+    assert "stated_end_s" in TABLE_DROPS and write_answer(free).decision.endswith("done in 0:27:32, 5.65")
 
 
 def test_headline_without_a_deadline_takes_the_knee(ranking: PlanRanking) -> None:
