@@ -298,7 +298,7 @@ def plans(shared: Shared) -> Plans:
     assert isinstance(client.app, FastAPI)
     store, one = client.app.state.store, saved()
     text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
-    results = [("plan.json", text.encode(), "application/json"), ("map.png", b"\x89PNG\xff", "image/png")]
+    results = {"plan.json": text.encode(), "map.png": b"\x89PNG\xff"}
     return client, token, f"/api/v1/plans/{store_done_job(store, results=results).id}/results"
 
 

@@ -93,11 +93,11 @@ def test_nobody_waits_while_two_jobs_of_another_are_begun(store: Store, seed: in
             assert all(times <= 1 for each in begun_since.values() for times in each.values()), (step, begun_since)
             if draw.random() < 0.3:
                 store.release_jobs("w", counts_try=False)
-                store.finish_job(job.number, "w", [])
+                store.finish_job(job.number, "w", {})
                 waiting[who] += 1
                 begun_since.setdefault(who, Counter())
             else:
-                assert store.finish_job(job.number, "w", [])
+                assert store.finish_job(job.number, "w", {})
         assert (store.claim_job("none") is None) if not +waiting else True
 
 
@@ -137,7 +137,7 @@ def test_inputs_come_and_results_go_by_the_database(shared: Store, remote: Remot
     job = shared.add_job("tiny", "second", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
     run_next_job(remote)
     (result,) = shared.get_job(job.id).results
-    wanted = made(7, 2 * content)[0][1]
+    wanted = made(7, 2 * content)["result.json"]
     path = shared.blobs.get_path(result.sha256)
     assert shared.blobs.read_bytes(result.sha256) == wanted and not path.exists()
     shared.tend_queue()
@@ -180,7 +180,7 @@ def check_results_by_place(shared: Store, remote: RemoteStore, address: str) -> 
     with shared.database.open_read_session() as session:
         (row,) = session.scalars(sa.select(JobBytesRow))
         assert row.content == b"" and row.address == f"{address}/{row.job}-{sha256}"
-    wanted = made(7)[0][1]
+    wanted = made(7)["result.json"]
     assert shared.blobs.read_bytes(sha256) == wanted and not shared.blobs.get_path(sha256).exists()
     shared.place = None
     with pytest.raises(ResultPlaceError, match=rf"are in {address}, which this .* start it with --results") as refusal:
@@ -260,7 +260,7 @@ def test_a_job_whose_worker_is_gone_is_done_once_by_another(shared: Store, remot
     assert claimed is not None and claimed.tries == 2
     assert not remote.report_job(job.number, "gone") and not remote.finish_job(job.number, "gone", made(1))
     assert remote.finish_job(job.number, "here", made(7)) and not remote.finish_job(job.number, "here", made(7))
-    assert shared.blobs.read_bytes(shared.get_result(job.id, "result.json").sha256) == made(7)[0][1]
+    assert shared.blobs.read_bytes(shared.get_result(job.id, "result.json").sha256) == made(7)["result.json"]
 
 
 @pytest.mark.slow
@@ -391,7 +391,7 @@ def test_a_job_finds_its_files_and_leaves_its_results(kept: Store) -> None:
     before = Path.cwd()
     done = kept.get_job(done_here(kept, "tiny", files=["field/x"]))
     assert (done.status, done.words, Path.cwd()) == ("done", "At work", before)
-    assert kept.blobs.read_bytes(done.results[0].sha256) == made(7, b"X")[0][1]
+    assert kept.blobs.read_bytes(done.results[0].sha256) == made(7, b"X")["result.json"]
     assert list((kept.settings.data / "work").iterdir()) == []
 
 

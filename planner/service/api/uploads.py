@@ -5,7 +5,6 @@ They are uploaded, listed, summarised, downloaded, renamed, copied and deleted.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
@@ -26,16 +25,15 @@ from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, F
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.input_files import InputCollector, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
+from planner.service.store.disk_storage import hash_bytes
 from planner.service.store.service_store import (
-    BYTES,
-    MEDIA_BY_SUFFIX,
     SUFFIXES_BY_KIND,
     Store,
     build_other_content_error,
     build_taken_name_error,
     check_suffix,
 )
-from planner.service.store.store_part import check_name, choose_copy_name, is_found
+from planner.service.store.store_part import check_name, choose_copy_name, find_media, is_found
 from planner.service.store.tables import FileRow
 from vehicle.identification.logs.reader import SAMPLE_LOG, resolve_log_path
 from vehicle.model.tractor import list_tractor_names
@@ -97,21 +95,19 @@ def _add_read_routes(router: APIRouter, kind: str) -> None:
     def list_files(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> FileList:
         """All of them by name, or those that are searched for; those of Headland first."""
         suffix = SUFFIXES_BY_KIND[kind][0]
-        describe = partial(FileInfo, kind=kind, suffix=suffix, media=MEDIA_BY_SUFFIX[suffix], created=None, sample=True)
+        describe = partial(FileInfo, kind=kind, suffix=suffix, media=find_media(suffix), created=None, sample=True)
         names = (name for name in list_samples(kind) if is_found(name, search))
         samples = [describe(name=name, size=len(_read_sample(kind, name))) for name in names]
         return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
-    media = {MEDIA_BY_SUFFIX.get(suffix, BYTES).split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
-
-    file_answer = document_file("The file", media)
+    file_answer = document_file("The file", {find_media(each).split(";")[0] for each in SUFFIXES_BY_KIND[kind]})
 
     @router.get("/{name}", response_class=Response, responses=file_answer, operation_id=f"read_{kind}")
     def download_file(store: StoreAccess, _who: ReadAccess, name: str) -> Response:
         """The uploaded file."""
         if name in list_samples(kind):
             suffix = SUFFIXES_BY_KIND[kind][0]
-            return build_download(_read_sample(kind, name), MEDIA_BY_SUFFIX[suffix], name + suffix)
+            return build_download(_read_sample(kind, name), find_media(suffix), name + suffix)
         row = store.get_file(kind, name)
         return build_download(store.blobs.read_bytes(row.sha256), row.media, row.name + row.suffix)
 
@@ -255,7 +251,7 @@ def _find_named_file(store: Store, caller: Caller, upload: Upload) -> FileRow | 
         row = store.get_file(upload.kind, upload.name)
     except NotFoundError:
         return None
-    is_same = row.sha256 == hashlib.sha256(upload.content).hexdigest()
+    is_same = row.sha256 == hash_bytes(upload.content)
     if not is_same and not upload.replaces:
         raise build_other_content_error(row.kind, row.name)
     if not is_same or row.options != upload.options or row.suffix != upload.suffix:

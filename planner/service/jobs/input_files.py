@@ -6,7 +6,7 @@ it names beside it. What a file of the farm or the day names is looked for among
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
@@ -24,7 +24,7 @@ from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import MAX_SEED
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.settings import LIMITS
-from planner.service.store.job_queue import JobStore, ResultFile
+from planner.service.store.job_queue import JobStore
 from planner.service.store.service_store import SUFFIXES_BY_KIND, Store
 from vehicle.identification.logs.reader import SAMPLE_LOG
 from vehicle.model.soil import load_soils
@@ -158,8 +158,9 @@ class JobContext:
     cache_folder: str
 
 
-JobFunction = Callable[[JobContext], Sequence[ResultFile]]
-"""Runs a job and returns its results; raises HeadlandError."""
+ResultContents = Mapping[str, str | bytes]
+JobFunction = Callable[[JobContext], ResultContents]
+"""Runs a job and returns its results by file name; raises HeadlandError."""
 
 
 class InputCollector:

@@ -17,7 +17,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 from pathlib import Path
@@ -32,7 +32,7 @@ from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.carried_bytes import RemoteStore
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
-from planner.service.store.job_queue import JobStore, ResultFile
+from planner.service.store.job_queue import JobStore, ResultFiles
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow
 
@@ -113,7 +113,7 @@ def run_and_store_job(store: JobStore, worker: str, job: JobRow) -> None:
             time.sleep(0.5 * 2 ** (attempt - 1))
 
 
-def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tuple[Sequence[ResultFile], str | None]:
+def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tuple[ResultFiles, str | None]:
     """The results of a job, or the sentence why it failed. Raises StorageError where the disk is full."""
     settings = store.settings
     try:
@@ -121,20 +121,24 @@ def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tup
             context = JobContext(
                 job.work, settings.processes, claim.note_progress, str(settings.data.resolve() / CACHE_FOLDER)
             )
-            return get_job_function(job.kind, settings)(context), None
+            results = get_job_function(job.kind, settings)(context)
+        return {
+            name: content.encode("utf-8", "replace") if isinstance(content, str) else content
+            for name, content in results.items()
+        }, None
     except StorageError:
         raise
     except HeadlandError as refusal:
-        return (), render_refusal(refusal)
+        return {}, render_refusal(refusal)
     except MemoryError:
-        return (), "This needs more memory than there is; try fewer tractors or a smaller field."
+        return {}, "This needs more memory than there is; try fewer tractors or a smaller field."
     except Exception as error:
         if is_disk_full(error, settings.data):
             raise StorageError(DISK_FULL) from error
         if isinstance(error, OperationalError):  # inputs may come by the database
             raise
         logging.getLogger(__name__).exception("The job %s", job.id)
-        return (), JOB_FAULT.format(words=" ".join(f"{type(error).__name__}: {error}".split())[:200])
+        return {}, JOB_FAULT.format(words=" ".join(f"{type(error).__name__}: {error}".split())[:200])
 
 
 @dataclass

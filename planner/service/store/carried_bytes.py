@@ -7,8 +7,7 @@ then holds their addresses.
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import Any
@@ -33,7 +32,8 @@ from planner.service.store.database import (
     read_version,
     shorten_error,
 )
-from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
+from planner.service.store.disk_storage import hash_bytes
+from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFiles
 from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
 
 CONNECT_S, READ_S = 5, 60  # of a store that is asked: the service has other work too
@@ -263,25 +263,25 @@ class RemoteStore(CarryingJobStore):
             return None  # whoever watches the worker ends it
         return super().claim_job(worker)
 
-    def keep_results(self, number: int, files: Sequence[ResultFile]) -> None:
+    def keep_results(self, number: int, files: ResultFiles) -> None:
         """Nothing is kept here; a store gets the bytes. Raises ResultPlaceError."""
         if self.place is not None:
-            for sha256, content in _name_contents(files).items():
+            for sha256, content in _name_by_hash(files).items():
                 self.place.put_bytes(_name_result(number, sha256), content)
 
-    def send_results(self, session: Session, number: int, files: Sequence[ResultFile]) -> None:
+    def send_results(self, session: Session, number: int, files: ResultFiles) -> None:
         """Send results along with the end of the job; inputs may be among them."""
         session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == number))
-        for sha256, content in _name_contents(files).items():
+        for sha256, content in _name_by_hash(files).items():
             row = JobBytesRow(job=number, sha256=sha256, content=content)
             if self.place is not None:
                 row.content, row.address = b"", self.place.locate(_name_result(number, sha256))
             session.add(row)
 
 
-def _name_contents(files: Sequence[ResultFile]) -> dict[str, bytes]:
-    """The bytes of results by SHA-256."""
-    return {hashlib.sha256(content).hexdigest(): content for _, content, _ in files}
+def _name_by_hash(files: ResultFiles) -> ResultFiles:
+    """The same bytes by SHA-256, each once."""
+    return {hash_bytes(content): content for content in files.values()}
 
 
 def _name_result(number: int, sha256: str) -> str:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
 import secrets
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from pathlib import PurePosixPath
 from typing import Any, Literal, get_args
 
 import sqlalchemy as sa
@@ -14,10 +14,12 @@ from sqlalchemy.orm import Session
 
 from planner.service.errors import BusyError, ConflictError, NotFoundError
 from planner.service.settings import LIMITS
+from planner.service.store.disk_storage import hash_bytes
 from planner.service.store.store_part import (
     StorePart,
     check_name,
     choose_copy_name,
+    find_media,
     format_utc_now_ms,
     is_found,
     is_storable_text,
@@ -29,8 +31,8 @@ QUEUED, RUNNING, DONE, FAILED, CANCELLED = JOB_STATUSES = get_args(JobStatus)
 UNFINISHED_STATUSES = (QUEUED, RUNNING)
 LONGEST_PROGRESS_CHARS = 200
 
-ResultFile = tuple[str, bytes, str]
-"""A result of a job: file name, bytes and media type."""
+ResultFiles = Mapping[str, bytes]
+"""The results of a job by file name, whose ending gives the media type."""
 
 
 class JobStore(StorePart):
@@ -183,25 +185,25 @@ class JobStore(StorePart):
             values |= {"done": progress[0], "all": progress[1], "words": progress[2][:LONGEST_PROGRESS_CHARS]}
         return bool(self.database.change_rows(_update_claimed_job(number, worker, values)))
 
-    def finish_job(self, number: int, worker: str, files: Sequence[ResultFile]) -> bool:
+    def finish_job(self, number: int, worker: str, files: ResultFiles) -> bool:
         """Store all results of a job, or none and return False where the worker has lost the job."""
         self.keep_results(number, files)
         with self.database.open_write_session() as session:
             if not self.database.execute_change(session, _update_claimed_job(number, worker, _build_end_values(DONE))):
                 return False
             session.execute(sa.delete(ResultRow).where(ResultRow.job == number))
-            for name, content, media in files:
-                sha256 = hashlib.sha256(content).hexdigest()
+            for name, content in files.items():
+                sha256, media = hash_bytes(content), find_media(PurePosixPath(name).suffix)
                 session.add(ResultRow(job=number, name=name, sha256=sha256, size=len(content), media=media))
             self.send_results(session, number, files)
         return True
 
-    def keep_results(self, number: int, files: Sequence[ResultFile]) -> None:
+    def keep_results(self, number: int, files: ResultFiles) -> None:
         """Keep the bytes of results before they are named. Raises StorageError where there is no room."""
-        for _, content, _ in files:
+        for content in files.values():
             self.blobs.put_bytes(content)
 
-    def send_results(self, session: Session, number: int, files: Sequence[ResultFile]) -> None:
+    def send_results(self, session: Session, number: int, files: ResultFiles) -> None:
         """Where the service cannot read what this keeps: send it the bytes of results."""
 
     def fail_job(self, number: int, worker: str, sentence: str) -> bool:

@@ -15,7 +15,14 @@ from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import ServedJobStore
 from planner.service.store.database import describe_version, migrate_database
-from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
+from planner.service.store.store_part import (
+    StorePart,
+    check_name,
+    find_media,
+    format_utc_now_ms,
+    is_found,
+    is_storable_text,
+)
 from planner.service.store.tables import EventRow, FileRow, FleetRow, Owner, RecordingRow, TokenRow, WriteCheckRow
 from planner.service.store.token_table import TokenStore
 
@@ -29,26 +36,6 @@ SUFFIXES_BY_KIND = {
         ".tif", ".tiff", ".asc", ".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip", ".gpkg",
     ),
 }  # fmt: skip
-MEDIA_BY_SUFFIX = {
-    ".geojson": "application/geo+json",
-    ".json": "application/json",
-    ".toml": "application/toml",
-    ".csv": "text/csv; charset=utf-8",
-    ".zip": "application/zip",
-    ".kml": "application/vnd.google-earth.kml+xml",
-    ".kmz": "application/vnd.google-earth.kmz",
-    ".gpkg": "application/geopackage+sqlite3",
-    ".gpx": "application/gpx+xml",
-    ".xml": "application/xml",
-    ".tif": "image/tiff",
-    ".tiff": "image/tiff",
-    ".asc": "text/plain; charset=utf-8",
-    ".txt": "text/plain; charset=utf-8",
-    ".html": "text/html; charset=utf-8",
-    ".png": "image/png",
-}
-"""Of uploads and of results of jobs; all others are bytes."""
-BYTES = "application/octet-stream"
 MOST_EVENTS = 1000
 
 
@@ -144,7 +131,7 @@ class FileStore(StorePart):
 
     def _put_content(self, content: bytes, suffix: str, options: Mapping[str, Any] | None) -> dict[str, Any]:
         """Store the bytes of a file; returns the columns that describe them."""
-        values = {"suffix": suffix, "media": MEDIA_BY_SUFFIX.get(suffix, BYTES), "options": dict(options or {})}
+        values = {"suffix": suffix, "media": find_media(suffix), "options": dict(options or {})}
         return values | {"sha256": self.blobs.put_bytes(content), "size": len(content)}
 
     def rename_file(self, kind: str, name: str, new_name: str) -> FileRow:

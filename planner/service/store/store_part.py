@@ -23,6 +23,25 @@ BYTES_FOLDER, REVOCATIONS_FOLDER = "bytes", "revoked"
 _PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
 WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 COPY_SUFFIX_CHARS = 10  # room for " copy 9999"
+MEDIA_BY_SUFFIX = {
+    ".geojson": "application/geo+json",
+    ".json": "application/json",
+    ".toml": "application/toml",
+    ".csv": "text/csv; charset=utf-8",
+    ".zip": "application/zip",
+    ".kml": "application/vnd.google-earth.kml+xml",
+    ".kmz": "application/vnd.google-earth.kmz",
+    ".gpkg": "application/geopackage+sqlite3",
+    ".gpx": "application/gpx+xml",
+    ".xml": "application/xml",
+    ".tif": "image/tiff",
+    ".tiff": "image/tiff",
+    ".asc": "text/plain; charset=utf-8",
+    ".txt": "text/plain; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".png": "image/png",
+}
+"""Of uploads and of results of jobs."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +100,11 @@ class StorePart:
     def close(self) -> None:
         """Close the database."""
         self.database.close()
+
+
+def find_media(suffix: str) -> str:
+    """The media type of an upload or a result by its ending; others are bytes."""
+    return MEDIA_BY_SUFFIX.get(suffix, "application/octet-stream")
 
 
 def format_utc_now_ms() -> str:

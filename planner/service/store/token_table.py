@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import secrets
 from collections.abc import Iterable
@@ -16,6 +15,7 @@ import sqlalchemy as sa
 from planner.fleet.session.inbound_frames import MOST_TRACTORS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import LIMITS
+from planner.service.store.disk_storage import hash_bytes
 from planner.service.store.store_part import (
     Revocation,
     StorePart,
@@ -142,7 +142,7 @@ class TokenStore(StorePart):
 
 def hash_token(token_text: str) -> str:
     """The SHA-256 of a token."""
-    return hashlib.sha256(token_text.encode("utf-8", "surrogatepass")).hexdigest()
+    return hash_bytes(token_text.encode("utf-8", "surrogatepass"))
 
 
 def has_expired(row: TokenRow) -> bool:
