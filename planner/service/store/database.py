@@ -163,6 +163,11 @@ class Database:
         with self.open_read_session() as session:
             return list(session.scalars(query))
 
+    def find_row(self, query: sa.Select[Row]) -> Row | None:
+        """The first that a query for one thing selects, None where it selects nothing. Raises as `list_rows` does."""
+        with self.open_read_session() as session:
+            return session.scalar(query)
+
     def change_rows(self, change: sa.Update | sa.Delete) -> int:
         """Make a change in a session of its own; returns the number of rows. Raises as `open_write_session` does."""
         with self.open_write_session() as session:

@@ -99,9 +99,8 @@ class JobStore(StorePart):
 
     def get_job(self, id: str, kind: str | None = None) -> JobRow:
         """One job; raises NotFoundError."""
-        with self.database.open_read_session() as session:
-            query = sa.select(JobRow).where(JobRow.id == id, *_build_kind_filter(kind))
-            row = session.scalar(query) if is_storable_text(id) else None
+        query = sa.select(JobRow).where(JobRow.id == id, *_build_kind_filter(kind))
+        row = self.database.find_row(query) if is_storable_text(id) else None
         if row is None:
             raise NotFoundError(f"There is no {kind or 'job'} {id[:60]!r}; the list shows all.", parameter="id")
         return row
@@ -154,9 +153,8 @@ class JobStore(StorePart):
         Owners take turns: nobody waits while two jobs of another are begun. Of one owner, what was begun before comes
         after what was not, so that one job that takes its worker with it holds up nothing.
         """
-        with self.database.open_read_session() as session:
-            if session.scalar(sa.select(JobRow.number).where(JobRow.status == QUEUED).limit(1)) is None:
-                return None
+        if self.database.find_row(sa.select(JobRow.number).where(JobRow.status == QUEUED).limit(1)) is None:
+            return None
         first = _select_next_job().scalar_subquery()
         claim = sa.update(JobRow).where(JobRow.number == first, JobRow.status == QUEUED)
         values = {"status": RUNNING, "worker": worker, "lease": self._now_s + self.settings.lease_s}
@@ -213,14 +211,7 @@ class JobStore(StorePart):
 
     def release_jobs(self, worker: str, *, counts_try: bool) -> None:
         """Put the jobs of a worker that is gone back into the queue; without `counts_try` the try is not counted."""
-        values = {"status": QUEUED, "worker": None, "lease": None}
-        of_worker = (JobRow.status == RUNNING, JobRow.worker == worker)
-        with self.database.open_write_session() as session:
-            if counts_try:
-                self._fail_jobs_out_of_tries(session, *of_worker)
-            else:
-                values["tries"] = JobRow.tries - 1
-            session.execute(sa.update(JobRow).where(*of_worker).values(**values))
+        self._release_running(JobRow.worker == worker, counts_try=counts_try)
 
     def renew_leases(self) -> None:
         """Renew the lease of every running job.
@@ -236,23 +227,25 @@ class JobStore(StorePart):
 
     def release_expired(self) -> None:
         """Put jobs with an expired lease back into the queue."""
-        late = (JobRow.status == RUNNING, JobRow.lease < self._now_s)
-        with self.database.open_read_session() as session:
-            if session.scalar(sa.select(JobRow.number).where(*late).limit(1)) is None:
-                return
-        with self.database.open_write_session() as session:
-            self._fail_jobs_out_of_tries(session, *late)
-            session.execute(sa.update(JobRow).where(*late).values(status=QUEUED, worker=None, lease=None))
+        is_late = JobRow.lease < self._now_s
+        if self.database.find_row(sa.select(JobRow.number).where(JobRow.status == RUNNING, is_late).limit(1)):
+            self._release_running(is_late, counts_try=True)
 
-    def _fail_jobs_out_of_tries(self, session: Session, *conditions: Any) -> None:
-        """Fail the jobs that have used up their tries."""
-        tries = self.settings.tries
+    def _release_running(self, condition: sa.ColumnElement[bool], *, counts_try: bool) -> None:
+        """Put running jobs back into the queue, or fail those that have used up their tries."""
+        tries, running = self.settings.tries, sa.update(JobRow).where(JobRow.status == RUNNING, condition)
         sentence = (
             f"The worker process ended {tries} times before this job was done, probably for lack of memory; try a "
             "smaller field or fewer tractors."
         )
-        failed = sa.update(JobRow).where(*conditions, JobRow.tries >= tries)
-        session.execute(failed.values(_build_end_values(FAILED) | {"error": sentence}))
+        released: dict[str, Any] = {"status": QUEUED, "worker": None, "lease": None}
+        with self.database.open_write_session() as session:
+            if counts_try:
+                failed = running.where(JobRow.tries >= tries)
+                session.execute(failed.values(_build_end_values(FAILED) | {"error": sentence}))
+            else:
+                released["tries"] = JobRow.tries - 1
+            session.execute(running.values(**released))
 
 
 def _select_next_job() -> sa.Select[Any]:

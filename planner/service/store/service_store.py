@@ -108,8 +108,7 @@ class FileStore(StorePart):
     def get_file(self, kind: str, name: str) -> FileRow:
         """The file of a kind and name; raises NotFoundError."""
         query = sa.select(FileRow).where(FileRow.kind == kind, FileRow.name == name)
-        with self.database.open_read_session() as session:
-            row = session.scalar(query) if is_storable_text(name) else None
+        row = self.database.find_row(query) if is_storable_text(name) else None
         if row is None:
             raise NotFoundError(f"There is no {kind} {name[:60]!r}; the list shows all.", parameter=kind)
         return row
@@ -196,8 +195,8 @@ class Store(TokenStore, FileStore, ServedJobStore):
 
     def get_fleet(self, id: str) -> FleetRow:
         """One fleet; raises NotFoundError."""
-        with self.database.open_read_session() as session:
-            row = session.get(FleetRow, id) if is_storable_text(id) else None
+        query = sa.select(FleetRow).where(FleetRow.id == id)
+        row = self.database.find_row(query) if is_storable_text(id) else None
         if row is None:
             raise _build_no_fleet_error(id)
         return row
