@@ -191,7 +191,7 @@ def test_fleets_are_there_as_soon_as_the_service_has_started(plain: Store) -> No
         await hub.start()
         try:
             assert hub.get_session("good").tractor_count == 2
-            assert set(hub.faults) == {"bad"}
+            assert [id for id, label in hub.labels.items() if label.fault] == ["bad"]
         finally:
             await hub.stop()
 

@@ -61,27 +61,31 @@ def prepare_with_files(text: str, files: Files, timing: Mapping[str, Any] | None
         return prepare_fleet_plan(text, **paths, timing=timing)
 
 
-@dataclass(frozen=True)
+@dataclass
 class FleetLabel:
-    """Name of a fleet, and when it was created (UTC)."""
+    """Name of a fleet, when it was created (UTC), and the length of its plan as text.
+
+    `fault` says why a stored one could not be restored, None for a live one.
+    """
 
     id: str
     name: str
     created: str
+    plan_bytes: int = 0
+    fault: str | None = None
 
 
 @dataclass(frozen=True)
 class NewFleet:
-    """A fleet that was stored and has no session yet; its plan has so many bytes as text."""
+    """A fleet that was stored and has no session yet."""
 
     label: FleetLabel
     plan: FleetPlan
     settings: dict[str, Any]
-    plan_bytes: int
 
 
 class FleetSessions:
-    """Live fleets by id. `faults` says why a stored fleet could not be restored, `labels` names both kinds.
+    """Live fleets by id; `labels` names those that could not be restored too.
 
     `follow_up` is called for each about once a second and may wait. One thread only writes to the database, so that
     neither orders nor frames wait for it.
@@ -92,7 +96,6 @@ class FleetSessions:
         self.book = TokenCache(store) if book is None else book
         self.by_id: dict[str, FleetSession] = {}
         self.neighbourhood = Neighbourhood()
-        self.faults: dict[str, str] = {}
         self.labels: dict[str, FleetLabel] = {}
         self.videos = VideoAddresses(store.settings.video_hosts)
         self.on_stop: Callable[[float], None] | None = None
@@ -102,7 +105,6 @@ class FleetSessions:
         self._saving, self._order_given = asyncio.Lock(), asyncio.Event()
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="saving")
         self._unsaved: set[str] = set()
-        self._plan_bytes: dict[str, int] = {}
         self._creating = asyncio.Lock()
 
     async def start(self) -> None:
@@ -167,10 +169,9 @@ class FleetSessions:
             if len(self.by_id) >= LIMITS.most_fleets:
                 raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
             # Prepared plans take about as much memory as their texts: together no more than one upload.
-            room_bytes = self.store.settings.upload_bytes - sum(self._plan_bytes.values())
+            room_bytes = self.store.settings.upload_bytes - sum(label.plan_bytes for label in self.labels.values())
             new = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
             session, self.labels[new.label.id] = self._build_session(new.label, new.plan, new.settings), new.label
-            self._plan_bytes[new.label.id] = new.plan_bytes
             self.add(session)
         return session
 
@@ -213,9 +214,7 @@ class FleetSessions:
         if session is not None:
             session.close(DELETED_TEXT, time.monotonic())
             self.neighbourhood.remove(id, time.monotonic())
-        self.faults.pop(id, None)
         self.labels.pop(id, None)
-        self._plan_bytes.pop(id, None)
         self.videos.remove_fleet(id)
         await asyncio.to_thread(self.store.delete_fleet, id)
 
@@ -237,15 +236,15 @@ class FleetSessions:
                 session = self._build_session(label, plan, row.settings)
                 restore_progress(session.manager, saved.get("centre", {}), time.monotonic(), time.time())
                 session.plan_text = saved.get("plan")
-                self._plan_bytes[row.id] = len(text.encode())
+                label.plan_bytes = len(text.encode())
                 await asyncio.to_thread(self._restore_twin_files, session, saved.get("mended", {}))
                 await self._restore_coverage(session)
                 self.add(session)
             except HeadlandError as refusal:
-                self.faults[row.id] = render_refusal(refusal)
+                label.fault = render_refusal(refusal)
                 logging.getLogger(__name__).warning("Fleet %s is not restored: %s", row.id, refusal)
             except Exception:
-                self.faults[row.id] = "The saved state of this fleet cannot be read; create it again from its plan."
+                label.fault = "The saved state of this fleet cannot be read; create it again from its plan."
                 logging.getLogger(__name__).exception("Fleet %s is not restored", row.id)
 
     def _restore_twin_files(self, session: FleetSession, twin_files: Mapping[str, str]) -> None:
