@@ -38,10 +38,6 @@ from planner.service.store.tables import FileRow
 from vehicle.identification.logs.reader import SAMPLE_LOG, resolve_log_path
 from vehicle.model.tractor import list_tractor_names
 
-FILE_KIND_BY_PATH = {
-    "fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table",
-    "elevations": "elevation",
-}  # fmt: skip
 HAND_WRITTEN_KINDS = ("tractor", "farm")  # they stay small
 FIELD_OPTIONS = ("crs", "swap_axes", "local")
 SearchParameter = Annotated[
@@ -72,10 +68,9 @@ class CopyRequest(ApiRequest):
     name: NewName | None = None
 
 
-def build_files_router(path: str) -> APIRouter:
+def build_files_router(kind: str) -> APIRouter:
     """The routes of one kind of file."""
-    kind = FILE_KIND_BY_PATH[path]
-    router = ApiRouter(prefix=f"/{path}", tags=[path])
+    router = ApiRouter(prefix=f"/{kind}s", tags=[f"{kind}s"])
     _add_read_routes(router, kind)
     _add_change_routes(router, kind)
     if kind == "field":

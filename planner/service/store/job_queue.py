@@ -12,6 +12,7 @@ import sqlalchemy as sa
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from planner.fleet.session.frame_timing import format_utc
 from planner.service.errors import BusyError, ConflictError, NotFoundError
 from planner.service.settings import LIMITS
 from planner.service.store.disk_storage import hash_bytes
@@ -20,7 +21,6 @@ from planner.service.store.store_part import (
     check_name,
     choose_copy_name,
     find_media,
-    format_utc_now_ms,
     is_found,
     is_storable_text,
 )
@@ -52,7 +52,7 @@ class JobStore(StorePart):
         Raises BusyError where too many of the owner's jobs wait.
         """
         row = JobRow(
-            id=secrets.token_hex(6), kind=kind, name=check_name(name), created=format_utc_now_ms(),
+            id=secrets.token_hex(6), kind=kind, name=check_name(name), created=format_utc(),
             request=dict(request), work=dict(request if work is None else work), inputs=dict(inputs or {}),
             status=QUEUED, done=0, all=0, words="", tries=0, results=[],
         )  # fmt: skip
@@ -86,7 +86,7 @@ class JobStore(StorePart):
             **{each: getattr(source, each) for each in kept},
             id=secrets.token_hex(6),
             name=check_name(name or choose_copy_name(source.name)),
-            created=format_utc_now_ms(),
+            created=format_utc(),
             results=[
                 ResultRow(name=each.name, sha256=each.sha256, size=each.size, media=each.media)
                 for each in source.results
@@ -275,7 +275,7 @@ def _build_kind_filter(kind: str | None) -> tuple[Any, ...]:
 
 def _build_end_values(status: str) -> dict[str, Any]:
     """The columns of a job that ends now."""
-    return {"status": status, "finished": format_utc_now_ms(), "worker": None, "lease": None}
+    return {"status": status, "finished": format_utc(), "worker": None, "lease": None}
 
 
 def _update_claimed_job(number: int, worker: str, values: Mapping[str, Any]) -> sa.Update:

@@ -11,18 +11,12 @@ from typing import Any
 import sqlalchemy as sa
 
 from fields.documents.sources import FIELD_FORMATS
+from planner.fleet.session.frame_timing import format_utc
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import ServedJobStore
 from planner.service.store.database import describe_version, migrate_database
-from planner.service.store.store_part import (
-    StorePart,
-    check_name,
-    find_media,
-    format_utc_now_ms,
-    is_found,
-    is_storable_text,
-)
+from planner.service.store.store_part import StorePart, check_name, find_media, is_found, is_storable_text
 from planner.service.store.tables import EventRow, FileRow, FleetRow, Owner, RecordingRow, TokenRow, WriteCheckRow
 from planner.service.store.token_table import TokenStore
 
@@ -89,7 +83,7 @@ class FileStore(StorePart):
         """
         name, suffix = check_name(name), check_suffix(kind, suffix or SUFFIXES_BY_KIND[kind][0])
         values = self._put_content(content, suffix, options)
-        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), **values)
+        row = FileRow(kind=kind, name=name, created=format_utc(), **values)
         row.owner, row.owner_identity = owner or (None, None)
         try:
             with self.database.open_write_session() as session:
@@ -143,7 +137,7 @@ class FileStore(StorePart):
 
     def _update_file(self, row: FileRow, values: Mapping[str, Any]) -> FileRow:
         """Change columns of a file; raises NotFoundError where it was deleted meanwhile."""
-        change = sa.update(FileRow).where(FileRow.id == row.id).values(**values, changed=format_utc_now_ms())
+        change = sa.update(FileRow).where(FileRow.id == row.id).values(**values, changed=format_utc())
         self.database.change_rows(change)
         return self.get_file(row.kind, values.get("name", row.name))
 
@@ -171,12 +165,12 @@ class Store(TokenStore, FileStore, ServedJobStore):
     def check_write(self) -> None:
         """Write something. Raises SQLAlchemyError, StorageError where nothing can be written."""
         with self.database.open_write_session() as session:
-            session.merge(WriteCheckRow(id=1, time=format_utc_now_ms(), version=describe_version()))
+            session.merge(WriteCheckRow(id=1, time=format_utc(), version=describe_version()))
 
     def save_fleet(self, id: str, name: str, plan_text: str, settings: Mapping[str, Any]) -> str:
         """Store a new fleet; returns when it was made."""
         row = FleetRow(id=id, name=check_name(name), plan=plan_text, settings=dict(settings), progress={})
-        row.created = format_utc_now_ms()
+        row.created = format_utc()
         with self.database.open_write_session() as session:
             session.add(row)
         return row.created
@@ -233,7 +227,7 @@ class Store(TokenStore, FileStore, ServedJobStore):
 
     def add_event(self, fleet: str | None, who: str, what: str, data: Mapping[str, Any] | None = None) -> int:
         """Record who did what; returns the number of the event."""
-        row = EventRow(time=format_utc_now_ms(), fleet=fleet, who=who[:120], what=what[:200], data=dict(data or {}))
+        row = EventRow(time=format_utc(), fleet=fleet, who=who[:120], what=what[:200], data=dict(data or {}))
         with self.database.open_write_session() as session:
             session.add(row)
         return row.id

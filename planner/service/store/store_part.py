@@ -10,7 +10,6 @@ import sys
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from planner.service.errors import ServiceError
@@ -105,16 +104,6 @@ class StorePart:
 def find_media(suffix: str) -> str:
     """The media type of an upload or a result by its ending; others are bytes."""
     return MEDIA_BY_SUFFIX.get(suffix, "application/octet-stream")
-
-
-def format_utc_now_ms() -> str:
-    """The time in UTC to the millisecond: "2026-05-01T06:10:00.123Z"."""
-    return format_time(datetime.now(UTC))
-
-
-def format_time(time_utc: datetime) -> str:
-    """A UTC time as text; texts sort as the times do."""
-    return time_utc.isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
 
 
 def is_storable_text(text: str) -> bool:
