@@ -26,12 +26,12 @@ from planner.service.jobs import job_runs, workers
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import RemoteStore, ResultPlace, check_result_place
-from planner.service.store.database import Database, migrate_database
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
 from tests.benchmarks.jobs import campaign
 from tests.service.conftest import run_next_job, wait_until
 from tests.service.databases import database
+from tests.service.earlier import make
 from tests.service.kinds import KINDS, made
 from tests.service.test_commands import COMMAND
 from tests.service.web_proxies import GUIDE
@@ -325,9 +325,7 @@ def test_a_database_that_is_none_of_this_version_is_refused(tmp_path: Path) -> N
         settings = ServiceSettings(data=tmp_path, database=url)
         with pytest.raises(DatabaseError, match="no tables of Headland yet; begin headland serve"):
             RemoteStore(settings)
-        older = Database(settings.url)
-        migrate_database(older.engine, "0006")
-        older.close()
+        make(settings.url, "0006")
         with pytest.raises(VersionError, match="with tables 0006; install"):
             RemoteStore(settings)
 
