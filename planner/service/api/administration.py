@@ -33,7 +33,7 @@ from planner.service.access.permissions import (
     identify_caller,
     read_bearer,
 )
-from planner.service.errors import ServiceError, StorageError
+from planner.service.errors import StorageError
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import BodyBudget
@@ -49,7 +49,6 @@ from planner.service.gateway.responses import (
     TokenInfo,
     TokenList,
     build_error_response,
-    build_refusal_response,
 )
 from planner.service.settings import LIMITS, find_version
 from planner.service.store.database_watch import DatabaseWatch, TokenCache
@@ -210,11 +209,8 @@ async def log_in_browser(request: Request) -> Response:
     code = request.query_params.get("code", "")
     if logins.is_logged_in(request) and not (logins.make_token and logins.is_current_code(code)):
         return RedirectResponse("/", 303)  # opened again from the history or a bookmark
-    try:
-        response = logins.log_in_browser(code)
-        token_text = await run_in_threadpool(logins.make_token) if logins.make_token else None
-    except ServiceError as error:
-        return build_refusal_response(error)
+    response = logins.log_in_browser(code)
+    token_text = await run_in_threadpool(logins.make_token) if logins.make_token else None
     if token_text is not None:
         response.headers["location"] = f"/#token={token_text}"  # what follows the # is sent to nobody
     return response
@@ -223,10 +219,7 @@ async def log_in_browser(request: Request) -> Response:
 async def show_metrics(request: Request) -> Response:
     """Metrics for Prometheus; they need the right to read."""
     state = request.app.state
-    try:
-        (await identify_caller(request, read_bearer(request))).check_right(READ)
-    except ServiceError as error:
-        return build_refusal_response(error)
+    (await identify_caller(request, read_bearer(request))).check_right(READ)
     metrics: ServiceMetrics = state.metrics
     faults = list_service_faults(request)
     if state.book.is_fresh:
