@@ -234,7 +234,7 @@ def _add_middleware(app: FastAPI) -> None:
     rules = list_route_rules(list_control_routers(), API_PREFIX, settings, are_orders=True)
     rules += list_route_rules(list_back_office_routers(), API_PREFIX, settings)
     app.add_middleware(RequestGate, settings=settings, rules=rules, bodies=app.state.bodies)
-    app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
+    app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.list_video_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
 
 

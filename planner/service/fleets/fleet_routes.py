@@ -260,7 +260,7 @@ def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
     if session is None:
         return answer
     now = time.monotonic()
-    answer.videos = sessions.videos.get_addresses(label.id)
+    answer.videos = sessions.video_hosts.select_allowed(label.videos)
     answer.recorded = max(session.recorder.received) >= 0
     answer.fleet = build_tick_fleet(session.manager, session.compute_deadline_s(), session.finish_distribution)
     answer.tractors = [

@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,7 +31,7 @@ from planner.fleet.session.fleet_twins import warm_up
 from planner.fleet.session.state_recorder import ROW_COLUMNS, select_rising_rows
 from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
 from planner.service.errors import BusyError, NotFoundError
-from planner.service.fleets.video_addresses import VideoAddresses
+from planner.service.fleets.video_addresses import VideoHosts, read_stored_addresses
 from planner.service.gateway.responses import require_state
 from planner.service.settings import LIMITS
 from planner.service.store.database_watch import TokenCache
@@ -63,7 +63,7 @@ def prepare_with_files(text: str, files: Files, timing: Mapping[str, Any] | None
 
 @dataclass
 class FleetLabel:
-    """Name of a fleet, when it was created (UTC), and the length of its plan as text.
+    """Name of a fleet, when it was created (UTC), the length of its plan as text, and addresses of video by tractor.
 
     `fault` says why a stored one could not be restored, None for a live one.
     """
@@ -73,6 +73,7 @@ class FleetLabel:
     created: str
     plan_bytes: int = 0
     fault: str | None = None
+    videos: dict[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class FleetSessions:
         self.by_id: dict[str, FleetSession] = {}
         self.neighbourhood = Neighbourhood()
         self.labels: dict[str, FleetLabel] = {}
-        self.videos = VideoAddresses(store.settings.video_hosts)
+        self.video_hosts = VideoHosts(store.settings.video_hosts)
         self.on_stop: Callable[[float], None] | None = None
         self.lag_s = 0.0  # delay of the last step of the fleets, itself included
         self._pool: LocalPool | None = None
@@ -152,6 +153,10 @@ class FleetSessions:
         if id not in self.labels:
             raise NotFoundError(f"There is no fleet {id[:60]!r}; see the list of fleets.", parameter="id")
         return self.labels[id]
+
+    def list_video_origins(self) -> list[str]:
+        """Scheme, host and port of every allowed video of a fleet that names a host."""
+        return self.video_hosts.list_origins(one for label in self.labels.values() for one in label.videos.values())
 
     def get_session(self, id: str) -> FleetSession:
         """A live fleet; raises NotFoundError."""
@@ -215,7 +220,6 @@ class FleetSessions:
             session.close(DELETED_TEXT, time.monotonic())
             self.neighbourhood.remove(id, time.monotonic())
         self.labels.pop(id, None)
-        self.videos.remove_fleet(id)
         await asyncio.to_thread(self.store.delete_fleet, id)
 
     async def restore_sessions(self) -> None:
@@ -224,7 +228,7 @@ class FleetSessions:
             if row.id in self.by_id:
                 continue
             label = self.labels[row.id] = FleetLabel(row.id, row.name, row.created)
-            self.videos.restore(row.id, row.settings)
+            label.videos = read_stored_addresses(row.settings)
             try:
                 contents = {
                     name: (suffix, await asyncio.to_thread(self.store.blobs.read_bytes, sha256))
