@@ -25,7 +25,8 @@ from planner.service.errors import BusyError, DatabaseError, NotFoundError, Resu
 from planner.service.jobs import job_runs, workers
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import ServiceSettings
-from planner.service.store.carried_bytes import RemoteStore, ResultPlace, check_result_place
+from planner.service.store.carried_bytes import ResultPlace, check_result_place
+from planner.service.store.job_queue import RemoteStore
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
 from tests.benchmarks.jobs import campaign

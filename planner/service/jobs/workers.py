@@ -30,9 +30,8 @@ from planner.service.errors import StorageError
 from planner.service.jobs.input_files import JobContext, JobFunction, write_inputs
 from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import WORK_FOLDER, ServiceSettings
-from planner.service.store.carried_bytes import RemoteStore
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
-from planner.service.store.job_queue import JobStore, ResultFiles
+from planner.service.store.job_queue import JobStore, RemoteStore, ResultFiles
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow
 

@@ -14,8 +14,8 @@ from fields.documents.sources import FIELD_FORMATS
 from planner.fleet.session.frame_timing import format_utc
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
-from planner.service.store.carried_bytes import ServedJobStore
 from planner.service.store.database import describe_version, migrate_database
+from planner.service.store.job_queue import JobStore
 from planner.service.store.store_part import StorePart, check_name, find_media, is_found, is_storable_text
 from planner.service.store.tables import EventRow, FileRow, FleetRow, Owner, RecordingRow, TokenRow, WriteCheckRow
 from planner.service.store.token_table import TokenStore
@@ -146,7 +146,7 @@ class FileStore(StorePart):
         self.database.change_rows(sa.delete(FileRow).where(FileRow.id == self.get_file(kind, name).id))
 
 
-class Store(TokenStore, FileStore, ServedJobStore):
+class Store(TokenStore, FileStore, JobStore):
     """All stored data; every method may be called from any thread and any process.
 
     An older database is brought up to date. Raises DatabaseError where it cannot be reached, is newer than this
