@@ -227,7 +227,7 @@ async def show_metrics(request: Request) -> Response:
             await run_in_threadpool(metrics.update_job_counts, state.store)
     metrics.loop_lag_s.set(state.hub.lag_s)
     metrics.ready.set(0 if faults else 1)
-    metrics.office_starts.set(0 if state.office is None else state.office.starts)
+    metrics.office_starts.set(0 if state.office is None else state.office.kept_process.starts)
     return Response(generate_latest(metrics.registry), media_type=METRICS_MEDIA_TYPE)
 
 

@@ -240,7 +240,7 @@ def _add_middleware(app: FastAPI) -> None:
 
 @contextlib.asynccontextmanager
 async def _run_forwarding(app: FastAPI) -> AsyncIterator[None]:
-    app.state.office.start()
+    app.state.office.kept_process.start()
     try:
         yield
     finally:

@@ -17,9 +17,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -218,18 +217,23 @@ def _enter_job_folder(store: JobStore, job: JobRow) -> Iterator[None]:
 
 
 class WorkerSupervisor:
-    """Starts worker processes and replaces those that end, in a thread of its own."""
+    """Keeps worker processes and tends the queue, in a thread of its own."""
 
     def __init__(self, settings: ServiceSettings, store: JobStore) -> None:
         self.settings, self.store = settings, store
-        self._slots = [KeptProcess("", run_worker, short_life_s=1.0, patience_s=10.0) for _ in range(settings.workers)]
+        self._slots = [
+            KeptProcess(run_worker, self._prepare_worker, self._release_ended, short_life_s=1.0, patience_s=10.0)
+            for _ in range(settings.workers)
+        ]
         self._stopping = threading.Event()
         self._was_unwritable = False
-        self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)
+        self._thread = threading.Thread(target=self._tend_queue, name="headland-workers", daemon=True)
 
     def start(self) -> None:
         """Start; delete work folders that an earlier service left behind."""
         shutil.rmtree(self.settings.data / WORK_FOLDER, ignore_errors=True)
+        for slot in self._slots:
+            slot.start()
         self._thread.start()
 
     def stop(self) -> None:
@@ -238,31 +242,26 @@ class WorkerSupervisor:
         if self._thread.is_alive():
             self._thread.join()
         for slot in self._slots:
-            if slot.process is not None:
-                slot.end()
-                with contextlib.suppress(*DATABASE_WRITE_ERRORS):
-                    self.store.release_jobs(slot.name, counts_try=False)
+            slot.stop()
+            with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                self.store.release_jobs(slot.name, counts_try=False)
 
-    def _watch_workers(self) -> None:
+    def _prepare_worker(self) -> tuple[str, Sequence[object]]:
+        name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
+        return name, (self.settings, name, type(self.store))
+
+    def _release_ended(self, name: str, status: int) -> bool:
+        """Put the job of a worker that has ended back, as soon as that can be written; whether its end was a fault."""
         while not self._stopping.is_set():
-            for slot in self._slots:
-                try:
-                    if slot.end_status is not None:
-                        is_lost = slot.end_status == LOST_STATUS
-                        self.store.release_jobs(slot.name, counts_try=not is_lost)
-                        slot.forget(is_fault=not is_lost)
-                    if slot.is_due:
-                        slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
-                        slot.start(self.settings, slot.name, type(self.store))
-                except DATABASE_WRITE_ERRORS:
-                    continue
-                except OSError:
-                    logging.getLogger(__name__).exception("A worker cannot be started")
+            with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                self.store.release_jobs(name, counts_try=status != LOST_STATUS)
+                break
+            self._stopping.wait(SUPERVISE_PERIOD_S)
+        return status != LOST_STATUS
+
+    def _tend_queue(self) -> None:
+        while not self._stopping.wait(SUPERVISE_PERIOD_S):
             self._release_unreported()
-            sentinels = [slot.process.sentinel for slot in self._slots if slot.process is not None]
-            if sentinels and not wait(sentinels, timeout=SUPERVISE_PERIOD_S):
-                continue
-            self._stopping.wait(0.05 if sentinels else SUPERVISE_PERIOD_S)
 
     def _release_unreported(self) -> None:
         """Put back jobs that nobody reports; after a time without writes, living workers may report first."""
