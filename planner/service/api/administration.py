@@ -38,6 +38,7 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import BodyBudget
 from planner.service.gateway.responses import (
+    HTTP_METHODS,
     ApiRequest,
     ApiRouter,
     CallerInfo,
@@ -58,7 +59,6 @@ from planner.service.store.token_table import TokenScope
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
-COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
 NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
@@ -107,7 +107,7 @@ class ServiceMetrics:
 
     def observe_request(self, method: str, status: int, seconds: float) -> None:
         """Count an answered request."""
-        method = method if method in COUNTED_METHODS else "other"
+        method = method if method in HTTP_METHODS else "other"
         self.requests.labels(method, f"{status // 100}xx").observe(seconds)
 
     def count_stop(self, source: str, seconds: float) -> None:

@@ -23,7 +23,7 @@ from planner.service.errors import ConflictError, NotFoundError, TooLargeError
 from planner.service.gateway.request_gate import name_client, refuse_unknown_form_parts
 from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, FileList, StoreAccess, document_file
 from planner.service.jobs.file_reading import FileReader
-from planner.service.jobs.input_files import InputCollector, list_tractor_users
+from planner.service.jobs.input_files import InputCollector, ShortText, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
 from planner.service.store.disk_storage import hash_bytes
 from planner.service.store.service_store import (
@@ -48,12 +48,11 @@ NameParameter = Annotated[str | None, Form(description="Its name here; by defaul
 ReplaceParameter = Annotated[
     bool, Form(description="A file of the same name is replaced; plans made from the old one keep it.")
 ]
-LONGEST_CRS_CHARS = 400
 CRS_HELP = "Coordinate system of a file that names none, such as EPSG:25832."
 SWAP_AXES_HELP = "The file has latitude or northing first: exchange the two."
 LOCAL_METRES_HELP = "The file holds local metres, not longitude and latitude."
 UPLOAD_DEFAULT_HELP = " By default as given with the upload."
-NewName = Annotated[str, Field(max_length=400, description="Begins with a letter or digit; at most 100 characters.")]
+NewName = Annotated[ShortText, Field(description="Begins with a letter or digit; at most 100 characters.")]
 
 
 class RenameRequest(ApiRequest):
@@ -165,7 +164,7 @@ async def upload_field(
     who: PlanAccess,
     file: UploadParameter,
     name: NameParameter = None,
-    crs: Annotated[str | None, Form(max_length=LONGEST_CRS_CHARS, description=CRS_HELP)] = None,
+    crs: Annotated[ShortText | None, Form(description=CRS_HELP)] = None,
     swap_axes: Annotated[bool, Form(description=SWAP_AXES_HELP)] = False,
     local: Annotated[bool, Form(description=LOCAL_METRES_HELP)] = False,
     replace: ReplaceParameter = False,
@@ -182,7 +181,7 @@ async def summarize_field(
     name: str,
     key: Annotated[str | None, Query(max_length=100, description="Which of several fields.")] = None,
     local: Annotated[bool | None, Query(description=LOCAL_METRES_HELP + UPLOAD_DEFAULT_HELP)] = None,
-    crs: Annotated[str | None, Query(max_length=LONGEST_CRS_CHARS, description=CRS_HELP + UPLOAD_DEFAULT_HELP)] = None,
+    crs: Annotated[ShortText | None, Query(description=CRS_HELP + UPLOAD_DEFAULT_HELP)] = None,
     swap_axes: Annotated[bool | None, Query(description=SWAP_AXES_HELP + UPLOAD_DEFAULT_HELP)] = None,
 ) -> dict[str, Any]:
     """The fields of the file, and the chosen one: area, rings in metres and in degrees, obstacles."""

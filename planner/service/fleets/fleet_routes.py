@@ -140,7 +140,7 @@ def store_new_fleet(
     if settings.get("deadline_s") is None and plan.scenario.deadline_s is not None:
         settings["deadline_s"] = find_next_time_s(plan.scenario.deadline_s)
     label = FleetLabel(id, name, store.save_fleet(id, name, text, settings), plan_bytes)
-    return NewFleet(label, plan, settings)
+    return label, plan, settings
 
 
 def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:

@@ -76,13 +76,8 @@ class FleetLabel:
     videos: dict[int, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class NewFleet:
-    """A fleet that was stored and has no session yet."""
-
-    label: FleetLabel
-    plan: FleetPlan
-    settings: dict[str, Any]
+NewFleet = tuple[FleetLabel, FleetPlan, dict[str, Any]]
+"""Label, plan and settings of a fleet that was stored and has no session yet."""
 
 
 class FleetSessions:
@@ -175,8 +170,8 @@ class FleetSessions:
                 raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
             # Prepared plans take about as much memory as their texts: together no more than one upload.
             room_bytes = self.store.settings.upload_bytes - sum(label.plan_bytes for label in self.labels.values())
-            new = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
-            session, self.labels[new.label.id] = self._build_session(new.label, new.plan, new.settings), new.label
+            label, plan, settings = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
+            session, self.labels[label.id] = self._build_session(label, plan, settings), label
             self.add(session)
         return session
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import shutil
-import socket
-import subprocess
 import tempfile
 import threading
 import time
@@ -25,7 +23,7 @@ from planner.service.sandbox.reader_processes import (
     LOGGER,
     extract_value,
     parse_answer,
-    start_python,
+    start_linked_python,
 )
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
@@ -50,13 +48,9 @@ class _EstimatingProcess:
     """A running process, and the stream to it."""
 
     def __init__(self, folder: Path, memory_bytes: int) -> None:
-        local_socket, remote_socket = socket.socketpair()
-        with remote_socket:
-            descriptor = remote_socket.fileno()
-            arguments = (str(descriptor), str(folder), str(memory_bytes), str(PROCESS_LIFE_S))
-            self._process = start_python(SERVE_CODE, *arguments, pass_fds=(descriptor,), stdout=subprocess.DEVNULL)
-        self._socket, self._received = local_socket, b""
-        self._is_ready = False
+        arguments = (str(folder), str(memory_bytes), str(PROCESS_LIFE_S))
+        self._process, self._socket = start_linked_python(SERVE_CODE, *arguments)
+        self._received, self._is_ready = b"", False
 
     def wait_until_ready(self) -> bool:
         """Wait until it takes orders, not long; raises OSError where it has ended."""

@@ -144,13 +144,7 @@ class ForkingReader:
             if self._closed:
                 raise ServiceError("The file was not read, as the service is stopping; try again after its restart.")
             if self._server is None:
-                local_socket, remote_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-                with remote_socket:
-                    descriptor = remote_socket.fileno()
-                    process = start_python(
-                        FORK_SERVER_CODE, str(descriptor), pass_fds=(descriptor,), stdout=subprocess.DEVNULL
-                    )
-                self._server = _ForkServer(process, local_socket)
+                self._server = _ForkServer(*start_linked_python(FORK_SERVER_CODE, kind=socket.SOCK_SEQPACKET))
             return self._server
 
     def _send_order(self, server: _ForkServer, order: ReadOrder) -> ReadOutcome:
@@ -270,6 +264,17 @@ def parse_answer(answer: bytes) -> dict[str, Any]:
 
 def _start_spare_process() -> subprocess.Popen[bytes]:
     return start_python(READ_ONCE_CODE, stdout=subprocess.PIPE, stdin=subprocess.PIPE)
+
+
+def start_linked_python(
+    code: str, *arguments: str, kind: socket.SocketKind = socket.SOCK_STREAM
+) -> tuple[subprocess.Popen[bytes], socket.socket]:
+    """A Python as of `start_python`, and a socket to it, whose other end is the first argument of the code."""
+    local_socket, remote_socket = socket.socketpair(type=kind)
+    with remote_socket:
+        descriptor = remote_socket.fileno()
+        process = start_python(code, str(descriptor), *arguments, pass_fds=(descriptor,), stdout=subprocess.DEVNULL)
+    return process, local_socket
 
 
 def start_python(code: str, *arguments: str, **popen_options: Any) -> subprocess.Popen[bytes]:

@@ -376,8 +376,7 @@ class RemoteStore(JobStore):
 
     def check_version(self) -> None:
         """Raise VersionError where the service is of another version; one that never ran is of any."""
-        with self.database.open_read_session() as session:
-            version = session.scalar(sa.select(WriteCheckRow.version))
+        version = self.database.find_row(sa.select(WriteCheckRow.version))
         if version not in (None, describe_version()):
             raise _build_version_error(version)
 
