@@ -11,6 +11,9 @@ from typing import Any
 import sqlalchemy as sa
 
 from fields.documents.sources import FIELD_FORMATS
+from fields.formats.shapefile import PART_EXTENSIONS
+from fields.terrain.point_files import POINT_SUFFIXES
+from fields.terrain.rasters import RASTER_SUFFIXES
 from planner.fleet.session.frame_timing import format_utc
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
@@ -26,10 +29,9 @@ SUFFIXES_BY_KIND = {
     "farm": (".toml",),
     "log": (".csv",),
     "table": (".csv",),
-    "elevation": (
-        ".tif", ".tiff", ".asc", ".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip", ".gpkg",
-    ),
-}  # fmt: skip
+    # of a shapefile all files are needed: they come in a .zip
+    "elevation": (*RASTER_SUFFIXES, *(end for end in POINT_SUFFIXES if end not in PART_EXTENSIONS)),
+}
 MOST_EVENTS = 1000
 
 

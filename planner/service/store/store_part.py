@@ -36,6 +36,7 @@ MEDIA_BY_SUFFIX = {
     ".tif": "image/tiff",
     ".tiff": "image/tiff",
     ".asc": "text/plain; charset=utf-8",
+    ".agr": "text/plain; charset=utf-8",
     ".txt": "text/plain; charset=utf-8",
     ".html": "text/html; charset=utf-8",
     ".png": "image/png",
