@@ -187,6 +187,7 @@ def store_done_job(
     job = store.add_job("plan", "first", request or {}, inputs)
     claimed = store.claim_job("w")
     assert claimed is not None and claimed.id == job.id
+    store.keep_results(job.number, results)
     store.finish_job(job.number, "w", results)
     return store.get_job(job.id)
 

@@ -84,6 +84,7 @@ def test_a_job_goes_its_way(store: Store) -> None:
     assert (job.status, store.claim_job("w1").id) == ("queued", job.id)  # type: ignore[union-attr]
     assert store.claim_job("w2") is None
     assert store.report_job(job.number, "w1", (1, 4, "At work")) and not store.report_job(job.number, "w2")
+    store.keep_results(job.number, {"a": b"1", "b": b"2"})
     assert not store.finish_job(job.number, "w2", {"a": b"2"})
     assert store.finish_job(job.number, "w1", {"a": b"1", "b": b"2"})
     done = store.get_job(job.id, "plan")

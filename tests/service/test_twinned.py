@@ -218,6 +218,7 @@ def find(fleet: DoubtedFleet, verdict: str, named: list[str], tractor: Tractor |
     results = {"result.json": json.dumps({"verdict": verdict, "named": named}).encode()}
     if tractor is not None:
         results["tractor.toml"] = format_tractor_toml(tractor).encode()
+    fleet.store.keep_results(job.number, results)
     fleet.store.finish_job(job.number, "test", results)
     asyncio.run(fleet.look())
     return job.id

@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 import sqlalchemy as sa
@@ -177,7 +178,9 @@ def check_results_by_place(shared: Store, remote: RemoteStore, address: str) -> 
     """Results that go by a store, that are gone from it, and that the service does not know."""
     check_result_place(replace(shared.settings, results=address))
     shared.place = remote.place = ResultPlace(address)
-    sha256 = run_one_job(shared, remote, "first")
+    with patch.object(ResultPlace, "put_bytes", autospec=True, side_effect=ResultPlace.put_bytes) as put:
+        sha256 = run_one_job(shared, remote, "first")
+    assert put.call_count == 1, "while the job is reported, and not again when it is finished"
     with shared.database.open_read_session() as session:
         (row,) = session.scalars(sa.select(JobBytesRow))
         assert row.content == b"" and row.address == f"{address}/{row.job}-{sha256}"

@@ -227,8 +227,7 @@ class JobStore(StorePart):
         return bool(self.database.change_rows(_update_claimed_job(number, worker, values)))
 
     def finish_job(self, number: int, worker: str, files: ResultFiles) -> bool:
-        """Store all results of a job, or none and return False where the worker has lost the job."""
-        self.keep_results(number, files)
+        """Name all results of a job, whose bytes are kept; none, and False, where the worker has lost the job."""
         with self.database.open_write_session() as session:
             if not self.database.execute_change(session, _update_claimed_job(number, worker, _build_end_values(DONE))):
                 return False
