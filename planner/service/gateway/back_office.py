@@ -188,8 +188,8 @@ class BackOffice:
 
     async def stop(self) -> None:
         """End the process and its work."""
-        self.url = None
         await asyncio.to_thread(self.kept_process.stop)
+        self.url = None
 
     def _prepare(self) -> tuple[str, Sequence[object]]:
         self._port_receiver, self._port_sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
