@@ -148,8 +148,9 @@ def _count(store: Store, ids: list[str], found: Campaign) -> None:
     for number, id in enumerate(ids):
         job = store.get_job(id)
         results = [(each.name, store.blobs.read_bytes(each.sha256), each.media) for each in job.results]
+        wanted = [(name, content, "application/json") for name, content in made(number, b" and a file").items()]
         found.begun += job.tries
-        if job.status == DONE and results == made(number, b" and a file"):
+        if job.status == DONE and results == wanted:
             found.done += 1
         else:
             found.wrong.append(f"{job.name}: {job.status} {job.error}")

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,6 @@ from starlette.testclient import TestClient
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.service.jobs.workers import run_and_store_job
 from planner.service.settings import ServiceSettings
-from planner.service.store.job_queue import ResultFile
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow, TokenRow
 from planner.service.store.token_table import has_expired, hash_token
@@ -182,13 +181,14 @@ def store_done_job(
     store: Store,
     request: dict[str, Any] | None = None,
     inputs: dict[str, str] | None = None,
-    results: Sequence[ResultFile] = (("result.json", b"made", "application/json"),),
+    results: Mapping[str, bytes] = {"result.json": b"made"},
 ) -> JobRow:
     """A plan in a store that is done, with its results."""
     job = store.add_job("plan", "first", request or {}, inputs)
     claimed = store.claim_job("w")
     assert claimed is not None and claimed.id == job.id
-    store.finish_job(job.number, "w", list(results))
+    store.keep_results(job.number, results)
+    store.finish_job(job.number, "w", results)
     return store.get_job(job.id)
 
 

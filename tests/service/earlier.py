@@ -7,7 +7,8 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from planner.service.store.database import Database, migrate_database
+from planner.service.store.database import WRITES_OPTION, Database, stamp_version, upgrade_tables
+from tests.service.first_tables import FIRST_TABLES
 
 SHA = {name: hashlib.sha256(name.encode()).hexdigest() for name in "abcdef"}
 BEGAN = "2026-05-01T06:10:00.123Z"
@@ -163,7 +164,11 @@ def make(url: str, revision: str) -> Tables:
     """A database as the version of a revision left it behind; what it holds."""
     tables = EARLIER[revision]()
     database = Database(url)
-    migrate_database(database.engine, revision)
+    with database.engine.connect().execution_options(**{WRITES_OPTION: True}) as connection:
+        FIRST_TABLES.create_all(connection)
+        stamp_version(connection, "0001")
+        upgrade_tables(connection, revision)
+        connection.commit()
     with database.open_write_session() as session:
         for name, rows in tables.items():
             for row in rows:

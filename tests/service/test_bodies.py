@@ -79,15 +79,15 @@ def make_request(settings: ServiceSettings, **more: Any) -> Path:
 
 
 def test_a_fleet_is_made_from_a_file_and_stored_under_its_id(both: ServiceSettings) -> None:
-    new = build_requested_fleet("0" * 16, len(TEXT.encode()), both, make_request(both, times=2.0))
+    label, _, given = build_requested_fleet("0" * 16, len(TEXT.encode()), both, make_request(both, times=2.0))
     store = Store(both)
     row = store.get_fleet("0" * 16)
-    assert (row.name, row.plan, row.settings, row.created) == ("north", TEXT, new.settings, new.label.created)
-    assert new.settings["times"] == 2.0 and new.plan_bytes == len(TEXT.encode())
+    assert (row.name, row.plan, row.settings, row.created) == ("north", TEXT, given, label.created)
+    assert given["times"] == 2.0 and label.plan_bytes == len(TEXT.encode())
     with pytest.raises(BusyError, match="delete a fleet first"):
-        build_requested_fleet("1" * 16, new.plan_bytes - 1, both, make_request(both))
+        build_requested_fleet("1" * 16, label.plan_bytes - 1, both, make_request(both))
     with pytest.raises(ServiceError):
-        build_requested_fleet("1" * 16, new.plan_bytes, both, make_request(both, name=""))
+        build_requested_fleet("1" * 16, label.plan_bytes, both, make_request(both, name=""))
     assert [each.id for each in store.list_fleets()] == ["0" * 16]
     store.close()
 

@@ -31,7 +31,8 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FastAPI]:
     store.add_file("field", "0", SMALL)
     job = store.add_job("plan", "0", {})
     store.claim_job("w")
-    store.finish_job(job.number, "w", [("result.json", b"{}", "application/json")])
+    store.keep_results(job.number, {"result.json": b"{}"})
+    store.finish_job(job.number, "w", {"result.json": b"{}"})
     yield app
     store.close()
 

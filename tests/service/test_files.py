@@ -195,6 +195,9 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     assert client.get("/api/v1/elevations/hill/summary").json() | {"remarks": []} == {
         "of": "raster", "rows": 60, "columns": 60, "crs": None, "remarks": [],
     }  # fmt: skip
+    twin = upload(client, "elevations", token, "twin.agr", grid)
+    assert twin.status_code == 201 and twin.json()["media"] == "text/plain; charset=utf-8", "as headland field reads it"
+    assert "a file that ends in .tif" in upload(client, "elevations", token, "hill.shp", grid).json()["error"]
     other = upload(client, "elevations", token, "hill.asc", grid.replace(b"100.00", b"101.00"))
     assert other.status_code == 409 and "There is an elevation 'hill' with other content" in other.json()["error"]
     copied = client.post("/api/v1/elevations/hill/copy", json={"name": "hill"}, headers=token)
@@ -298,7 +301,7 @@ def plans(shared: Shared) -> Plans:
     assert isinstance(client.app, FastAPI)
     store, one = client.app.state.store, saved()
     text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
-    results = [("plan.json", text.encode(), "application/json"), ("map.png", b"\x89PNG\xff", "image/png")]
+    results = {"plan.json": text.encode(), "map.png": b"\x89PNG\xff"}
     return client, token, f"/api/v1/plans/{store_done_job(store, results=results).id}/results"
 
 

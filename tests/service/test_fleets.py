@@ -19,7 +19,6 @@ from planner.fleet.session.fleet_session import FleetSession
 from planner.service.fleets import fleet_routes
 from planner.service.fleets.fleet_routes import store_new_fleet
 from planner.service.fleets.fleet_sessions import FleetSessions
-from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.conftest import store_done_job
@@ -74,12 +73,12 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     store: Store = client.app.state.store  # type: ignore[attr-defined]
     best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
     ranking = json.dumps({"best": best, "plans": [best]})
-    results = [build_result_file("plan.json", TEXT), build_result_file("result.json", ranking)]
+    results = {"plan.json": TEXT.encode(), "result.json": ranking.encode()}
     id = new(client, plan=store_done_job(store, results=results).id, deadline="23:59").json()["id"]
     live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
     assert store.get_fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
-    done = store_done_job(store, results=[("map.png", b"\x89PNG\xff", "image/png"), results[1]])
+    done = store_done_job(store, results={"map.png": b"\x89PNG\xff", "result.json": ranking.encode()})
     answer = new(client, plan=done.id, result="map.png")
     assert answer.status_code == 422 and "JSON" in answer.json()["error"]
 
@@ -192,7 +191,7 @@ def test_fleets_are_there_as_soon_as_the_service_has_started(plain: Store) -> No
         await hub.start()
         try:
             assert hub.get_session("good").tractor_count == 2
-            assert set(hub.faults) == {"bad"}
+            assert [id for id, label in hub.labels.items() if label.fault] == ["bad"]
         finally:
             await hub.stop()
 

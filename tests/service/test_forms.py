@@ -105,6 +105,9 @@ def test_contradictions_are_told_of_where_their_names_are(shared: Shared) -> Non
     assert change(client, "day", form["text"], (["fleets", 1, "tractor"], "robot"))["faults"] == []
     farm_form = change(client, "farm", farm.decode(), (["tractors", 1, "file"], "gone.toml"))
     assert "no tractor 'gone'" in find_fault(farm_form, "tractors", 1, "file")
+    form = change(client, "day", DAY, (["fields", 0, "elevation"], "hill.tif"), (["rain"], "wet.csv"))
+    assert "no elevation 'hill'" in find_fault(form, "fields", 0, "elevation")
+    assert "no table 'wet'" in find_fault(form, "rain") and len(form["faults"]) == 2
     for kind, name in (("fields", "nowhere"), ("farms", "gone")):
         assert client.delete(f"/api/v1/{kind}/{name}", headers=token).status_code == 204
 

@@ -169,7 +169,8 @@ def test_a_plan_is_renamed_copied_searched_and_deleted(app: FastAPI, client: Tes
     job = store.add_job("plan", "north till", {"field": "north"}, {"field/x": store.blobs.put_bytes(b"input")})
     running = store.add_job("plan", "running", {})
     store.claim_job("w")
-    store.finish_job(job.number, "w", [("result.json", b"{}", "application/json"), ("map.png", b"p", "image/png")])
+    store.keep_results(job.number, results := {"result.json": b"{}", "map.png": b"p"})
+    store.finish_job(job.number, "w", results)
     store.claim_job("w")
     copied = client.post(f"/api/v1/plans/{job.id}/copy", json={}, headers=dict(token)).json()
     assert copied["name"] == "north till copy" and copied["id"] != job.id and copied["status"] == "done"

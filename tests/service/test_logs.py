@@ -2,8 +2,11 @@
 
 import asyncio
 import io
+import itertools
 import logging
+import os
 import re
+import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +16,7 @@ from starlette.types import Message, Receive, Scope, Send
 from planner.service import kept_process
 from planner.service.gateway.request_logs import REQUEST_ID, LogfmtFormatter, RepeatFilter, RequestIdMiddleware
 from planner.service.kept_process import KeptProcess
+from tests.service.conftest import wait_until
 
 
 def write(record: logging.LogRecord) -> str:
@@ -90,43 +94,71 @@ def test_every_answer_has_the_id_of_its_request_and_a_caller_cannot_choose_it() 
     assert asyncio.run(ask(True)) == "mine" and REQUEST_ID.get() is None
 
 
-@pytest.fixture
-def now(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """A clock."""
-    clock = [100.0]
-    monkeypatch.setattr(kept_process.time, "monotonic", lambda: clock[0])
-    return clock
+class Ended(KeptProcess):
+    """A place whose processes live so long, one after the other; None for one that cannot be started."""
+
+    def keep(self, lives_s: list[float | None], monkeypatch: pytest.MonkeyPatch) -> list[float]:
+        """The pauses before each of them, and before the next."""
+        clock, lives, pauses = [100.0], iter(lives_s), list[float]()
+
+        def run() -> None:
+            if (lived_s := next(lives)) is None:
+                raise OSError("no more processes")
+            clock[0] += lived_s
+
+        def wait(pause_s: float) -> bool:
+            pauses.append(pause_s)
+            return len(pauses) > len(lives_s)
+
+        monkeypatch.setattr(kept_process.time, "monotonic", lambda: clock[0])
+        self._run_process, self.is_stopping = run, SimpleNamespace(wait=wait)  # type: ignore[assignment, method-assign]
+        self._keep_running()
+        return pauses
 
 
-def wait_after(kept: KeptProcess, now: list[float], lived_s: float, **how: Any) -> float:
-    """Let a process live so long; returns the seconds until the next one is due."""
-    kept.process, kept._changed_s = SimpleNamespace(exitcode=1), now[0]  # type: ignore[assignment]
-    now[0] += lived_s
-    assert kept.end_status == 1 and not kept.is_due
-    kept.forget(**how)
-    ended_s = now[0]
-    while not kept.is_due:
-        now[0] += 0.25
-    return now[0] - ended_s
+def build_ended() -> Ended:
+    return Ended(print, lambda: ("any", ()), lambda _name, _status: True, short_life_s=5.0, patience_s=30.0)
 
 
-def test_a_process_that_ends_soon_waits_longer_each_time(now: list[float]) -> None:
-    kept = KeptProcess("any", print, 5.0, 30.0)
-    assert kept.is_due and kept.end_status is None
-    assert [wait_after(kept, now, 1.0) for _ in range(8)] == [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0]
-    assert wait_after(kept, now, 6.0) == 0.0, "it lived long enough"
-    assert wait_after(kept, now, 1.0) == 0.5
-    assert wait_after(kept, now, 1.0, is_fault=False) == 1.0, "that it was meant to end is only logged otherwise"
+def test_a_process_that_ends_soon_waits_longer_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert build_ended().keep([1.0] * 8, monkeypatch) == [0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 30.0, 30.0]
+    assert build_ended().keep([1.0, 1.0, 5.0, 1.0], monkeypatch) == [0.0, 0.5, 1.0, 0.0, 0.5], "it lived long enough"
 
 
-def test_a_process_that_cannot_be_started_waits_too(now: list[float], monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(**_options: Any) -> Any:
-        raise OSError("no more processes")
+def test_a_process_that_cannot_be_started_waits_too(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert build_ended().keep([None, None], monkeypatch) == [0.0, 0.5, 1.0]
+    assert "cannot be started" in caplog.text and "no more processes" in caplog.text
 
-    monkeypatch.setattr(kept_process.multiprocessing, "get_context", lambda _: SimpleNamespace(Process=refuse))
-    kept = KeptProcess("any", print, 5.0, 30.0)
-    with pytest.raises(OSError, match="no more processes"):
-        kept.start()
-    assert not kept.is_due and kept.process is None
-    now[0] += kept_process.FIRST_PAUSE_S
-    assert kept.is_due
+
+def test_a_process_is_started_again_and_ends_with_its_place(caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    ended, looks, count = list[tuple[str, int]](), list[int](), itertools.count()
+
+    def conclude(name: str, status: int) -> bool:
+        ended.append((name, status))
+        return status != 4
+
+    kept = KeptProcess(
+        leave, lambda: (f"leaver {(number := next(count))}", ([4, 3, None][min(number, 2)],)), conclude,
+        short_life_s=0.0, patience_s=30.0, look=lambda: looks.append(1),
+    )  # fmt: skip
+    kept.start()
+    wait_until(lambda: kept.starts == 3)
+    process = kept.process
+    kept.stop()
+    assert process is not None and process.exitcode == -15 and kept.process is None and looks
+    assert ended == [("leaver 0", 4), ("leaver 1", 3)], "one that was told to end is not concluded"
+    levels = {record.getMessage(): record.levelno for record in caplog.records if "ended with" in record.getMessage()}
+    assert levels == {
+        "The process leaver 0 ended with status 4.": logging.INFO,
+        "The process leaver 1 ended with status 3.": logging.WARNING,
+    }
+
+
+def leave(status: int | None) -> None:
+    """End with a status; without one stay."""
+    if status is None:
+        time.sleep(600.0)
+    os._exit(status or 0)

@@ -164,7 +164,7 @@ def test_a_job_waits_for_room_and_no_try_is_counted(disk: Disk) -> None:
     working.join(60)
     done = store.get_job(job.id)
     assert (done.status, done.words, done.tries) == ("done", "At work", 1)
-    assert store.blobs.read_bytes(done.results[0].sha256) == made(7)[0][1]
+    assert store.blobs.read_bytes(done.results[0].sha256) == made(7)["result.json"]
     store.close()
 
 

@@ -84,12 +84,13 @@ def test_a_job_goes_its_way(store: Store) -> None:
     assert (job.status, store.claim_job("w1").id) == ("queued", job.id)  # type: ignore[union-attr]
     assert store.claim_job("w2") is None
     assert store.report_job(job.number, "w1", (1, 4, "At work")) and not store.report_job(job.number, "w2")
-    assert not store.finish_job(job.number, "w2", [("a", b"2", "text/plain")])
-    assert store.finish_job(job.number, "w1", [("a", b"1", "text/plain"), ("b", b"2", "text/plain")])
+    store.keep_results(job.number, {"a": b"1", "b": b"2"})
+    assert not store.finish_job(job.number, "w2", {"a": b"2"})
+    assert store.finish_job(job.number, "w1", {"a": b"1", "b": b"2"})
     done = store.get_job(job.id, "plan")
     assert (done.status, done.done, done.all, [each.name for each in done.results]) == ("done", 1, 4, ["a", "b"])
     assert store.blobs.read_bytes(store.get_result(job.id, "b").sha256) == b"2"
-    assert not store.finish_job(job.number, "w1", [])
+    assert not store.finish_job(job.number, "w1", {})
     with pytest.raises(NotFoundError):
         store.get_job(job.id, "day")
     store.delete_job(job.id)
@@ -105,7 +106,7 @@ def test_a_running_job_that_is_deleted_or_cancelled_is_nobodys(store: Store, is_
         store.delete_job(job.id)
     else:
         assert store.cancel_job(job.id).status == "cancelled"
-    assert not store.report_job(job.number, "w1") and not store.finish_job(job.number, "w1", [])
+    assert not store.report_job(job.number, "w1") and not store.finish_job(job.number, "w1", {})
     assert not store.fail_job(job.number, "w1", "why")
     with pytest.raises(NotFoundError if is_deleted else ConflictError):
         store.cancel_job(job.id)
@@ -116,7 +117,7 @@ def test_what_a_lost_worker_had_is_done_by_another_and_given_up_at_last(store: S
     for attempt in range(3):
         while (claimed := store.claim_job(f"w{attempt}")) is not None and claimed.id != job.id:
             assert attempt > 0  # what was begun before comes after what was not
-            store.finish_job(claimed.number, f"w{attempt}", [])
+            store.finish_job(claimed.number, f"w{attempt}", {})
         assert claimed is not None and claimed.tries == attempt + 1
         store.release_jobs(f"w{attempt}", counts_try=True)
     ended = store.get_job(job.id)

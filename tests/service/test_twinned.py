@@ -34,7 +34,6 @@ from planner.fleet.session.frame_content import build_tick_fleet
 from planner.fleet.session.state_recorder import average_commands
 from planner.fleet.simulated_robot import RobotDriver
 from planner.service.fleets import twin_routes
-from planner.service.jobs.job_runs import build_result_file
 from planner.service.settings import ServiceSettings
 from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
 from tests.service.one_process import create_app
@@ -216,9 +215,10 @@ def find(fleet: DoubtedFleet, verdict: str, named: list[str], tractor: Tractor |
     """Finish the waiting diagnosis with a verdict, and with a tractor file if it makes one; the ID of its job."""
     job = fleet.store.claim_job("test")
     assert job is not None
-    results = [build_result_file("result.json", json.dumps({"verdict": verdict, "named": named}))]
+    results = {"result.json": json.dumps({"verdict": verdict, "named": named}).encode()}
     if tractor is not None:
-        results.append(build_result_file("tractor.toml", format_tractor_toml(tractor)))
+        results["tractor.toml"] = format_tractor_toml(tractor).encode()
+    fleet.store.keep_results(job.number, results)
     fleet.store.finish_job(job.number, "test", results)
     asyncio.run(fleet.look())
     return job.id

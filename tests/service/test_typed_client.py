@@ -146,7 +146,8 @@ def test_a_program_asks_for_a_plan_and_fetches_the_result(service: tuple[ModuleT
     job = client.ask_plan(request)
     assert client.watch_plan(job.id).status == "queued"
     claimed = store.claim_job("w")
-    assert claimed is not None and store.finish_job(claimed.number, "w", [("result.json", b"{}", "application/json")])
+    store.keep_results(0, {"result.json": b"{}"})
+    assert claimed is not None and store.finish_job(claimed.number, "w", {"result.json": b"{}"})
     done = client.watch_plan(job.id)
     assert done.status == "done" and done.results == ["result.json"]
     assert client.download_plan_result(job.id, "result.json") == b"{}"

@@ -13,7 +13,7 @@ from starlette.testclient import TestClient
 from planner.service.access.browsers import CONTENT_SECURITY_POLICY, build_page_policy
 from planner.service.errors import ServiceError
 from planner.service.fleets.fleet_sessions import FleetLabel
-from planner.service.fleets.video_addresses import VideoAddresses, check_video_address, find_origin
+from planner.service.fleets.video_addresses import VideoHosts, check_video_address, find_origin, read_stored_addresses
 from planner.service.settings import ServiceSettings
 from tests.service.conftest import bearer
 
@@ -71,12 +71,13 @@ def test_all_else_is_refused_in_a_sentence_that_keeps_secrets(address: str, why:
 
 
 def test_the_policy_allows_the_hosts_of_addresses_and_no_others() -> None:
-    videos = VideoAddresses(["https://gateway.example:8443", "http://camera.example:80/", "http://unused.example"])
-    videos.restore("f1", {"videos": {"1": CAMERA, "2": "/video/2.m3u8", "3": "http://192.168.1.1/reboot"}})
-    assert videos.get_addresses("f1") == {1: CAMERA, 2: "/video/2.m3u8"}
-    videos.set_address("f2", 1, "HTTP://Camera.example/a/b.mjpg")
-    assert videos.list_origins() == ["http://camera.example", "https://gateway.example:8443"]
-    policy = build_page_policy(videos.list_origins())
+    hosts = VideoHosts(["https://gateway.example:8443", "http://camera.example:80/", "http://unused.example"])
+    stored = {"videos": {"1": CAMERA, "2": "/video/2.m3u8", "3": "http://192.168.1.1/reboot"}}
+    addresses = read_stored_addresses(stored)
+    assert hosts.select_allowed(addresses) == {1: CAMERA, 2: "/video/2.m3u8"}
+    origins = hosts.list_origins([*addresses.values(), CAMERA, "HTTP://Camera.example/a/b.mjpg"])
+    assert origins == ["http://camera.example", "https://gateway.example:8443"]
+    policy = build_page_policy(origins)
     rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
     assert rules["media-src"] == "'self' http://camera.example https://gateway.example:8443"
     assert rules["img-src"] == f"'self' data: blob: {rules['media-src'].removeprefix(chr(39) + 'self' + chr(39) + ' ')}"
@@ -91,14 +92,12 @@ def test_the_policy_allows_the_hosts_of_addresses_and_no_others() -> None:
 def test_hosts_are_refused_that_are_not_scheme_host_and_port_or_for_which_the_policy_has_no_room() -> None:
     for host in ("camera.example", "/video", "https://camera.example/path", "rtsp://camera", ""):
         with pytest.raises(ServiceError):
-            VideoAddresses([host])
+            VideoHosts([host])
     hosts = [f"https://camera-{number:02}.farm.example" for number in range(30)]
-    videos = VideoAddresses(hosts)
-    for number, host in enumerate(hosts):
-        videos.set_address("a", number + 1, f"{host}/live.m3u8")
-    assert videos.list_origins() == hosts and len(build_page_policy(hosts)) < 2600
+    addresses = [f"{host}/live.m3u8" for host in hosts]
+    assert VideoHosts(hosts).list_origins(addresses) == hosts and len(build_page_policy(hosts)) < 2600
     with pytest.raises(ServiceError, match="one gateway"):
-        VideoAddresses([*hosts, *(f"https://camera-{number}.farm.example" for number in range(30, 33))])
+        VideoHosts([*hosts, *(f"https://camera-{number}.farm.example" for number in range(30, 33))])
 
 
 @pytest.mark.parametrize(
@@ -107,7 +106,7 @@ def test_hosts_are_refused_that_are_not_scheme_host_and_port_or_for_which_the_po
      "https://evil.example/?https://gateway.example:8443", "http://127.0.0.1/", "http://[::1]:8443/"],
 )  # fmt: skip
 def test_only_hosts_that_the_administrator_named_are_allowed(address: str) -> None:
-    videos = VideoAddresses(["https://gateway.example:8443"])
+    videos = VideoHosts(["https://gateway.example:8443"])
     assert videos.is_allowed(CAMERA) and videos.is_allowed("HTTPS://Gateway.Example:8443/2")
     assert videos.is_allowed("/video/1/index.m3u8") and not videos.is_allowed(address)
 
@@ -142,6 +141,6 @@ def test_addresses_are_there_again_after_a_restart(
     hub: Any = app.state.hub
     monkeypatch.setattr(hub, "run_in_process", refuse)
     asyncio.run(hub.restore_sessions())
-    assert hub.videos.get_addresses("f1") == {2: CAMERA}
-    hub.videos.remove_fleet("f1")
-    assert hub.videos.list_origins() == []
+    assert hub.labels["f1"].videos == {2: CAMERA} and hub.list_video_origins() == ["https://gateway.example:8443"]
+    asyncio.run(hub.delete("f1"))
+    assert hub.list_video_origins() == []

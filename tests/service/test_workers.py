@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 import sqlalchemy as sa
@@ -25,13 +26,14 @@ from planner.service.errors import BusyError, DatabaseError, NotFoundError, Resu
 from planner.service.jobs import job_runs, workers
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
 from planner.service.settings import ServiceSettings
-from planner.service.store.carried_bytes import RemoteStore, ResultPlace, check_result_place
-from planner.service.store.database import Database, migrate_database
+from planner.service.store.carried_bytes import ResultPlace, check_result_place
+from planner.service.store.job_queue import RemoteStore
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobBytesRow, JobRow, Owner, WriteCheckRow
 from tests.benchmarks.jobs import campaign
 from tests.service.conftest import run_next_job, wait_until
 from tests.service.databases import database
+from tests.service.earlier import make
 from tests.service.kinds import KINDS, made
 from tests.service.test_commands import COMMAND
 from tests.service.web_proxies import GUIDE
@@ -93,11 +95,11 @@ def test_nobody_waits_while_two_jobs_of_another_are_begun(store: Store, seed: in
             assert all(times <= 1 for each in begun_since.values() for times in each.values()), (step, begun_since)
             if draw.random() < 0.3:
                 store.release_jobs("w", counts_try=False)
-                store.finish_job(job.number, "w", [])
+                store.finish_job(job.number, "w", {})
                 waiting[who] += 1
                 begun_since.setdefault(who, Counter())
             else:
-                assert store.finish_job(job.number, "w", [])
+                assert store.finish_job(job.number, "w", {})
         assert (store.claim_job("none") is None) if not +waiting else True
 
 
@@ -137,7 +139,7 @@ def test_inputs_come_and_results_go_by_the_database(shared: Store, remote: Remot
     job = shared.add_job("tiny", "second", {"number": 7, "files": ["field/x", "field/y"]}, inputs)
     run_next_job(remote)
     (result,) = shared.get_job(job.id).results
-    wanted = made(7, 2 * content)[0][1]
+    wanted = made(7, 2 * content)["result.json"]
     path = shared.blobs.get_path(result.sha256)
     assert shared.blobs.read_bytes(result.sha256) == wanted and not path.exists()
     shared.tend_queue()
@@ -176,11 +178,13 @@ def check_results_by_place(shared: Store, remote: RemoteStore, address: str) -> 
     """Results that go by a store, that are gone from it, and that the service does not know."""
     check_result_place(replace(shared.settings, results=address))
     shared.place = remote.place = ResultPlace(address)
-    sha256 = run_one_job(shared, remote, "first")
+    with patch.object(ResultPlace, "put_bytes", autospec=True, side_effect=ResultPlace.put_bytes) as put:
+        sha256 = run_one_job(shared, remote, "first")
+    assert put.call_count == 1, "while the job is reported, and not again when it is finished"
     with shared.database.open_read_session() as session:
         (row,) = session.scalars(sa.select(JobBytesRow))
         assert row.content == b"" and row.address == f"{address}/{row.job}-{sha256}"
-    wanted = made(7)[0][1]
+    wanted = made(7)["result.json"]
     assert shared.blobs.read_bytes(sha256) == wanted and not shared.blobs.get_path(sha256).exists()
     shared.place = None
     with pytest.raises(ResultPlaceError, match=rf"are in {address}, which this .* start it with --results") as refusal:
@@ -260,7 +264,7 @@ def test_a_job_whose_worker_is_gone_is_done_once_by_another(shared: Store, remot
     assert claimed is not None and claimed.tries == 2
     assert not remote.report_job(job.number, "gone") and not remote.finish_job(job.number, "gone", made(1))
     assert remote.finish_job(job.number, "here", made(7)) and not remote.finish_job(job.number, "here", made(7))
-    assert shared.blobs.read_bytes(shared.get_result(job.id, "result.json").sha256) == made(7)[0][1]
+    assert shared.blobs.read_bytes(shared.get_result(job.id, "result.json").sha256) == made(7)["result.json"]
 
 
 @pytest.mark.slow
@@ -325,9 +329,7 @@ def test_a_database_that_is_none_of_this_version_is_refused(tmp_path: Path) -> N
         settings = ServiceSettings(data=tmp_path, database=url)
         with pytest.raises(DatabaseError, match="no tables of Headland yet; begin headland serve"):
             RemoteStore(settings)
-        older = Database(settings.url)
-        migrate_database(older.engine, "0006")
-        older.close()
+        make(settings.url, "0006")
         with pytest.raises(VersionError, match="with tables 0006; install"):
             RemoteStore(settings)
 
@@ -391,7 +393,7 @@ def test_a_job_finds_its_files_and_leaves_its_results(kept: Store) -> None:
     before = Path.cwd()
     done = kept.get_job(done_here(kept, "tiny", files=["field/x"]))
     assert (done.status, done.words, Path.cwd()) == ("done", "At work", before)
-    assert kept.blobs.read_bytes(done.results[0].sha256) == made(7, b"X")[0][1]
+    assert kept.blobs.read_bytes(done.results[0].sha256) == made(7, b"X")["result.json"]
     assert list((kept.settings.data / "work").iterdir()) == []
 
 

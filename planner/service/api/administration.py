@@ -33,11 +33,12 @@ from planner.service.access.permissions import (
     identify_caller,
     read_bearer,
 )
-from planner.service.errors import ServiceError, StorageError
+from planner.service.errors import StorageError
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import BodyBudget
 from planner.service.gateway.responses import (
+    HTTP_METHODS,
     ApiRequest,
     ApiRouter,
     CallerInfo,
@@ -49,7 +50,6 @@ from planner.service.gateway.responses import (
     TokenInfo,
     TokenList,
     build_error_response,
-    build_refusal_response,
 )
 from planner.service.settings import LIMITS, find_version
 from planner.service.store.database_watch import DatabaseWatch, TokenCache
@@ -59,7 +59,6 @@ from planner.service.store.token_table import TokenScope
 
 METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
-COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
 DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
 NOTHING_WRITTEN = "The database has taken no writes for {age_s:.0f} s. Stops and links work; nothing is recorded."
 OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
@@ -108,7 +107,7 @@ class ServiceMetrics:
 
     def observe_request(self, method: str, status: int, seconds: float) -> None:
         """Count an answered request."""
-        method = method if method in COUNTED_METHODS else "other"
+        method = method if method in HTTP_METHODS else "other"
         self.requests.labels(method, f"{status // 100}xx").observe(seconds)
 
     def count_stop(self, source: str, seconds: float) -> None:
@@ -210,11 +209,8 @@ async def log_in_browser(request: Request) -> Response:
     code = request.query_params.get("code", "")
     if logins.is_logged_in(request) and not (logins.make_token and logins.is_current_code(code)):
         return RedirectResponse("/", 303)  # opened again from the history or a bookmark
-    try:
-        response = logins.log_in_browser(code)
-        token_text = await run_in_threadpool(logins.make_token) if logins.make_token else None
-    except ServiceError as error:
-        return build_refusal_response(error)
+    response = logins.log_in_browser(code)
+    token_text = await run_in_threadpool(logins.make_token) if logins.make_token else None
     if token_text is not None:
         response.headers["location"] = f"/#token={token_text}"  # what follows the # is sent to nobody
     return response
@@ -223,10 +219,7 @@ async def log_in_browser(request: Request) -> Response:
 async def show_metrics(request: Request) -> Response:
     """Metrics for Prometheus; they need the right to read."""
     state = request.app.state
-    try:
-        (await identify_caller(request, read_bearer(request))).check_right(READ)
-    except ServiceError as error:
-        return build_refusal_response(error)
+    (await identify_caller(request, read_bearer(request))).check_right(READ)
     metrics: ServiceMetrics = state.metrics
     faults = list_service_faults(request)
     if state.book.is_fresh:
@@ -234,7 +227,7 @@ async def show_metrics(request: Request) -> Response:
             await run_in_threadpool(metrics.update_job_counts, state.store)
     metrics.loop_lag_s.set(state.hub.lag_s)
     metrics.ready.set(0 if faults else 1)
-    metrics.office_starts.set(0 if state.office is None else state.office.starts)
+    metrics.office_starts.set(0 if state.office is None else state.office.kept_process.starts)
     return Response(generate_latest(metrics.registry), media_type=METRICS_MEDIA_TYPE)
 
 

@@ -34,7 +34,7 @@ from planner.service.api.job_routes import (
     form_router,
     plans_router,
 )
-from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
+from planner.service.api.uploads import build_files_router
 from planner.service.backgrounds.map_background import MapBackground, background_router
 from planner.service.fleets import fleet_routes
 from planner.service.fleets.fleet_sessions import FleetSessions
@@ -61,7 +61,7 @@ from planner.service.sandbox.confinement import lower_priority
 from planner.service.settings import LIMITS, ServiceSettings, find_version
 from planner.service.store.backup import sweep_unnamed_bytes
 from planner.service.store.database_watch import DatabaseWatch, TokenCache
-from planner.service.store.service_store import Store
+from planner.service.store.service_store import SUFFIXES_BY_KIND, Store
 
 DOCS_ASSETS = {
     "swagger-ui-bundle.js": "text/javascript; charset=utf-8",
@@ -159,7 +159,7 @@ def list_back_office_routers() -> tuple[APIRouter, ...]:
     """All other routers; those of each kind of file and of job belong to no app and are made once, as those of modules
     are."""
     return (
-        *map(build_files_router, FILE_KIND_BY_PATH), *map(build_jobs_router, JOB_KIND_BY_PATH), plans_router,
+        *map(build_files_router, SUFFIXES_BY_KIND), *map(build_jobs_router, JOB_KIND_BY_PATH), plans_router,
         form_router, all_jobs_router, background_router, fleet_routes.recording_router, administration.tokens_router,
         administration.events_router, docs_router,
     )  # fmt: skip
@@ -234,13 +234,13 @@ def _add_middleware(app: FastAPI) -> None:
     rules = list_route_rules(list_control_routers(), API_PREFIX, settings, are_orders=True)
     rules += list_route_rules(list_back_office_routers(), API_PREFIX, settings)
     app.add_middleware(RequestGate, settings=settings, rules=rules, bodies=app.state.bodies)
-    app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
+    app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.list_video_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
 
 
 @contextlib.asynccontextmanager
 async def _run_forwarding(app: FastAPI) -> AsyncIterator[None]:
-    app.state.office.start()
+    app.state.office.kept_process.start()
     try:
         yield
     finally:

@@ -14,7 +14,6 @@ from starlette.concurrency import run_in_threadpool
 
 from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from fields.nested_text import parse_toml
-from fields.sample_fields import list_sample_names
 from planner.farm.settings import read_example_text
 from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS, UNLAID
@@ -44,6 +43,7 @@ from planner.service.jobs.input_files import (
     REQUEST_MODELS,
     InputCollector,
     collect_inputs,
+    list_named_files,
 )
 from planner.service.jobs.plan_estimates import PlanEstimator
 from planner.service.settings import LIMITS
@@ -51,7 +51,6 @@ from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow, ResultRow
 from reports.plan.guidance_export import GUIDANCE_FORMATS, write_guidance
 from vehicle.missions.plan_file import parse_saved_plan
-from vehicle.model.tractor import list_tractor_names
 
 FormParameter = Annotated[
     str, Query(max_length=20, description=f"One of {', '.join(form.name for form in GUIDANCE_FORMATS)}.")
@@ -380,7 +379,7 @@ async def _read_form(
     reader: FileReader = request.app.state.reader
     farm_path, inputs = await run_in_threadpool(_collect_farm, store, kind, text, changes)
     form = await reader.read(name_client(request.scope), f"form {kind}", inputs, [text, changes, farm_path])
-    missing = await run_in_threadpool(list, _list_missing_files(store, form["values"]))
+    missing = await run_in_threadpool(list, _list_missing_files(store, kind, form["values"]))
     contradictions = form.pop("contradictions")
     return FormInfo(**form | {"faults": [*form["faults"], *(missing or contradictions)]})
 
@@ -401,22 +400,10 @@ def _collect_farm(
     return None, {}
 
 
-def _list_missing_files(store: Store, values: Mapping[str, Any]) -> Iterator[FormFault]:
-    """Fields, farms and tractors that a file names and that are not there."""
-    for section, kind, known_names in (
-        ("fields", "field", list_sample_names()), ("tractors", "tractor", list_tractor_names()),
-    ):  # fmt: skip
-        entries = values.get(section)
-        for position, entry in enumerate(entries if isinstance(entries, list) else ()):
-            name = entry.get("file") if isinstance(entry, dict) else None
-            if isinstance(name, str) and name.partition("#")[0] not in known_names:
-                yield from _find_missing(store, kind, name.partition("#")[0], [section, position, "file"])
-    if isinstance(values.get("farm"), str) and values["farm"] != EXAMPLE_FARM:
-        yield from _find_missing(store, "farm", values["farm"], ["farm"])
-
-
-def _find_missing(store: Store, kind: str, name: str, path: list[str | int]) -> Iterator[FormFault]:
-    try:
-        InputCollector(store).add_file(kind, name, kind)
-    except ServiceError as refusal:
-        yield FormFault(path=path, sentence=str(refusal))
+def _list_missing_files(store: Store, kind: str, values: Mapping[str, Any]) -> Iterator[FormFault]:
+    """The files that a form names and that are not there."""
+    for file_kind, name, place in list_named_files(kind, values):
+        try:
+            InputCollector(store).add_file(file_kind, name, file_kind)
+        except ServiceError as refusal:
+            yield FormFault(path=place, sentence=str(refusal))

@@ -5,7 +5,6 @@ They are uploaded, listed, summarised, downloaded, renamed, copied and deleted.
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from functools import partial
 from importlib import resources
@@ -24,26 +23,21 @@ from planner.service.errors import ConflictError, NotFoundError, TooLargeError
 from planner.service.gateway.request_gate import name_client, refuse_unknown_form_parts
 from planner.service.gateway.responses import ApiRequest, ApiRouter, FileInfo, FileList, StoreAccess, document_file
 from planner.service.jobs.file_reading import FileReader
-from planner.service.jobs.input_files import InputCollector, list_tractor_users
+from planner.service.jobs.input_files import InputCollector, ShortText, list_tractor_users
 from planner.service.settings import MEGABYTE_BYTES
+from planner.service.store.disk_storage import hash_bytes
 from planner.service.store.service_store import (
-    BYTES,
-    MEDIA_BY_SUFFIX,
     SUFFIXES_BY_KIND,
     Store,
     build_other_content_error,
     build_taken_name_error,
     check_suffix,
 )
-from planner.service.store.store_part import check_name, choose_copy_name, is_found
+from planner.service.store.store_part import check_name, choose_copy_name, find_media, is_found
 from planner.service.store.tables import FileRow
 from vehicle.identification.logs.reader import SAMPLE_LOG, resolve_log_path
 from vehicle.model.tractor import list_tractor_names
 
-FILE_KIND_BY_PATH = {
-    "fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table",
-    "elevations": "elevation",
-}  # fmt: skip
 HAND_WRITTEN_KINDS = ("tractor", "farm")  # they stay small
 FIELD_OPTIONS = ("crs", "swap_axes", "local")
 SearchParameter = Annotated[
@@ -54,12 +48,11 @@ NameParameter = Annotated[str | None, Form(description="Its name here; by defaul
 ReplaceParameter = Annotated[
     bool, Form(description="A file of the same name is replaced; plans made from the old one keep it.")
 ]
-LONGEST_CRS_CHARS = 400
 CRS_HELP = "Coordinate system of a file that names none, such as EPSG:25832."
 SWAP_AXES_HELP = "The file has latitude or northing first: exchange the two."
 LOCAL_METRES_HELP = "The file holds local metres, not longitude and latitude."
 UPLOAD_DEFAULT_HELP = " By default as given with the upload."
-NewName = Annotated[str, Field(max_length=400, description="Begins with a letter or digit; at most 100 characters.")]
+NewName = Annotated[ShortText, Field(description="Begins with a letter or digit; at most 100 characters.")]
 
 
 class RenameRequest(ApiRequest):
@@ -74,10 +67,9 @@ class CopyRequest(ApiRequest):
     name: NewName | None = None
 
 
-def build_files_router(path: str) -> APIRouter:
+def build_files_router(kind: str) -> APIRouter:
     """The routes of one kind of file."""
-    kind = FILE_KIND_BY_PATH[path]
-    router = ApiRouter(prefix=f"/{path}", tags=[path])
+    router = ApiRouter(prefix=f"/{kind}s", tags=[f"{kind}s"])
     _add_read_routes(router, kind)
     _add_change_routes(router, kind)
     if kind == "field":
@@ -97,21 +89,19 @@ def _add_read_routes(router: APIRouter, kind: str) -> None:
     def list_files(store: StoreAccess, _who: ReadAccess, search: SearchParameter = "") -> FileList:
         """All of them by name, or those that are searched for; those of Headland first."""
         suffix = SUFFIXES_BY_KIND[kind][0]
-        describe = partial(FileInfo, kind=kind, suffix=suffix, media=MEDIA_BY_SUFFIX[suffix], created=None, sample=True)
+        describe = partial(FileInfo, kind=kind, suffix=suffix, media=find_media(suffix), created=None, sample=True)
         names = (name for name in list_samples(kind) if is_found(name, search))
         samples = [describe(name=name, size=len(_read_sample(kind, name))) for name in names]
         return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
-    media = {MEDIA_BY_SUFFIX.get(suffix, BYTES).split(";")[0] for suffix in SUFFIXES_BY_KIND[kind]}
-
-    file_answer = document_file("The file", media)
+    file_answer = document_file("The file", {find_media(each).split(";")[0] for each in SUFFIXES_BY_KIND[kind]})
 
     @router.get("/{name}", response_class=Response, responses=file_answer, operation_id=f"read_{kind}")
     def download_file(store: StoreAccess, _who: ReadAccess, name: str) -> Response:
         """The uploaded file."""
         if name in list_samples(kind):
             suffix = SUFFIXES_BY_KIND[kind][0]
-            return build_download(_read_sample(kind, name), MEDIA_BY_SUFFIX[suffix], name + suffix)
+            return build_download(_read_sample(kind, name), find_media(suffix), name + suffix)
         row = store.get_file(kind, name)
         return build_download(store.blobs.read_bytes(row.sha256), row.media, row.name + row.suffix)
 
@@ -174,7 +164,7 @@ async def upload_field(
     who: PlanAccess,
     file: UploadParameter,
     name: NameParameter = None,
-    crs: Annotated[str | None, Form(max_length=LONGEST_CRS_CHARS, description=CRS_HELP)] = None,
+    crs: Annotated[ShortText | None, Form(description=CRS_HELP)] = None,
     swap_axes: Annotated[bool, Form(description=SWAP_AXES_HELP)] = False,
     local: Annotated[bool, Form(description=LOCAL_METRES_HELP)] = False,
     replace: ReplaceParameter = False,
@@ -191,7 +181,7 @@ async def summarize_field(
     name: str,
     key: Annotated[str | None, Query(max_length=100, description="Which of several fields.")] = None,
     local: Annotated[bool | None, Query(description=LOCAL_METRES_HELP + UPLOAD_DEFAULT_HELP)] = None,
-    crs: Annotated[str | None, Query(max_length=LONGEST_CRS_CHARS, description=CRS_HELP + UPLOAD_DEFAULT_HELP)] = None,
+    crs: Annotated[ShortText | None, Query(description=CRS_HELP + UPLOAD_DEFAULT_HELP)] = None,
     swap_axes: Annotated[bool | None, Query(description=SWAP_AXES_HELP + UPLOAD_DEFAULT_HELP)] = None,
 ) -> dict[str, Any]:
     """The fields of the file, and the chosen one: area, rings in metres and in degrees, obstacles."""
@@ -255,7 +245,7 @@ def _find_named_file(store: Store, caller: Caller, upload: Upload) -> FileRow | 
         row = store.get_file(upload.kind, upload.name)
     except NotFoundError:
         return None
-    is_same = row.sha256 == hashlib.sha256(upload.content).hexdigest()
+    is_same = row.sha256 == hash_bytes(upload.content)
     if not is_same and not upload.replaces:
         raise build_other_content_error(row.kind, row.name)
     if not is_same or row.options != upload.options or row.suffix != upload.suffix:

@@ -46,7 +46,6 @@ from planner.service.settings import LIMITS, MEGABYTE_BYTES, ServiceSettings
 
 MBTILES_SUFFIX, GEOTIFF_SUFFIXES = ".mbtiles", (".tif", ".tiff")
 PICTURE_FORMATS = ("png", "jpg", "jpeg", "webp")
-MOST_TEXT_CHARS = 400
 DegreeBounds = tuple[float, float, float, float]
 TILE_HEADERS = {"cache-control": "private, max-age=86400"}
 
@@ -98,7 +97,7 @@ class MbtilesFile:
             )
         if not (isinstance(least, int) and isinstance(most, int) and 0 <= least <= most):
             raise ServiceError(f"{self.path.name} has no tiles; give another file.", parameter="background")
-        attribution = values.get("attribution", "")[:MOST_TEXT_CHARS]
+        attribution = values.get("attribution", "")[: LIMITS.longest_text_chars]
         return BackgroundInfo(
             kind="mbtiles", attribution=attribution, least_zoom=least, most_zoom=min(most, HIGHEST_ZOOM),
             bounds_deg=_parse_bounds(values.get("bounds", "")),
@@ -216,7 +215,7 @@ class MapBackground:
             self.facts = BackgroundInfo(kind="address", most_zoom=settings.background_zoom)
         elif self._source is not None:
             self.facts = self._source.facts
-        attribution = " ".join(settings.background_attribution.split())[:MOST_TEXT_CHARS]
+        attribution = " ".join(settings.background_attribution.split())[: LIMITS.longest_text_chars]
         if self._source is not None and attribution:
             self.facts = self.facts.model_copy(update={"attribution": attribution})
 

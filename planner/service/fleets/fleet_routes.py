@@ -139,8 +139,8 @@ def store_new_fleet(
     plan, settings = prepare_with_files(text, files), {**given, "begin_s": time.time()}
     if settings.get("deadline_s") is None and plan.scenario.deadline_s is not None:
         settings["deadline_s"] = find_next_time_s(plan.scenario.deadline_s)
-    label = FleetLabel(id, name, store.save_fleet(id, name, text, settings))
-    return NewFleet(label, plan, settings, plan_bytes)
+    label = FleetLabel(id, name, store.save_fleet(id, name, text, settings), plan_bytes)
+    return label, plan, settings
 
 
 def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
@@ -255,12 +255,12 @@ class FleetList(ItemList[FleetAnswer]):
 
 def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
     """A fleet from memory: answers do not wait for the database."""
-    answer = FleetAnswer(id=label.id, name=label.name, created=label.created, error=sessions.faults.get(label.id))
+    answer = FleetAnswer(id=label.id, name=label.name, created=label.created, error=label.fault)
     session = sessions.by_id.get(label.id)
     if session is None:
         return answer
     now = time.monotonic()
-    answer.videos = sessions.videos.get_addresses(label.id)
+    answer.videos = sessions.video_hosts.select_allowed(label.videos)
     answer.recorded = max(session.recorder.received) >= 0
     answer.fleet = build_tick_fleet(session.manager, session.compute_deadline_s(), session.finish_distribution)
     answer.tractors = [

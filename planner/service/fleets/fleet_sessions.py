@@ -12,7 +12,7 @@ import tomllib
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,7 +31,7 @@ from planner.fleet.session.fleet_twins import warm_up
 from planner.fleet.session.state_recorder import ROW_COLUMNS, select_rising_rows
 from planner.pipeline.executors import KILLED_WORKER_MESSAGE, LocalPool
 from planner.service.errors import BusyError, NotFoundError
-from planner.service.fleets.video_addresses import VideoAddresses
+from planner.service.fleets.video_addresses import VideoHosts, read_stored_addresses
 from planner.service.gateway.responses import require_state
 from planner.service.settings import LIMITS
 from planner.service.store.database_watch import TokenCache
@@ -61,27 +61,27 @@ def prepare_with_files(text: str, files: Files, timing: Mapping[str, Any] | None
         return prepare_fleet_plan(text, **paths, timing=timing)
 
 
-@dataclass(frozen=True)
+@dataclass
 class FleetLabel:
-    """Name of a fleet, and when it was created (UTC)."""
+    """Name of a fleet, when it was created (UTC), the length of its plan as text, and addresses of video by tractor.
+
+    `fault` says why a stored one could not be restored, None for a live one.
+    """
 
     id: str
     name: str
     created: str
+    plan_bytes: int = 0
+    fault: str | None = None
+    videos: dict[int, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class NewFleet:
-    """A fleet that was stored and has no session yet; its plan has so many bytes as text."""
-
-    label: FleetLabel
-    plan: FleetPlan
-    settings: dict[str, Any]
-    plan_bytes: int
+NewFleet = tuple[FleetLabel, FleetPlan, dict[str, Any]]
+"""Label, plan and settings of a fleet that was stored and has no session yet."""
 
 
 class FleetSessions:
-    """Live fleets by id. `faults` says why a stored fleet could not be restored, `labels` names both kinds.
+    """Live fleets by id; `labels` names those that could not be restored too.
 
     `follow_up` is called for each about once a second and may wait. One thread only writes to the database, so that
     neither orders nor frames wait for it.
@@ -92,9 +92,8 @@ class FleetSessions:
         self.book = TokenCache(store) if book is None else book
         self.by_id: dict[str, FleetSession] = {}
         self.neighbourhood = Neighbourhood()
-        self.faults: dict[str, str] = {}
         self.labels: dict[str, FleetLabel] = {}
-        self.videos = VideoAddresses(store.settings.video_hosts)
+        self.video_hosts = VideoHosts(store.settings.video_hosts)
         self.on_stop: Callable[[float], None] | None = None
         self.lag_s = 0.0  # delay of the last step of the fleets, itself included
         self._pool: LocalPool | None = None
@@ -102,7 +101,6 @@ class FleetSessions:
         self._saving, self._order_given = asyncio.Lock(), asyncio.Event()
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="saving")
         self._unsaved: set[str] = set()
-        self._plan_bytes: dict[str, int] = {}
         self._creating = asyncio.Lock()
 
     async def start(self) -> None:
@@ -151,6 +149,10 @@ class FleetSessions:
             raise NotFoundError(f"There is no fleet {id[:60]!r}; see the list of fleets.", parameter="id")
         return self.labels[id]
 
+    def list_video_origins(self) -> list[str]:
+        """Scheme, host and port of every allowed video of a fleet that names a host."""
+        return self.video_hosts.list_origins(one for label in self.labels.values() for one in label.videos.values())
+
     def get_session(self, id: str) -> FleetSession:
         """A live fleet; raises NotFoundError."""
         if id not in self.by_id:
@@ -167,10 +169,9 @@ class FleetSessions:
             if len(self.by_id) >= LIMITS.most_fleets:
                 raise BusyError(f"There are {len(self.by_id)} live fleets, the most allowed; delete one first.")
             # Prepared plans take about as much memory as their texts: together no more than one upload.
-            room_bytes = self.store.settings.upload_bytes - sum(self._plan_bytes.values())
-            new = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
-            session, self.labels[new.label.id] = self._build_session(new.label, new.plan, new.settings), new.label
-            self._plan_bytes[new.label.id] = new.plan_bytes
+            room_bytes = self.store.settings.upload_bytes - sum(label.plan_bytes for label in self.labels.values())
+            label, plan, settings = await self.run_in_process(build, secrets.token_hex(8), room_bytes, *arguments)
+            session, self.labels[label.id] = self._build_session(label, plan, settings), label
             self.add(session)
         return session
 
@@ -213,10 +214,7 @@ class FleetSessions:
         if session is not None:
             session.close(DELETED_TEXT, time.monotonic())
             self.neighbourhood.remove(id, time.monotonic())
-        self.faults.pop(id, None)
         self.labels.pop(id, None)
-        self._plan_bytes.pop(id, None)
-        self.videos.remove_fleet(id)
         await asyncio.to_thread(self.store.delete_fleet, id)
 
     async def restore_sessions(self) -> None:
@@ -225,7 +223,7 @@ class FleetSessions:
             if row.id in self.by_id:
                 continue
             label = self.labels[row.id] = FleetLabel(row.id, row.name, row.created)
-            self.videos.restore(row.id, row.settings)
+            label.videos = read_stored_addresses(row.settings)
             try:
                 contents = {
                     name: (suffix, await asyncio.to_thread(self.store.blobs.read_bytes, sha256))
@@ -237,15 +235,15 @@ class FleetSessions:
                 session = self._build_session(label, plan, row.settings)
                 restore_progress(session.manager, saved.get("centre", {}), time.monotonic(), time.time())
                 session.plan_text = saved.get("plan")
-                self._plan_bytes[row.id] = len(text.encode())
+                label.plan_bytes = len(text.encode())
                 await asyncio.to_thread(self._restore_twin_files, session, saved.get("mended", {}))
                 await self._restore_coverage(session)
                 self.add(session)
             except HeadlandError as refusal:
-                self.faults[row.id] = render_refusal(refusal)
+                label.fault = render_refusal(refusal)
                 logging.getLogger(__name__).warning("Fleet %s is not restored: %s", row.id, refusal)
             except Exception:
-                self.faults[row.id] = "The saved state of this fleet cannot be read; create it again from its plan."
+                label.fault = "The saved state of this fleet cannot be read; create it again from its plan."
                 logging.getLogger(__name__).exception("Fleet %s is not restored", row.id)
 
     def _restore_twin_files(self, session: FleetSession, twin_files: Mapping[str, str]) -> None:

@@ -38,51 +38,37 @@ class VideoAddress(ApiRequest):
     address: Annotated[str, Field(max_length=LONGEST_ADDRESS_CHARS)] | None
 
 
-class VideoAddresses:
-    """The addresses of all fleets, by tractor counted from 1; they may be on these hosts and the service's own.
+class VideoHosts:
+    """The hosts on which addresses may be besides the service's own.
 
     Raises ServiceError for hosts that are none, or too many for the policy of pages.
     """
 
     def __init__(self, hosts: Iterable[str] = ()) -> None:
-        self.allowed_origins = {_parse_host(host) for host in hosts}
-        if len(" ".join(self.allowed_origins)) > LIMITS.most_origin_chars:
+        self.origins = {_parse_host(host) for host in hosts}
+        if len(" ".join(self.origins)) > LIMITS.most_origin_chars:
             raise ServiceError(
                 f"The video hosts have more than {LIMITS.most_origin_chars} characters, for which answers have no "
                 "room; let one gateway serve several videos.",
                 parameter="video_host",
             )
-        self._by_fleet: dict[str, dict[int, str]] = {}
-
-    def restore(self, fleet: str, settings: Mapping[str, Any]) -> None:
-        """Take the addresses from the stored settings of a fleet."""
-        self._by_fleet[fleet] = {int(number): str(one) for number, one in settings.get(SETTINGS_KEY, {}).items()}
-
-    def set_address(self, fleet: str, tractor: int, address: str | None) -> dict[str, str]:
-        """Set or remove an address; returns all of the fleet as they are stored."""
-        addresses = self._by_fleet.setdefault(fleet, {})
-        addresses.pop(tractor, None)
-        if address is not None:
-            addresses[tractor] = address
-        return {str(number): one for number, one in sorted(addresses.items())}
-
-    def get_addresses(self, fleet: str) -> dict[int, str]:
-        """The addresses of a fleet by tractor, without those on hosts that are not allowed any more."""
-        found = sorted(self._by_fleet.get(fleet, {}).items())
-        return {tractor: address for tractor, address in found if self.is_allowed(address)}
 
     def is_allowed(self, address: str) -> bool:
         """Whether an address is on the service's own host or one that the administrator named."""
-        return find_origin(address) in (None, *self.allowed_origins)
+        return find_origin(address) in (None, *self.origins)
 
-    def remove_fleet(self, fleet: str) -> None:
-        """Forget a deleted fleet."""
-        self._by_fleet.pop(fleet, None)
+    def select_allowed(self, addresses: Mapping[int, str]) -> dict[int, str]:
+        """Addresses by tractor, without those on hosts that are not allowed any more."""
+        return {tractor: address for tractor, address in sorted(addresses.items()) if self.is_allowed(address)}
 
-    def list_origins(self) -> list[str]:
+    def list_origins(self, addresses: Iterable[str]) -> list[str]:
         """Scheme, host and port of every allowed address that names a host."""
-        found = {find_origin(one) for addresses in self._by_fleet.values() for one in addresses.values()}
-        return sorted(origin for origin in found if origin in self.allowed_origins)
+        return sorted(self.origins & {find_origin(one) for one in addresses})
+
+
+def read_stored_addresses(settings: Mapping[str, Any]) -> dict[int, str]:
+    """The addresses by tractor, counted from 1, in the stored settings of a fleet."""
+    return {int(number): str(one) for number, one in settings.get(SETTINGS_KEY, {}).items()}
 
 
 def _parse_host(host: str) -> str:
@@ -150,15 +136,18 @@ async def set_video_address(
 ) -> VideoAddress:
     """Set the address of a tractor's video, or remove it; pages opened from then on may load it."""
     sessions = request.app.state.hub
-    session = sessions.get_session(id)
+    session, videos = sessions.get_session(id), sessions.get_label(id).videos
     if not 1 <= tractor <= session.tractor_count:
         raise NotFoundError(
             f"The fleet has no tractor {tractor}; use 1 to {session.tractor_count}.", parameter="tractor"
         )
     address = None if body.address is None else check_video_address(body.address)
-    if address is not None and not sessions.videos.is_allowed(address):
+    if address is not None and not sessions.video_hosts.is_allowed(address):
         raise _refuse(address, f"is on a host that is not allowed; ask the administrator for {ALLOW_HOST}")
-    stored = sessions.videos.set_address(id, tractor, address)
+    videos.pop(tractor, None)
+    if address is not None:
+        videos[tractor] = address
+    stored = {str(number): one for number, one in sorted(videos.items())}
     await asyncio.to_thread(sessions.store.save_fleet_setting, id, SETTINGS_KEY, stored)
     await asyncio.to_thread(
         sessions.store.add_event, id, who.name, "video address", {"tractor": tractor, PARAMETER: address}

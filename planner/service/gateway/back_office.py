@@ -6,14 +6,12 @@ It is started again whenever it ends, and trusts the control process to name the
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import hmac
 import json
-import logging
 import multiprocessing
 import secrets
 from collections import Counter
-from collections.abc import AsyncIterator, Awaitable, Callable, Collection
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Sequence
 from dataclasses import asdict
 from multiprocessing.connection import Connection
 
@@ -36,7 +34,6 @@ OFFICE_STARTING = "Files, jobs and pages are starting; try again in a few second
 TRY_AGAIN = {"retry-after": "3", "connection": "close"}
 UNREADABLE_ADDRESS = "The address cannot be read; write it in letters, digits and % codes."
 OFFICE_LOST = "The process for files, jobs and pages ended during this request; try again."
-OFFICE_POLL_S = 0.2
 LOOPBACK_HOST = "127.0.0.1"
 
 
@@ -168,25 +165,21 @@ class SharedSecretMiddleware:
 class BackOffice:
     """Keeps the process of the office, whose main function is `run` (settings, secret, where to send its port).
 
-    `url` is where it listens, None while it does not; `starts` counts them.
+    `url` is where it listens, None while it does not.
     """
 
     def __init__(self, settings: ServiceSettings, run: Callable[[ServiceSettings, str, Connection], None]) -> None:
         self.settings, self.secret = settings, secrets.token_urlsafe(32)
         self.url: str | None = None
-        self.starts = 0
-        self._kept_process = KeptProcess("headland-office", run, short_life_s=5.0, patience_s=30.0)
-        self._task: asyncio.Task[None] | None = None
+        self.kept_process = KeptProcess(
+            run, self._prepare, self._conclude, short_life_s=5.0, patience_s=30.0, look=self._receive_port
+        )
 
     @property
     def pid(self) -> int:
         """The number of the process, 0 where there is none."""
-        process = self._kept_process.process
+        process = self.kept_process.process
         return 0 if process is None else process.pid or 0
-
-    def start(self) -> None:
-        """Start the process, and again whenever it ends."""
-        self._task = asyncio.create_task(self._keep_running())
 
     async def wait_until_ready(self) -> None:
         """Wait until the process listens, however slow the machine is."""
@@ -195,32 +188,19 @@ class BackOffice:
 
     async def stop(self) -> None:
         """End the process and its work."""
-        if self._task is not None:
-            self._task.cancel()
-            await asyncio.gather(self._task, return_exceptions=True)
-        await asyncio.to_thread(self._kept_process.end)
+        await asyncio.to_thread(self.kept_process.stop)
+        self.url = None
 
-    async def _keep_running(self) -> None:
-        while True:
-            if self._kept_process.is_due:
-                try:
-                    await self._run_once()
-                except OSError:
-                    logging.getLogger(__name__).exception("The office cannot be started")
-            await asyncio.sleep(OFFICE_POLL_S)
+    def _prepare(self) -> tuple[str, Sequence[object]]:
+        self._port_receiver, self._port_sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
+        return "headland-office", (self.settings, self.secret, self._port_sender)
 
-    async def _run_once(self) -> None:
-        receiver, sender = multiprocessing.get_context("spawn").Pipe(duplex=False)
-        with receiver:
-            with sender:
-                await asyncio.to_thread(self._kept_process.start, self.settings, self.secret, sender)
-            self.starts += 1
-            try:
-                while self._kept_process.end_status is None:
-                    if self.url is None and receiver.poll():
-                        with contextlib.suppress(EOFError):
-                            self.url = f"http://{LOOPBACK_HOST}:{receiver.recv()}"
-                    await asyncio.sleep(OFFICE_POLL_S)
-                self._kept_process.forget()
-            finally:
-                self.url = None
+    def _receive_port(self) -> None:
+        if self.url is None and self._port_receiver.poll():
+            self.url = f"http://{LOOPBACK_HOST}:{self._port_receiver.recv()}"
+
+    def _conclude(self, _name: str, _status: int) -> bool:
+        self.url = None
+        for end in (self._port_receiver, self._port_sender):
+            end.close()
+        return True

@@ -82,38 +82,35 @@ class ConnectionLimits:
 
 @dataclass
 class ConnectionRegistry:
-    """All connections except links (WebSockets), by age; `closed_by_reason` counts those that were closed."""
+    """All connections except links (WebSockets), by age of each address; `closed_by_reason` counts closed ones."""
 
     limits: ConnectionLimits = field(default_factory=ConnectionLimits)
     clock: Callable[[], float] = time.monotonic
     closed_by_reason: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
-        self._open: OrderedDict[OpenConnection, None] = OrderedDict()
         self._by_address: dict[str, OrderedDict[OpenConnection, None]] = {}
         self._reported_s, self._unreported = float("-inf"), 0
 
     def __len__(self) -> int:
-        return len(self._open)
+        return sum(map(len, self._by_address.values()))
 
     def add_connection(self, address: str, close: Callable[[], None]) -> OpenConnection | None:
         """A new connection; None where there is no room for it, so that it must be closed."""
         crowded, own = [], self._by_address.get(address, OrderedDict())
         if len(own) >= self.limits.per_address:
             crowded = [own]
-        elif len(self._open) >= self.limits.total:
+        elif len(self) >= self.limits.total:
             crowded = sorted(self._by_address.values(), key=len, reverse=True)
         if crowded and not any(map(self._close_oldest_idle, crowded)):
             self.closed_by_reason["refused"] += 1
             return None
         connection = OpenConnection(address, close)
-        self._open[connection] = None
         self._by_address.setdefault(address, OrderedDict())[connection] = None
         return connection
 
     def remove_connection(self, connection: OpenConnection) -> None:
         """Forget a connection that is closed or has become a link."""
-        self._open.pop(connection, None)
         of_address = self._by_address.get(connection.address)
         if of_address is not None:
             of_address.pop(connection, None)
@@ -127,9 +124,9 @@ class ConnectionRegistry:
     def end_request(self, connection: OpenConnection) -> None:
         """The request is answered; the connection now counts as new."""
         connection.is_idle, connection.begun_s = True, None
-        for rows in (self._open, self._by_address.get(connection.address, OrderedDict())):
-            if connection in rows:
-                rows.move_to_end(connection)
+        of_address = self._by_address.get(connection.address, OrderedDict())
+        if connection in of_address:
+            of_address.move_to_end(connection)
 
     def end_connection(self, connection: OpenConnection, reason: str) -> None:
         """Close a connection for a reason, which is counted, and logged at most once a minute."""

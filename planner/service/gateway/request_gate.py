@@ -99,24 +99,22 @@ async def refuse_unknown_query(connection: HTTPConnection) -> None:
     if not isinstance(route, APIRoute):
         return
     known_names = sorted(set(_list_query_names(route.dependant)))
-    for name in connection.query_params:
-        if name not in known_names:
-            accepted = f"it takes {', '.join(known_names)}" if known_names else "it takes none"
-            raise ServiceError(
-                f"{name[:40]!r} is not a parameter of this address; {accepted}{suggest_name(name, known_names)}.",
-                parameter=name[:40],
-            )
+    _refuse_unknown_names(connection.query_params, known_names, "parameter of this address")
 
 
 async def refuse_unknown_form_parts(request: Request) -> None:
     """A dependency of uploads; raises ServiceError for the first part of the form that the route does not have."""
     route = request.scope["route"]
     known_names = sorted(each.alias for each in route.dependant.body_params)
-    for name in await request.form():
+    _refuse_unknown_names(await request.form(), known_names, "part of this form")
+
+
+def _refuse_unknown_names(names: Iterable[str], known_names: Sequence[str], what: str) -> None:
+    """Raise ServiceError for the first name that is not known."""
+    for name in names:
         if name not in known_names:
-            close = suggest_name(name, known_names)
-            sentence = f"{name[:40]!r} is not a part of this form; it takes {', '.join(known_names)}{close}."
-            raise ServiceError(sentence, parameter=name[:40])
+            accepted, close = ", ".join(known_names) or "none", suggest_name(name, known_names)
+            raise ServiceError(f"{name[:40]!r} is not a {what}; it takes {accepted}{close}.", parameter=name[:40])
 
 
 def _list_query_names(dependant: Dependant) -> Iterator[str]:

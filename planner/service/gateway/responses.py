@@ -21,7 +21,7 @@ from starlette.types import Receive
 from planner.errors import HeadlandError, render_refusal, strip_unit
 from planner.request.parameter_names import quote_label
 from planner.request.validation import describe_fault, format_location
-from planner.service.errors import ServiceError, StorageError
+from planner.service.errors import StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
 from planner.service.store.job_queue import JobStatus
 from planner.service.store.service_store import Store
@@ -237,9 +237,12 @@ def build_error_response(
     return JSONResponse({"error": message, "parameter": parameter, **more}, status, headers)
 
 
-def build_refusal_response(error: ServiceError) -> JSONResponse:
-    """A refusal as an answer."""
-    return build_error_response(error.http_status, str(error), None, error.parameter)
+def build_refusal_response(error: HeadlandError) -> JSONResponse:
+    """A refusal as an answer, with the API's name of its parameter."""
+    parameter = None if error.parameter is None else strip_unit(error.parameter)
+    sentence, labelled = render_refusal(error), error.render_sentence(quote_label)
+    more = {"labelled": labelled} if labelled != sentence else {}
+    return build_error_response(getattr(error, "http_status", 422), sentence, None, parameter, **more)
 
 
 def add_error_handlers(app: FastAPI) -> None:
@@ -247,10 +250,7 @@ def add_error_handlers(app: FastAPI) -> None:
 
     async def handle_headland_error(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, HeadlandError)
-        parameter = None if error.parameter is None else strip_unit(error.parameter)
-        sentence, labelled = render_refusal(error), error.render_sentence(quote_label)
-        more = {"labelled": labelled} if labelled != sentence else {}
-        return build_error_response(getattr(error, "http_status", 422), sentence, None, parameter, **more)
+        return build_refusal_response(error)
 
     async def handle_invalid_request(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

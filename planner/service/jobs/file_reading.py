@@ -16,6 +16,7 @@ import time
 from collections import OrderedDict, deque
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -146,8 +147,7 @@ class FileReader:
         self._queue, self._processes = FairQueue(), choose_reader()
         self._memory_bytes = compute_reading_memory_limit_bytes()
         self._lock = threading.Lock()
-        self._cache: dict[str, Any] = {}
-        self._running_reads: dict[str, tuple[str, Future[Any]]] = {}
+        self._shared_reads: dict[str, tuple[str, Future[Any]]] = {}
 
     def start_processes(self) -> None:
         """Start the processes, so that the first request need not wait for them."""
@@ -175,36 +175,32 @@ class FileReader:
         """
         options = dict(options or {})
         key = repr((reading, arguments, sorted(inputs.items()), sorted(options.items()))) if is_shared else ""
-
-        def read_and_cache() -> Any:
-            result = self._read_in_folder(reading, inputs, arguments, options)
-            if key:
-                with self._lock:
-                    if len(self._cache) >= LIMITS.most_cached_summaries:
-                        self._cache.clear()
-                    self._cache[key] = result
-            return result
-
-        with self._lock:
-            if key in self._cache:
-                return self._cache[key]
-            owner, shared = self._running_reads.get(key, ("", None))
-            # A piece that waits stays in the queue of its own client, so nobody else waits behind it.
-            if shared is not None and (owner == client or shared.running()):
-                future = shared
-            else:
-                future = self._queue.submit_work(client, read_and_cache)
-            if key:
-                self._running_reads[key] = client, future
+        work = partial(self._read_in_folder, reading, inputs, arguments, options)
         if not key:
-            return await asyncio.wrap_future(future)
-        future.add_done_callback(lambda done: self._forget_running(key, done))
+            return await asyncio.wrap_future(self._queue.submit_work(client, work))
+        with self._lock:
+            owner, future = self._shared_reads.get(key, ("", None))
+            # A piece that waits stays in the queue of its own client, so nobody else waits behind it.
+            is_shared = future is not None and (owner == client or future.running() or future.done())
+            if future is None or not is_shared:
+                future = self._queue.submit_work(client, work)
+                self._share_read(key, client, future)
+        future.add_done_callback(lambda done: self._forget_failed(key, done))
         return await asyncio.shield(asyncio.wrap_future(future))
 
-    def _forget_running(self, key: str, future: Future[Any]) -> None:
-        with self._lock:
-            if self._running_reads.get(key, ("", None))[1] is future:
-                del self._running_reads[key]
+    def _share_read(self, key: str, client: str, future: Future[Any]) -> None:
+        """Let others have the result of a reading; to be called with the lock."""
+        done_keys = [each for each, (_, shared) in self._shared_reads.items() if shared.done()]
+        if len(done_keys) >= LIMITS.most_cached_summaries:
+            for each in done_keys:
+                del self._shared_reads[each]
+        self._shared_reads[key] = client, future
+
+    def _forget_failed(self, key: str, future: Future[Any]) -> None:
+        if future.cancelled() or future.exception() is not None:
+            with self._lock:
+                if self._shared_reads.get(key, ("", None))[1] is future:
+                    del self._shared_reads[key]
 
     def _read_in_folder(
         self, reading: str, inputs: Mapping[str, str], arguments: list[Any], options: dict[str, Any]

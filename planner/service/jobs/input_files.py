@@ -6,7 +6,7 @@ it names beside it. What a file of the farm or the day names is looked for among
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
@@ -24,7 +24,7 @@ from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import MAX_SEED
 from planner.service.errors import NotFoundError, ServiceError
 from planner.service.settings import LIMITS
-from planner.service.store.job_queue import JobStore, ResultFile
+from planner.service.store.job_queue import JobStore
 from planner.service.store.service_store import SUFFIXES_BY_KIND, Store
 from vehicle.identification.logs.reader import SAMPLE_LOG
 from vehicle.model.soil import load_soils
@@ -45,8 +45,8 @@ PATH_CHARACTERS = "/\\:\0"
 
 InputFiles = dict[str, str]
 """Files of a request: the path of each in the job's folder, and the SHA-256 of its bytes."""
-ListNames = Callable[[Mapping[str, Any]], Iterator[tuple[str, str]]]
-"""Lists kind and name of the files that a TOML file names."""
+NamedFile = tuple[str, str, list[str | int]]
+"""Kind and name of a file that a TOML file names, and where: keys and positions."""
 
 
 class JobRequest(BaseModel):
@@ -158,8 +158,9 @@ class JobContext:
     cache_folder: str
 
 
-JobFunction = Callable[[JobContext], Sequence[ResultFile]]
-"""Runs a job and returns its results; raises HeadlandError."""
+ResultContents = Mapping[str, str | bytes]
+JobFunction = Callable[[JobContext], ResultContents]
+"""Runs a job and returns its results by file name; raises HeadlandError."""
 
 
 class InputCollector:
@@ -187,7 +188,7 @@ class InputCollector:
         """Add bytes at a path; a farm brings the tractor files that it names."""
         self.inputs[file_path] = sha256
         if kind == "farm":
-            self._add_named_files(sha256, file_path.partition("/")[0], parameter, _list_farm_tractors)
+            self._add_named_files("farm", sha256, file_path.partition("/")[0], parameter)
 
     def add_field(self, name: str, parameter: str) -> tuple[str, dict[str, Any]]:
         """The path of a sample or an uploaded field, with the part after "#", and how it is read, as given with the
@@ -204,7 +205,7 @@ class InputCollector:
 
     def add_farm_tractors(self, text: str, folder: str) -> None:
         """The tractor files that the text of a farm names, in a folder, as far as there are any."""
-        for kind, name in _list_names_in_toml(text, _list_farm_tractors):
+        for kind, name, _ in _list_files_in_toml("farm", text):
             with suppress(ServiceError):
                 self.add_file(kind, name, "file", folder, name)
 
@@ -212,12 +213,12 @@ class InputCollector:
         """The text of a day, and the files that it names."""
         sha256 = self._store.blobs.put_bytes(text.encode())
         self.inputs[DAY_FILE] = sha256
-        self._add_named_files(sha256, "day", "day", _list_day_files)
+        self._add_named_files("day", sha256, "day", "day")
 
-    def _add_named_files(self, sha256: str, folder: str, parameter: str, list_names: ListNames) -> None:
-        """Add the files that a TOML file names, beside it under those names; a file that is not TOML names none."""
+    def _add_named_files(self, of_kind: str, sha256: str, folder: str, parameter: str) -> None:
+        """Add the files that a farm or a day names, beside it under those names; a file that is not TOML names none."""
         text = self._store.blobs.read_bytes(sha256).decode("utf-8-sig", "replace")
-        for kind, name in _list_names_in_toml(text, list_names):
+        for kind, name, _ in _list_files_in_toml(of_kind, text):
             file_path = f"{folder}/{name}"
             if file_path == DAY_FILE:
                 raise ServiceError(
@@ -292,7 +293,7 @@ def list_tractor_users(store: Store, name: str) -> list[str]:
     users = []
     for farm in store.list_files("farm"):
         text = store.blobs.read_bytes(farm.sha256).decode("utf-8-sig", "replace")
-        if any(_strip_suffix("tractor", file) == name for _, file in _list_names_in_toml(text, _list_farm_tractors)):
+        if any(_strip_suffix("tractor", file) == name for _, file, _ in _list_files_in_toml("farm", text)):
             users.append(f"the farm {farm.name!r}")
     fleets = [each.name for each in store.list_fleets() if name in each.progress.get("mended", {}).values()]
     return users + [f"the fleet {each!r}" for each in fleets]
@@ -303,40 +304,39 @@ def _strip_suffix(kind: str, name: str) -> str:
     return next((name.removesuffix(end) for end in SUFFIXES_BY_KIND[kind] if name.endswith(end)), name)
 
 
-def _list_names_in_toml(text: str, list_names: ListNames) -> list[tuple[str, str]]:
-    """Kind and name of the files that a text names; one that is not TOML names none."""
+def _list_files_in_toml(of_kind: str, text: str) -> list[NamedFile]:
+    """The files that the text of a farm or a day names; one that is not TOML names none."""
     try:
-        return list(list_names(parse_toml(text)))
+        return list(list_named_files(of_kind, parse_toml(text)))
     except (ValueError, RecursionError):
         return []
 
 
-def _list_farm_tractors(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Tractor files that a farm names."""
-    for name in _list_texts(values.get("tractors"), "file"):
-        if name not in list_tractor_names():
-            yield "tractor", name
-
-
-def _list_day_files(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Fields, their heights, the farm and the table of rain that a day names."""
-    for name in _list_texts(values.get("fields"), "file"):
+def list_named_files(of_kind: str, values: Mapping[str, Any]) -> Iterator[NamedFile]:
+    """Tractors that a farm names; fields, their heights, the farm and the table of rain that a day names."""
+    if of_kind == "farm":
+        for name, place in _list_texts(values, "tractors", "file"):
+            if name not in list_tractor_names():
+                yield "tractor", name, place
+        return
+    for name, place in _list_texts(values, "fields", "file"):
         if name.partition("#")[0] not in list_sample_names():
-            yield "field", name.partition("#")[0]
-    for name in _list_texts(values.get("fields"), "elevation"):
-        yield "elevation", name
+            yield "field", name.partition("#")[0], place
+    for name, place in _list_texts(values, "fields", "elevation"):
+        yield "elevation", name, place
     farm = values.get("farm")
     if isinstance(farm, str) and farm != EXAMPLE_FARM:
-        yield "farm", farm
-    rain = values.get("rain")
-    if isinstance(rain, str) and _is_rain_table(rain):
-        yield "table", rain.strip()
+        yield "farm", farm, ["farm"]
+    if _is_rain_table(values.get("rain")):
+        yield "table", values["rain"].strip(), ["rain"]
 
 
-def _list_texts(tables: Any, key: str) -> Iterator[str]:
-    for table in tables if isinstance(tables, list) else ():
+def _list_texts(values: Mapping[str, Any], section: str, key: str) -> Iterator[tuple[str, list[str | int]]]:
+    """The texts of a key in the tables of a section, and their places."""
+    tables = values.get(section)
+    for position, table in enumerate(tables if isinstance(tables, list) else ()):
         if isinstance(table, Mapping) and isinstance(table.get(key), str):
-            yield table[key]
+            yield table[key], [section, position, key]
 
 
 def _is_rain_table(rain: Any) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 from planner.day.input_file import load_day
@@ -17,10 +17,8 @@ from planner.pipeline.planning import PlanningResult, plan_order
 from planner.pipeline.ranking import list_candidates
 from planner.pipeline.result_cache import ResultCache
 from planner.pipeline.worker_tasks import group_candidates, warm_up_simulation
-from planner.service.jobs.input_files import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction
+from planner.service.jobs.input_files import DayJobRequest, DiagnosisJobRequest, JobContext, JobFunction, ResultContents
 from planner.service.sandbox.readings import build_work_order
-from planner.service.store.job_queue import ResultFile
-from planner.service.store.service_store import MEDIA_BY_SUFFIX
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.tables import format_day_csv, format_day_json
 from reports.diagnosis.page import render_diagnosis_page
@@ -32,12 +30,6 @@ from reports.plan.ranking_page import render_plan_page
 from reports.plan.shortfall_wording import list_shortfall_sentences
 from vehicle.identification.diagnosis.demo_logs import HiddenEffect
 from vehicle.model.tractor_writer import format_tractor_toml
-
-
-def build_result_file(name: str, content: str | bytes) -> ResultFile:
-    """A result, whose ending gives its media type."""
-    encoded = content.encode("utf-8", "replace") if isinstance(content, str) else content
-    return name, encoded, MEDIA_BY_SUFFIX[PurePosixPath(name).suffix]
 
 
 def load_job_libraries() -> None:
@@ -58,7 +50,7 @@ def _load_simulator(job: JobContext) -> None:
     warm_up_simulation()
 
 
-def run_day_job(job: JobContext) -> list[ResultFile]:
+def run_day_job(job: JobContext) -> ResultContents:
     """Plan a day; raises HeadlandError where it cannot be planned."""
     request = DayJobRequest.model_validate(job.request)
     day_request, day_farm = load_day(request.day, farm=request.farm, rain=request.rain, certainty_pct=request.certainty)
@@ -78,21 +70,21 @@ def run_day_job(job: JobContext) -> list[ResultFile]:
             progress=lambda done, all: job.report_progress(done, all, "Simulating fields"),
         )
     job.report_progress(0, 0, "Writing the results")
-    files = [
-        build_result_file("result.json", format_day_json(result)),
-        build_result_file("result.csv", format_day_csv(result)),
-        build_result_file("page.html", render_day_page(result)),
-        build_result_file("gantt.png", render_png(draw_gantt(result))),
-    ]
+    files: dict[str, str | bytes] = {
+        "result.json": format_day_json(result),
+        "result.csv": format_day_csv(result),
+        "page.html": render_day_page(result),
+        "gantt.png": render_png(draw_gantt(result)),
+    }
     if (figure := draw_road_map(result)) is not None:
-        files.append(build_result_file("map.png", render_png(figure)))
+        files["map.png"] = render_png(figure)
     job.report_progress(
         1, 1, "Done" if result.jobs else f"No field can be done; the closest is {result.closest_field}."
     )
     return files
 
 
-def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
+def run_diagnosis_job(job: JobContext) -> ResultContents:
     """Diagnose logs, or a demonstration; raises HeadlandError for logs that cannot be used."""
     request = DiagnosisJobRequest.model_validate(job.request)
 
@@ -110,18 +102,18 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
         convert: dict[str, Any] = {"fixes": request.fix, "mapping": request.mapping}
         diagnosis = diagnose(request.logs, **machine, **convert, use_driven_size=request.as_driven)
     page = render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)
-    files = [
-        build_result_file("result.json", format_diagnosis_json(diagnosis, hidden)),
-        build_result_file("page.html", page),
-    ]
+    files: dict[str, str | bytes] = {
+        "result.json": format_diagnosis_json(diagnosis, hidden),
+        "page.html": page,
+    }
     if diagnosis.is_savable:
-        files.append(build_result_file("tractor.toml", format_tractor_toml(diagnosis.tractor)))
+        files["tractor.toml"] = format_tractor_toml(diagnosis.tractor)
     if diagnosis.next_drive_plan is not None:
-        files.append(build_result_file("next-drive.json", diagnosis.next_drive_plan))
+        files["next-drive.json"] = diagnosis.next_drive_plan
     return files
 
 
-def run_plan_job(job: JobContext) -> list[ResultFile]:
+def run_plan_job(job: JobContext) -> ResultContents:
     """Simulate and rank plans; raises HeadlandError where nothing can be planned."""
     order = build_work_order(job.request)
     _load_simulator(job)
@@ -134,7 +126,7 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
             cache=ResultCache(Path(job.cache_folder) / "plans"),
         )
     job.report_progress(0, 0, "Writing the results")
-    files = list(_write_plan_results(planned))
+    files = dict(_write_plan_results(planned))
     outcome = "No plan is feasible."
     if planned.ranking.best is not None:
         outcome = " ".join(list_shortfall_sentences(planned.ranking)) or "Done"
@@ -142,20 +134,20 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
     return files
 
 
-def _write_plan_results(planned: PlanningResult) -> Iterator[ResultFile]:
+def _write_plan_results(planned: PlanningResult) -> Iterator[tuple[str, str | bytes]]:
     ranking, best = planned.ranking, planned.ranking.best
     drive = None if best is None else planned.pictures[best.strategy, best.tractors]
-    yield build_result_file("result.json", format_ranking_json(ranking))
-    yield build_result_file("result.csv", format_ranking_csv(ranking))
+    yield "result.json", format_ranking_json(ranking)
+    yield "result.csv", format_ranking_csv(ranking)
     field_picture = None if drive is not None else build_refused_picture(planned.context, ranking)
-    yield build_result_file("page.html", render_plan_page(ranking, drive, planned.pictures, field_picture))
-    yield build_result_file("maps.json", format_maps_json(ranking, drive, planned.pictures))
+    yield "page.html", render_plan_page(ranking, drive, planned.pictures, field_picture)
+    yield "maps.json", format_maps_json(ranking, drive, planned.pictures)
     if (picture := drive or field_picture) is not None:
-        yield build_result_file("map.png", render_png(draw_plan_map(picture, ranking.field_name)))
+        yield "map.png", render_png(draw_plan_map(picture, ranking.field_name))
     if best is not None and planned.run is not None:
-        yield build_result_file("plan.json", write_saved_plan(planned.context, planned.run.plan, ranking))
+        yield "plan.json", write_saved_plan(planned.context, planned.run.plan, ranking)
     for (strategy, tractors), legs in planned.plans.items():
-        yield build_result_file(f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs, ranking))
+        yield f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs, ranking)
 
 
 JOB_FUNCTIONS: dict[str, JobFunction] = {"plan": run_plan_job, "day": run_day_job, "diagnosis": run_diagnosis_job}

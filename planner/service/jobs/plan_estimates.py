@@ -5,8 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 import shutil
-import socket
-import subprocess
 import tempfile
 import threading
 import time
@@ -23,9 +21,9 @@ from planner.service.jobs.input_files import write_inputs
 from planner.service.sandbox.reader_processes import (
     BOOTSTRAP_CODE,
     LOGGER,
-    ReadOutcome,
-    extract_reading_value,
-    start_python,
+    extract_value,
+    parse_answer,
+    start_linked_python,
 )
 from planner.service.settings import WORK_FOLDER, ServiceSettings
 from planner.service.store.service_store import Store
@@ -50,13 +48,9 @@ class _EstimatingProcess:
     """A running process, and the stream to it."""
 
     def __init__(self, folder: Path, memory_bytes: int) -> None:
-        local_socket, remote_socket = socket.socketpair()
-        with remote_socket:
-            descriptor = remote_socket.fileno()
-            arguments = (str(descriptor), str(folder), str(memory_bytes), str(PROCESS_LIFE_S))
-            self._process = start_python(SERVE_CODE, *arguments, pass_fds=(descriptor,), stdout=subprocess.DEVNULL)
-        self._socket, self._received = local_socket, b""
-        self._is_ready = False
+        arguments = (str(folder), str(memory_bytes), str(PROCESS_LIFE_S))
+        self._process, self._socket = start_linked_python(SERVE_CODE, *arguments)
+        self._received, self._is_ready = b"", False
 
     def wait_until_ready(self) -> bool:
         """Wait until it takes orders, not long; raises OSError where it has ended."""
@@ -158,6 +152,9 @@ class _EstimateQueue:
             folder = str(self._write_files(files, inputs))
             report = self._ask_process({**order, "folder": folder, "files": files})
             self._budget.spend_tokens(client, float(report.get("computing_s", 0.0)))
+        if "value" in report or "refused" in report:
+            value: dict[str, Any] = extract_value(report)
+            return value
         if "fault" in report:
             LOGGER.error("An estimate ended in a fault: %s", ascii(report["fault"]))
             raise ServiceError(ESTIMATE_FAULT)
@@ -165,13 +162,7 @@ class _EstimateQueue:
             raise ServiceError("Estimating this needed too much memory; run the plan instead.")
         if "late" in report:
             raise ServiceError(f"Estimating this takes longer than {LONGEST_ESTIMATE_S:.0f} s; run the plan instead.")
-        if not report:
-            raise BusyError(
-                "The process that estimates has ended; ask again, and see the log of the service if it stays."
-            )
-        outcome = ReadOutcome(json.dumps(dict(report)).encode())
-        value: dict[str, Any] = extract_reading_value(outcome, LONGEST_ESTIMATE_S, self._memory_bytes)
-        return value
+        raise BusyError("The process that estimates has ended; ask again, and see the log of the service if it stays.")
 
     def _write_files(self, files: str, inputs: Mapping[str, str]) -> Path:
         """The folder of the files of a request, below that which the process may read."""
@@ -204,7 +195,7 @@ class _EstimateQueue:
         if answer is None:
             self._end_process()
             return {"late": True, "computing_s": LONGEST_ESTIMATE_S}
-        report: dict[str, Any] = json.loads(answer)
+        report = parse_answer(answer)
         if "memory" in report:  # what it keeps of earlier answers fills it, and goes with it
             self._end_process()
         return report

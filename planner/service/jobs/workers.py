@@ -19,7 +19,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TypeVar, cast
 
@@ -30,9 +29,8 @@ from planner.service.errors import StorageError
 from planner.service.jobs.input_files import JobContext, JobFunction, write_inputs
 from planner.service.kept_process import KeptProcess, end_with_service
 from planner.service.settings import WORK_FOLDER, ServiceSettings
-from planner.service.store.carried_bytes import RemoteStore
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
-from planner.service.store.job_queue import JobStore, ResultFile
+from planner.service.store.job_queue import JobStore, RemoteStore, ResultFiles
 from planner.service.store.service_store import Store
 from planner.service.store.tables import JobRow
 
@@ -113,7 +111,7 @@ def run_and_store_job(store: JobStore, worker: str, job: JobRow) -> None:
             time.sleep(0.5 * 2 ** (attempt - 1))
 
 
-def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tuple[Sequence[ResultFile], str | None]:
+def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tuple[ResultFiles, str | None]:
     """The results of a job, or the sentence why it failed. Raises StorageError where the disk is full."""
     settings = store.settings
     try:
@@ -121,20 +119,24 @@ def _compute_job_results(store: JobStore, job: JobRow, claim: ClaimedJob) -> tup
             context = JobContext(
                 job.work, settings.processes, claim.note_progress, str(settings.data.resolve() / CACHE_FOLDER)
             )
-            return get_job_function(job.kind, settings)(context), None
+            results = get_job_function(job.kind, settings)(context)
+        return {
+            name: content.encode("utf-8", "replace") if isinstance(content, str) else content
+            for name, content in results.items()
+        }, None
     except StorageError:
         raise
     except HeadlandError as refusal:
-        return (), render_refusal(refusal)
+        return {}, render_refusal(refusal)
     except MemoryError:
-        return (), "This needs more memory than there is; try fewer tractors or a smaller field."
+        return {}, "This needs more memory than there is; try fewer tractors or a smaller field."
     except Exception as error:
         if is_disk_full(error, settings.data):
             raise StorageError(DISK_FULL) from error
         if isinstance(error, OperationalError):  # inputs may come by the database
             raise
         logging.getLogger(__name__).exception("The job %s", job.id)
-        return (), JOB_FAULT.format(words=" ".join(f"{type(error).__name__}: {error}".split())[:200])
+        return {}, JOB_FAULT.format(words=" ".join(f"{type(error).__name__}: {error}".split())[:200])
 
 
 @dataclass
@@ -215,18 +217,23 @@ def _enter_job_folder(store: JobStore, job: JobRow) -> Iterator[None]:
 
 
 class WorkerSupervisor:
-    """Starts worker processes and replaces those that end, in a thread of its own."""
+    """Keeps worker processes and tends the queue, in a thread of its own."""
 
     def __init__(self, settings: ServiceSettings, store: JobStore) -> None:
         self.settings, self.store = settings, store
-        self._slots = [KeptProcess("", run_worker, short_life_s=1.0, patience_s=10.0) for _ in range(settings.workers)]
+        self._slots = [
+            KeptProcess(run_worker, self._prepare_worker, self._release_ended, short_life_s=1.0, patience_s=10.0)
+            for _ in range(settings.workers)
+        ]
         self._stopping = threading.Event()
         self._was_unwritable = False
-        self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)
+        self._thread = threading.Thread(target=self._tend_queue, name="headland-workers", daemon=True)
 
     def start(self) -> None:
         """Start; delete work folders that an earlier service left behind."""
         shutil.rmtree(self.settings.data / WORK_FOLDER, ignore_errors=True)
+        for slot in self._slots:
+            slot.start()
         self._thread.start()
 
     def stop(self) -> None:
@@ -235,31 +242,26 @@ class WorkerSupervisor:
         if self._thread.is_alive():
             self._thread.join()
         for slot in self._slots:
-            if slot.process is not None:
-                slot.end()
-                with contextlib.suppress(*DATABASE_WRITE_ERRORS):
-                    self.store.release_jobs(slot.name, counts_try=False)
+            slot.stop()
+            with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                self.store.release_jobs(slot.name, counts_try=False)
 
-    def _watch_workers(self) -> None:
+    def _prepare_worker(self) -> tuple[str, Sequence[object]]:
+        name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
+        return name, (self.settings, name, type(self.store))
+
+    def _release_ended(self, name: str, status: int) -> bool:
+        """Put the job of a worker that has ended back, as soon as that can be written; whether its end was a fault."""
         while not self._stopping.is_set():
-            for slot in self._slots:
-                try:
-                    if slot.end_status is not None:
-                        is_lost = slot.end_status == LOST_STATUS
-                        self.store.release_jobs(slot.name, counts_try=not is_lost)
-                        slot.forget(is_fault=not is_lost)
-                    if slot.is_due:
-                        slot.name = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
-                        slot.start(self.settings, slot.name, type(self.store))
-                except DATABASE_WRITE_ERRORS:
-                    continue
-                except OSError:
-                    logging.getLogger(__name__).exception("A worker cannot be started")
+            with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                self.store.release_jobs(name, counts_try=status != LOST_STATUS)
+                break
+            self._stopping.wait(SUPERVISE_PERIOD_S)
+        return status != LOST_STATUS
+
+    def _tend_queue(self) -> None:
+        while not self._stopping.wait(SUPERVISE_PERIOD_S):
             self._release_unreported()
-            sentinels = [slot.process.sentinel for slot in self._slots if slot.process is not None]
-            if sentinels and not wait(sentinels, timeout=SUPERVISE_PERIOD_S):
-                continue
-            self._stopping.wait(0.05 if sentinels else SUPERVISE_PERIOD_S)
 
     def _release_unreported(self) -> None:
         """Put back jobs that nobody reports; after a time without writes, living workers may report first."""

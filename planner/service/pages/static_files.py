@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 from fastapi import FastAPI
@@ -17,6 +16,7 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Redire
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
+from planner.day.input_file import read_example_day_text
 from planner.errors import RequestError
 from planner.guide.guide_pages import list_pages, read_attachment, read_page, render_matches, render_page
 from planner.service.store.service_store import SUFFIXES_BY_KIND
@@ -68,8 +68,7 @@ def mount_pages(app: FastAPI) -> None:
         return FileResponse(STATIC_FOLDER / "index.html", headers=CACHE_HEADERS)
 
     async def show_example_day(_: Request) -> Response:
-        text = files("planner.day").joinpath("example.toml").read_text(encoding="utf-8")
-        return Response(text, media_type="text/plain; charset=utf-8", headers=CACHE_HEADERS)
+        return Response(read_example_day_text(), media_type="text/plain; charset=utf-8", headers=CACHE_HEADERS)
 
     async def send_accepted(_: Request) -> Response:
         accepted = {f"{kind}s": ",".join(suffixes) for kind, suffixes in SUFFIXES_BY_KIND.items()}

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -143,13 +144,7 @@ class ForkingReader:
             if self._closed:
                 raise ServiceError("The file was not read, as the service is stopping; try again after its restart.")
             if self._server is None:
-                local_socket, remote_socket = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-                with remote_socket:
-                    descriptor = remote_socket.fileno()
-                    process = start_python(
-                        FORK_SERVER_CODE, str(descriptor), pass_fds=(descriptor,), stdout=subprocess.DEVNULL
-                    )
-                self._server = _ForkServer(process, local_socket)
+                self._server = _ForkServer(*start_linked_python(FORK_SERVER_CODE, kind=socket.SOCK_SEQPACKET))
             return self._server
 
     def _send_order(self, server: _ForkServer, order: ReadOrder) -> ReadOutcome:
@@ -216,18 +211,9 @@ def choose_reader() -> ForkingReader | SpawningReader:
 
 def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: int) -> Any:
     """The value of a reading; raises HeadlandError for a refusal, ServiceError for another end."""
-    report = _parse_answer(outcome.answer)
-    if "value" in report:
-        return report["value"]
-    if "refused" in report:
-        name = report.get("parameter")
-        parameter = name[:LONGEST_PARAMETER_CHARS] if isinstance(name, str) else None
-        # In one short line; private characters mark its parameters.
-        sentence = "".join(
-            one if one.isprintable() or "\ue000" <= one <= "\uf8ff" else " "
-            for one in report["refused"][:LONGEST_SENTENCE_CHARS]
-        )
-        raise HeadlandError(sentence, parameter=parameter)
+    report = parse_answer(outcome.answer)
+    if "value" in report or "refused" in report:
+        return extract_value(report)
     if "fault" in report:
         LOGGER.error("A reading ended in a fault: %s", ascii(str(report["fault"])[-MOST_FAULT_CHARS:]))
         raise ServiceError(READ_FAULT)
@@ -243,6 +229,20 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
     raise ServiceError("Reading this file was interrupted; it may be damaged, so save it again.")
 
 
+def extract_value(report: Mapping[str, Any]) -> Any:
+    """The value of an answer that has one or refuses; raises HeadlandError for a refusal."""
+    if "value" in report:
+        return report["value"]
+    name = report.get("parameter")
+    parameter = name[:LONGEST_PARAMETER_CHARS] if isinstance(name, str) else None
+    # In one short line; private characters mark its parameters.
+    sentence = "".join(
+        one if one.isprintable() or "\ue000" <= one <= "\uf8ff" else " "
+        for one in report["refused"][:LONGEST_SENTENCE_CHARS]
+    )
+    raise HeadlandError(sentence, parameter=parameter)
+
+
 def _name_signal(exit_code: int | None) -> str:
     """The signal that ended a process; "" for another end."""
     try:
@@ -251,7 +251,7 @@ def _name_signal(exit_code: int | None) -> str:
         return ""
 
 
-def _parse_answer(answer: bytes) -> dict[str, Any]:
+def parse_answer(answer: bytes) -> dict[str, Any]:
     """A parsed answer; empty where it cannot be parsed."""
     try:
         report = json.loads(answer) if len(answer) < MOST_ANSWER_BYTES else None
@@ -264,6 +264,17 @@ def _parse_answer(answer: bytes) -> dict[str, Any]:
 
 def _start_spare_process() -> subprocess.Popen[bytes]:
     return start_python(READ_ONCE_CODE, stdout=subprocess.PIPE, stdin=subprocess.PIPE)
+
+
+def start_linked_python(
+    code: str, *arguments: str, kind: socket.SocketKind = socket.SOCK_STREAM
+) -> tuple[subprocess.Popen[bytes], socket.socket]:
+    """A Python as of `start_python`, and a socket to it, whose other end is the first argument of the code."""
+    local_socket, remote_socket = socket.socketpair(type=kind)
+    with remote_socket:
+        descriptor = remote_socket.fileno()
+        process = start_python(code, str(descriptor), *arguments, pass_fds=(descriptor,), stdout=subprocess.DEVNULL)
+    return process, local_socket
 
 
 def start_python(code: str, *arguments: str, **popen_options: Any) -> subprocess.Popen[bytes]:

@@ -25,6 +25,7 @@ import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
 from fields.units import HOUR_S
+from planner.fleet.session.frame_timing import format_utc
 from planner.service.errors import ConflictError, NotFoundError, ServiceError, StorageError
 from planner.service.settings import DATABASE_FILE, LIMITS, MEGABYTE_BYTES, find_version
 from planner.service.store.database import (
@@ -37,7 +38,7 @@ from planner.service.store.database import (
 )
 from planner.service.store.disk_storage import SHA256_TEXT, is_disk_full, translate_disk_full
 from planner.service.store.service_store import Store
-from planner.service.store.store_part import BYTES_FOLDER, format_utc_now_ms
+from planner.service.store.store_part import BYTES_FOLDER
 from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRow, ResultRow, TokenRow
 
 MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
@@ -65,7 +66,7 @@ class BackupManifest:
 
     migration: str
     headland: str = field(default_factory=find_version)
-    made: str = field(default_factory=format_utc_now_ms)
+    made: str = field(default_factory=format_utc)
     files: dict[str, ManifestEntry] = field(default_factory=dict)
 
 

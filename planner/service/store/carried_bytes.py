@@ -1,44 +1,20 @@
-"""Bytes of jobs on their way through PostgreSQL: inputs to workers on other machines, results back to the service.
-
-The folder of the service stays the place of all bytes: it lends inputs with a job, and fetches results when it is done.
-Results may go by a store instead, an fsspec URL whose credentials come from the worker's own environment; the database
-then holds their addresses.
-"""
+"""A store by which results come from workers on other machines: an fsspec URL whose credentials come from the worker's
+own environment."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
 from uuid import uuid4
 
-import sqlalchemy as sa
-from sqlalchemy.orm import Session
-
-from planner.service.errors import (
-    DatabaseError,
-    NotFoundError,
-    ResultPlaceError,
-    ServiceError,
-    StorageError,
-    VersionError,
-)
+from planner.service.errors import NotFoundError, ResultPlaceError, ServiceError
 from planner.service.settings import ServiceSettings
-from planner.service.store.database import (
-    describe_version,
-    get_current_version,
-    name_database_in_errors,
-    read_version,
-    shorten_error,
-)
-from planner.service.store.job_queue import UNFINISHED_STATUSES, JobStore, ResultFile
-from planner.service.store.tables import JobBytesRow, JobRow, WriteCheckRow
+from planner.service.store.database import shorten_error
 
 CONNECT_S, READ_S = 5, 60  # of a store that is asked: the service has other work too
 _OPTIONS = {"s3": {"config_kwargs": {"connect_timeout": CONNECT_S, "read_timeout": READ_S}}}
-MOST_FETCHED = 50  # at a time, so that what else is due does not wait for long
 
 
 class ResultPlace:
@@ -130,166 +106,3 @@ def check_result_place(settings: ServiceSettings) -> None:
 
 def _shorten(error: Exception) -> str:
     return shorten_error(f"{type(error).__name__}: {error}").rstrip(".")
-
-
-class CarryingJobStore(JobStore):
-    """Jobs whose bytes are in the folder, or else on their way through the database."""
-
-    def __init__(self, settings: ServiceSettings) -> None:
-        super().__init__(settings)
-        self.place = ResultPlace(settings.results) if settings.results else None
-        if self.database.is_postgresql:
-            self.blobs.read_elsewhere = self._read_carried
-
-    def _read_carried(self, sha256: str) -> bytes | None:
-        found = sa.select(JobBytesRow.content, JobBytesRow.address).where(JobBytesRow.sha256 == sha256)
-        with self.database.open_read_session() as session:
-            row = session.execute(found.order_by(JobBytesRow.address.is_not(None)).limit(1)).first()
-        if row is None or row.address is None:
-            return None if row is None else row.content
-        return self._get_place(row.address).read_bytes(row.address)
-
-    def _get_place(self, address: str) -> ResultPlace:
-        """The store of an address; raises ResultPlaceError where these settings name another: a row names no file."""
-        if self.place is None or not self.place.holds(address):
-            folder = address.rpartition("/")[0]
-            raise ResultPlaceError(
-                f"The results of this job are in {folder}, which this service does not know; start it with --results "
-                f"{folder}."
-            )
-        return self.place
-
-
-class ServedJobStore(CarryingJobStore):
-    """The jobs of the service, whose folder holds all bytes."""
-
-    def lend_inputs(self, session: Session, row: JobRow) -> None:
-        """Give workers on other machines the bytes of the inputs of a job."""
-        if not self.database.is_postgresql:
-            return
-        lent = set(session.scalars(sa.select(JobBytesRow.sha256).where(JobBytesRow.job == row.number)))
-        for sha256 in set(row.inputs.values()) - lent:
-            with suppress(NotFoundError):  # the worker says so
-                session.add(JobBytesRow(job=row.number, sha256=sha256, content=self.blobs.read_bytes(sha256)))
-
-    def lend_all_inputs(self) -> None:
-        """Lend the inputs of all unfinished jobs, those of a restored or older database too."""
-        with self.database.open_write_session() as session:
-            for row in session.scalars(sa.select(JobRow).where(JobRow.status.in_(UNFINISHED_STATUSES))):
-                self.lend_inputs(session, row)
-
-    def tend_queue(self) -> None:
-        """Release what nobody reports, and fetch results; without room on the disk they stay where they are."""
-        super().tend_queue()
-        with suppress(StorageError):
-            self.fetch_results()
-
-    def fetch_results(self) -> None:
-        """Bring bytes of ended jobs to the folder; the database forgets them.
-
-        What a store does not give stays in its row: the store may be out of reach for a while.
-        """
-        if not self.database.is_postgresql:
-            return
-        rows = sa.select(JobBytesRow.job, JobBytesRow.sha256, JobBytesRow.address).join(JobRow)
-        ended = rows.where(JobRow.status.not_in(UNFINISHED_STATUSES)).order_by(JobBytesRow.address.is_not(None))
-        with self.database.open_read_session() as session:
-            found = session.execute(ended).all()
-        fetched, silent = 0, set[str]()
-        for job, sha256, address in found:
-            place = "" if address is None else address.rpartition("/")[0]
-            if place in silent:
-                continue
-            if fetched == MOST_FETCHED:
-                break
-            try:
-                self.blobs.put_bytes(self.blobs.read_bytes(sha256))
-            except ResultPlaceError:
-                silent.add(place)
-                continue
-            except NotFoundError:  # a row without an address was deleted meanwhile
-                if address is not None:
-                    continue
-            fetched += 1
-            if address is not None:
-                with suppress(ResultPlaceError):
-                    self._get_place(address).delete(address)
-            with self.database.open_write_session() as session:
-                session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == job, JobBytesRow.sha256 == sha256))
-
-
-class RemoteStore(CarryingJobStore):
-    """The jobs of a service as a worker on another machine sees them: all bytes come and go by the database.
-
-    Raises DatabaseError where the database cannot be used, VersionError where the service is of another version.
-    """
-
-    def __init__(self, settings: ServiceSettings) -> None:
-        super().__init__(settings)
-        try:
-            if not self.database.is_postgresql:
-                raise DatabaseError(
-                    "A worker takes jobs from PostgreSQL; give the --database of the service, such as "
-                    "postgresql://user@host/name.",
-                    parameter="database",
-                )
-            with name_database_in_errors(self.database.engine):  # it may be restarted just then
-                with self.database.engine.connect() as connection:
-                    tables = read_version(connection)
-                if tables is None:
-                    raise DatabaseError(
-                        "The database has no tables of Headland yet; begin headland serve with it first.",
-                        parameter="database",
-                    )
-                if tables != get_current_version():
-                    raise _build_version_error(f"one with tables {tables}")
-                self.check_version()
-        except BaseException:
-            self.close()
-            raise
-
-    def check_version(self) -> None:
-        """Raise VersionError where the service is of another version; one that never ran is of any."""
-        with self.database.open_read_session() as session:
-            version = session.scalar(sa.select(WriteCheckRow.version))
-        if version not in (None, describe_version()):
-            raise _build_version_error(version)
-
-    def claim_job(self, worker: str) -> JobRow | None:
-        """Claim the next job for a worker; None where none waits or the service is of another version."""
-        try:
-            self.check_version()
-        except VersionError:
-            return None  # whoever watches the worker ends it
-        return super().claim_job(worker)
-
-    def keep_results(self, number: int, files: Sequence[ResultFile]) -> None:
-        """Nothing is kept here; a store gets the bytes. Raises ResultPlaceError."""
-        if self.place is not None:
-            for sha256, content in _name_contents(files).items():
-                self.place.put_bytes(_name_result(number, sha256), content)
-
-    def send_results(self, session: Session, number: int, files: Sequence[ResultFile]) -> None:
-        """Send results along with the end of the job; inputs may be among them."""
-        session.execute(sa.delete(JobBytesRow).where(JobBytesRow.job == number))
-        for sha256, content in _name_contents(files).items():
-            row = JobBytesRow(job=number, sha256=sha256, content=content)
-            if self.place is not None:
-                row.content, row.address = b"", self.place.locate(_name_result(number, sha256))
-            session.add(row)
-
-
-def _name_contents(files: Sequence[ResultFile]) -> dict[str, bytes]:
-    """The bytes of results by SHA-256."""
-    return {hashlib.sha256(content).hexdigest(): content for _, content, _ in files}
-
-
-def _name_result(number: int, sha256: str) -> str:
-    """The name in a store: that of the job is in it, as it is deleted for this job alone."""
-    return f"{number}-{sha256}"
-
-
-def _build_version_error(of_service: str) -> VersionError:
-    return VersionError(
-        f"This worker is Headland {describe_version()}, and the service is {of_service}; install the same version here."
-    )

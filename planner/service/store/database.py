@@ -6,6 +6,7 @@ One service at a time on a folder and on a database: two would each drive the sa
 from __future__ import annotations
 
 import os
+import secrets
 import sqlite3
 import sys
 import threading
@@ -28,7 +29,7 @@ GONE = "its file {path} is gone; bring it back"
 LOG_LEFT = "its file is gone, but its log {log} is there; bring the file back, or delete the log to begin anew"
 REPLACED = "its file {path} was replaced by another database; bring the first one back, or start the service again"
 SELECT_MARK, MARK_PLACE, MARK_BYTES = "PRAGMA application_id", 68, 4
-"""A number in the head of the file, drawn by a migration, by which copies of one database know one another. It is read
+"""A number in the head of the file, drawn once, by which copies of one database know one another. It is read
 from the file itself: SQLite would take the log beside it for that of a stranger, and write it there."""
 SQLITE_BUSY_TIMEOUT_MS, POOL_TIMEOUT_S = 10_000, 5.0
 """How long SQLite waits for another writer, and a session for a connection; PostgreSQL's limits are in postgresql."""
@@ -163,6 +164,11 @@ class Database:
         with self.open_read_session() as session:
             return list(session.scalars(query))
 
+    def find_row(self, query: sa.Select[Row]) -> Row | None:
+        """The first that a query for one thing selects, None where it selects nothing. Raises as `list_rows` does."""
+        with self.open_read_session() as session:
+            return session.scalar(query)
+
     def change_rows(self, change: sa.Update | sa.Delete) -> int:
         """Make a change in a session of its own; returns the number of rows. Raises as `open_write_session` does."""
         with self.open_write_session() as session:
@@ -203,8 +209,8 @@ def describe_version() -> str:
     return f"{find_version()} with tables {get_current_version()}"
 
 
-def migrate_database(engine: sa.Engine, revision: str = "head") -> None:
-    """Bring the tables up to date, or to a version.
+def migrate_database(engine: sa.Engine) -> None:
+    """Make the tables, or bring those of an earlier version up to date.
 
     Raises DatabaseError for a database that is newer, or of another program.
     """
@@ -222,16 +228,38 @@ def migrate_database(engine: sa.Engine, revision: str = "head") -> None:
         )
     if current == get_current_version():
         return
+    with engine.connect().execution_options(**{WRITES_OPTION: True}) as connection, lift_timeouts(connection):
+        if current is None:
+            TableBase.metadata.create_all(connection)
+            draw_sqlite_mark(connection)
+            stamp_version(connection)
+        else:
+            upgrade_tables(connection)
+        connection.commit()
+
+
+def stamp_version(connection: sa.Connection, version: str = "head") -> None:
+    """Note the version of the tables that are there, by default that of today."""
+    from alembic.runtime.migration import MigrationContext
+    from alembic.script import ScriptDirectory
+
+    MigrationContext.configure(connection).stamp(ScriptDirectory(str(MIGRATIONS_FOLDER)), version)
+
+
+def upgrade_tables(connection: sa.Connection, version: str = "head") -> None:
+    """Bring tables of an earlier version up to a later one, by default to that of today."""
     from alembic import command
     from alembic.config import Config
 
-    config = Config()
+    config = Config(attributes={"connection": connection})
     config.set_main_option("script_location", str(MIGRATIONS_FOLDER).replace("%", "%%"))
-    with engine.connect().execution_options(**{WRITES_OPTION: True}) as connection:
-        config.attributes["connection"] = connection
-        with lift_timeouts(connection):
-            command.upgrade(config, revision)
-            connection.commit()
+    command.upgrade(config, version)
+
+
+def draw_sqlite_mark(connection: sa.Connection) -> None:
+    """Give an SQLite database the number by which it is known again."""
+    if connection.dialect.name == "sqlite":
+        connection.exec_driver_sql(f"PRAGMA application_id={secrets.randbelow(2**31 - 1) + 1}")
 
 
 def lift_timeouts(connection: sa.Connection) -> AbstractContextManager[None]:

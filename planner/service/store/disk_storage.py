@@ -86,6 +86,11 @@ def write_whole(path: Path, content: bytes) -> None:
         draft.unlink(missing_ok=True)
 
 
+def hash_bytes(content: bytes) -> str:
+    """The SHA-256 by which bytes are named."""
+    return hashlib.sha256(content).hexdigest()
+
+
 class BlobStore:
     """Bytes in one folder, by SHA-256; `reserve_bytes` stay free on its disk.
 
@@ -98,7 +103,7 @@ class BlobStore:
 
     def put_bytes(self, content: bytes) -> str:
         """Store bytes and return their SHA-256. Raises StorageError, and stores nothing, where the disk is too full."""
-        name = hashlib.sha256(content).hexdigest()
+        name = hash_bytes(content)
         blob_path = self.get_path(name)
         if blob_path.exists():
             # Bytes that nobody names are swept away once they are old; these are about to be named.

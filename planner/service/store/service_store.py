@@ -11,11 +11,15 @@ from typing import Any
 import sqlalchemy as sa
 
 from fields.documents.sources import FIELD_FORMATS
+from fields.formats.shapefile import PART_EXTENSIONS
+from fields.terrain.point_files import POINT_SUFFIXES
+from fields.terrain.rasters import RASTER_SUFFIXES
+from planner.fleet.session.frame_timing import format_utc
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import ServiceSettings
-from planner.service.store.carried_bytes import ServedJobStore
 from planner.service.store.database import describe_version, migrate_database
-from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
+from planner.service.store.job_queue import JobStore
+from planner.service.store.store_part import StorePart, check_name, find_media, is_found, is_storable_text
 from planner.service.store.tables import EventRow, FileRow, FleetRow, Owner, RecordingRow, TokenRow, WriteCheckRow
 from planner.service.store.token_table import TokenStore
 
@@ -25,30 +29,9 @@ SUFFIXES_BY_KIND = {
     "farm": (".toml",),
     "log": (".csv",),
     "table": (".csv",),
-    "elevation": (
-        ".tif", ".tiff", ".asc", ".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip", ".gpkg",
-    ),
-}  # fmt: skip
-MEDIA_BY_SUFFIX = {
-    ".geojson": "application/geo+json",
-    ".json": "application/json",
-    ".toml": "application/toml",
-    ".csv": "text/csv; charset=utf-8",
-    ".zip": "application/zip",
-    ".kml": "application/vnd.google-earth.kml+xml",
-    ".kmz": "application/vnd.google-earth.kmz",
-    ".gpkg": "application/geopackage+sqlite3",
-    ".gpx": "application/gpx+xml",
-    ".xml": "application/xml",
-    ".tif": "image/tiff",
-    ".tiff": "image/tiff",
-    ".asc": "text/plain; charset=utf-8",
-    ".txt": "text/plain; charset=utf-8",
-    ".html": "text/html; charset=utf-8",
-    ".png": "image/png",
+    # of a shapefile all files are needed: they come in a .zip
+    "elevation": (*RASTER_SUFFIXES, *(end for end in POINT_SUFFIXES if end not in PART_EXTENSIONS)),
 }
-"""Of uploads and of results of jobs; all others are bytes."""
-BYTES = "application/octet-stream"
 MOST_EVENTS = 1000
 
 
@@ -102,7 +85,7 @@ class FileStore(StorePart):
         """
         name, suffix = check_name(name), check_suffix(kind, suffix or SUFFIXES_BY_KIND[kind][0])
         values = self._put_content(content, suffix, options)
-        row = FileRow(kind=kind, name=name, created=format_utc_now_ms(), **values)
+        row = FileRow(kind=kind, name=name, created=format_utc(), **values)
         row.owner, row.owner_identity = owner or (None, None)
         try:
             with self.database.open_write_session() as session:
@@ -121,8 +104,7 @@ class FileStore(StorePart):
     def get_file(self, kind: str, name: str) -> FileRow:
         """The file of a kind and name; raises NotFoundError."""
         query = sa.select(FileRow).where(FileRow.kind == kind, FileRow.name == name)
-        with self.database.open_read_session() as session:
-            row = session.scalar(query) if is_storable_text(name) else None
+        row = self.database.find_row(query) if is_storable_text(name) else None
         if row is None:
             raise NotFoundError(f"There is no {kind} {name[:60]!r}; the list shows all.", parameter=kind)
         return row
@@ -144,7 +126,7 @@ class FileStore(StorePart):
 
     def _put_content(self, content: bytes, suffix: str, options: Mapping[str, Any] | None) -> dict[str, Any]:
         """Store the bytes of a file; returns the columns that describe them."""
-        values = {"suffix": suffix, "media": MEDIA_BY_SUFFIX.get(suffix, BYTES), "options": dict(options or {})}
+        values = {"suffix": suffix, "media": find_media(suffix), "options": dict(options or {})}
         return values | {"sha256": self.blobs.put_bytes(content), "size": len(content)}
 
     def rename_file(self, kind: str, name: str, new_name: str) -> FileRow:
@@ -157,7 +139,7 @@ class FileStore(StorePart):
 
     def _update_file(self, row: FileRow, values: Mapping[str, Any]) -> FileRow:
         """Change columns of a file; raises NotFoundError where it was deleted meanwhile."""
-        change = sa.update(FileRow).where(FileRow.id == row.id).values(**values, changed=format_utc_now_ms())
+        change = sa.update(FileRow).where(FileRow.id == row.id).values(**values, changed=format_utc())
         self.database.change_rows(change)
         return self.get_file(row.kind, values.get("name", row.name))
 
@@ -166,7 +148,7 @@ class FileStore(StorePart):
         self.database.change_rows(sa.delete(FileRow).where(FileRow.id == self.get_file(kind, name).id))
 
 
-class Store(TokenStore, FileStore, ServedJobStore):
+class Store(TokenStore, FileStore, JobStore):
     """All stored data; every method may be called from any thread and any process.
 
     An older database is brought up to date. Raises DatabaseError where it cannot be reached, is newer than this
@@ -185,12 +167,12 @@ class Store(TokenStore, FileStore, ServedJobStore):
     def check_write(self) -> None:
         """Write something. Raises SQLAlchemyError, StorageError where nothing can be written."""
         with self.database.open_write_session() as session:
-            session.merge(WriteCheckRow(id=1, time=format_utc_now_ms(), version=describe_version()))
+            session.merge(WriteCheckRow(id=1, time=format_utc(), version=describe_version()))
 
     def save_fleet(self, id: str, name: str, plan_text: str, settings: Mapping[str, Any]) -> str:
         """Store a new fleet; returns when it was made."""
         row = FleetRow(id=id, name=check_name(name), plan=plan_text, settings=dict(settings), progress={})
-        row.created = format_utc_now_ms()
+        row.created = format_utc()
         with self.database.open_write_session() as session:
             session.add(row)
         return row.created
@@ -209,8 +191,8 @@ class Store(TokenStore, FileStore, ServedJobStore):
 
     def get_fleet(self, id: str) -> FleetRow:
         """One fleet; raises NotFoundError."""
-        with self.database.open_read_session() as session:
-            row = session.get(FleetRow, id) if is_storable_text(id) else None
+        query = sa.select(FleetRow).where(FleetRow.id == id)
+        row = self.database.find_row(query) if is_storable_text(id) else None
         if row is None:
             raise _build_no_fleet_error(id)
         return row
@@ -247,7 +229,7 @@ class Store(TokenStore, FileStore, ServedJobStore):
 
     def add_event(self, fleet: str | None, who: str, what: str, data: Mapping[str, Any] | None = None) -> int:
         """Record who did what; returns the number of the event."""
-        row = EventRow(time=format_utc_now_ms(), fleet=fleet, who=who[:120], what=what[:200], data=dict(data or {}))
+        row = EventRow(time=format_utc(), fleet=fleet, who=who[:120], what=what[:200], data=dict(data or {}))
         with self.database.open_write_session() as session:
             session.add(row)
         return row.id

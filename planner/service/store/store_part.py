@@ -10,7 +10,6 @@ import sys
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from planner.service.errors import ServiceError
@@ -23,6 +22,26 @@ BYTES_FOLDER, REVOCATIONS_FOLDER = "bytes", "revoked"
 _PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
 WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 COPY_SUFFIX_CHARS = 10  # room for " copy 9999"
+MEDIA_BY_SUFFIX = {
+    ".geojson": "application/geo+json",
+    ".json": "application/json",
+    ".toml": "application/toml",
+    ".csv": "text/csv; charset=utf-8",
+    ".zip": "application/zip",
+    ".kml": "application/vnd.google-earth.kml+xml",
+    ".kmz": "application/vnd.google-earth.kmz",
+    ".gpkg": "application/geopackage+sqlite3",
+    ".gpx": "application/gpx+xml",
+    ".xml": "application/xml",
+    ".tif": "image/tiff",
+    ".tiff": "image/tiff",
+    ".asc": "text/plain; charset=utf-8",
+    ".agr": "text/plain; charset=utf-8",
+    ".txt": "text/plain; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".png": "image/png",
+}
+"""Of uploads and of results of jobs."""
 
 
 @dataclass(frozen=True)
@@ -83,14 +102,9 @@ class StorePart:
         self.database.close()
 
 
-def format_utc_now_ms() -> str:
-    """The time in UTC to the millisecond: "2026-05-01T06:10:00.123Z"."""
-    return format_time(datetime.now(UTC))
-
-
-def format_time(time_utc: datetime) -> str:
-    """A UTC time as text; texts sort as the times do."""
-    return time_utc.isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
+def find_media(suffix: str) -> str:
+    """The media type of an upload or a result by its ending; others are bytes."""
+    return MEDIA_BY_SUFFIX.get(suffix, "application/octet-stream")
 
 
 def is_storable_text(text: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 import secrets
 from collections.abc import Iterable
@@ -13,17 +12,12 @@ from typing import Any, Literal, get_args
 
 import sqlalchemy as sa
 
+from planner.fleet.session.frame_timing import format_utc
 from planner.fleet.session.inbound_frames import MOST_TRACTORS
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
 from planner.service.settings import LIMITS
-from planner.service.store.store_part import (
-    Revocation,
-    StorePart,
-    check_name,
-    format_time,
-    format_utc_now_ms,
-    is_storable_text,
-)
+from planner.service.store.disk_storage import hash_bytes
+from planner.service.store.store_part import Revocation, StorePart, check_name, is_storable_text
 from planner.service.store.tables import EventRow, FleetRow, TokenRow
 
 TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
@@ -70,7 +64,7 @@ class TokenStore(StorePart):
         text = TOKEN_PREFIX + secrets.token_urlsafe(32)
         row = TokenRow(
             name=check_name(name), identity=secrets.token_hex(16), scopes=" ".join(chosen), sha256=hash_token(text),
-            created=format_utc_now_ms(), fleet=fleet, tractor=tractor, expires=end,
+            created=format_utc(), fleet=fleet, tractor=tractor, expires=end,
         )  # fmt: skip
         try:
             with self.database.open_write_session() as session:
@@ -129,7 +123,7 @@ class TokenStore(StorePart):
                 session, sa.delete(TokenRow).where(TokenRow.sha256 == revocation.sha256)
             )
             if deleted and revocation.who is not None:
-                event = EventRow(time=format_utc_now_ms(), who=revocation.who[:120], what="token revoked")
+                event = EventRow(time=format_utc(), who=revocation.who[:120], what="token revoked")
                 event.data = {"name": revocation.name}
                 session.add(event)
         self.revocations.remove(revocation)
@@ -142,12 +136,12 @@ class TokenStore(StorePart):
 
 def hash_token(token_text: str) -> str:
     """The SHA-256 of a token."""
-    return hashlib.sha256(token_text.encode("utf-8", "surrogatepass")).hexdigest()
+    return hash_bytes(token_text.encode("utf-8", "surrogatepass"))
 
 
 def has_expired(row: TokenRow) -> bool:
     """Whether a token has expired."""
-    return row.expires is not None and row.expires <= format_utc_now_ms()
+    return row.expires is not None and row.expires <= format_utc()
 
 
 def check_scopes(scopes: Iterable[str]) -> tuple[str, ...]:
@@ -205,9 +199,9 @@ def parse_expiry(text: str) -> str | None:
             parameter="expires",
         ) from None
     if not begin < end <= begin + timedelta(days=LIMITS.longest_life_days):
-        shown = format_time(end)
+        shown = format_utc(end.timestamp())
         raise ServiceError(
             f"The end {text[:40]!r} is {shown}; choose one that is to come, within ten years, or never.",
             parameter="expires",
         )
-    return format_time(end)
+    return format_utc(end.timestamp())

@@ -7,6 +7,8 @@ import secrets
 import sqlalchemy as sa
 from alembic import op
 
+from planner.service.store.database import draw_sqlite_mark
+
 revision = "0006"
 down_revision = "0005"
 
@@ -26,8 +28,7 @@ def upgrade() -> None:
     for name in OWNED_TABLES:
         op.add_column(name, sa.Column("owner_identity", IDENTITY))
     connection = op.get_bind()
-    if connection.dialect.name == "sqlite":  # by which planner.service.store.database knows the database again
-        connection.exec_driver_sql(f"PRAGMA application_id={secrets.randbelow(2**31 - 1) + 1}")
+    draw_sqlite_mark(connection)
     for token in connection.execute(sa.select(TOKENS.c.id, TOKENS.c.name, TOKENS.c.created)).all():
         identity = secrets.token_hex(16)
         connection.execute(sa.update(TOKENS).where(TOKENS.c.id == token.id).values(identity=identity))
