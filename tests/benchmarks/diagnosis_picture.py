@@ -24,7 +24,7 @@ from vehicle.identification.diagnosis.drive_data import (
 )
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchResult
-from vehicle.identification.diagnosis.verdicts import ValueConverter, decide, list_run_starts
+from vehicle.identification.diagnosis.verdicts import compute_interval, decide
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.model.tractor import load_tractor
 
@@ -46,18 +46,18 @@ def search_causes(hide: str | None, seed: int) -> tuple[Problem, SearchResult, d
         print(f"  {gain.hypothesis!s:40} {gain.nats:8.1f} {gain.amounts[0]:9.4f}")
     fit, judgements = searcher.settle(searcher.add_greedily(base))
     result = SearchResult(fit, base, tuple(judgements))
-    print_verdicts(result, ValueConverter(problem, list_run_starts(logs)))
+    print_verdicts(result, problem)
     return problem, result, base_noise
 
 
-def print_verdicts(result: SearchResult, converter: ValueConverter) -> None:
+def print_verdicts(result: SearchResult, problem: Problem) -> None:
     """Print every comparison of the final model, and what follows."""
     for judgement in result.judgements:
         print(f"{judgement.hypothesis} (nats, z):")
         for one in (judgement.against_none, *judgement.against_others):
             print(f"  {one.alternative or 'nothing'!s:40} {one.nats:8.1f} {one.z:6.1f}")
-    for verdict in decide(converter.problem, result):
-        interval = converter.compute_interval(verdict.hypothesis, verdict.amounts, verdict.covariance)
+    for verdict in decide(problem, result):
+        interval = compute_interval(problem, verdict.hypothesis, verdict.amounts, verdict.covariance)
         print(f"{verdict.hypothesis}: {verdict.status} {verdict.amounts} {interval} {verdict.equivalent_to}")
 
 

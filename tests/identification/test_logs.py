@@ -275,7 +275,8 @@ def test_segments_follow_the_median_step() -> None:
 
 def test_a_clean_table_keeps_every_row() -> None:
     columns = {name: table()[name].to_numpy() for name in table()}
-    assert gate_rows(columns).used.all() and gate_rows(columns).gated == []
+    used, gated = gate_rows(columns)
+    assert used.all() and gated == []
 
 
 # --- conventions -------------------------------------------------------------------------------------------------
@@ -439,8 +440,8 @@ def test_a_jump_back_in_time_is_told_by_its_line_and_a_lost_half_by_its_run() ->
     time = 0.1 * np.arange(100.0)
     time[40:] -= 604800.0
     still = np.zeros(100)
-    rules = gate_rows({"time_s": time, "easting_m": 0.1 * np.arange(100.0), "northing_m": still})
-    assert [(one.rows, one.first_line) for one in rules.gated] == [(40, 42)]
+    _, gated = gate_rows({"time_s": time, "easting_m": 0.1 * np.arange(100.0), "northing_m": still})
+    assert [(one.rows, one.first_line) for one in gated] == [(40, 42)]
     jumped = build_log(
         circle(0.03, 20.0).assign(time_s=lambda one: one.time_s - 604800.0 * (one.time_s > 8.0)), "jumped"
     )

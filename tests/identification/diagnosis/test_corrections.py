@@ -174,7 +174,7 @@ def test_noise_bends_and_rests_are_no_slow_columns() -> None:
 
 def finding(name: str, value: float | None, status: str = NAMED) -> Finding:
     values = None if value is None else {"time_s": value}
-    return Finding(name, status, values, None, None, None, None, "s", "position to antenna", f"{name} it is.")
+    return Finding(name, status, values, description=f"{name} it is.")
 
 
 def test_ages_come_from_what_was_found() -> None:

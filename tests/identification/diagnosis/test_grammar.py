@@ -59,7 +59,7 @@ def test_the_fields_of_an_amount_are_those_of_its_values(name: str, share: float
     amounts = share * np.array(signs) * collect_widths([hypothesis]) / WIDTH_PER_TYPICAL
     low, high = collect_bounds((hypothesis,))
     assert np.all((low <= amounts) & (amounts <= high))
-    values = compute_values(hypothesis, amounts, problem().data, problem().rig.tractor)
+    values = compute_values(problem(), hypothesis, amounts)
     known, neutral = compute_effect_fields({name: values}), compute_effect_fields({})
     shown = {key: array[0] for key, array in sum_of((hypothesis, list(amounts))).items()}
     assert shown == pytest.approx({key: known[key] for key in shown}, rel=1e-6)

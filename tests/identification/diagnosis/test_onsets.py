@@ -85,13 +85,6 @@ def test_what_the_reader_of_one_log_does_not_see_freeze_is_found_beside_other_ru
     assert end_s == (None if to_s is None else pytest.approx(to_s, abs=2.0))
 
 
-def test_positions_that_freeze_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    frozen = freeze(clean_frames()["steps"], ("easting_m", "northing_m"), 21.0, 35.0)
-    faults = [fault for fault in list_faults(build_unread_logs({"steps": frozen}, monkeypatch))
-              if fault.id != "position_jump"]  # fmt: skip
-    assert [(fault.id, fault.run) for fault in faults] == [("position_frozen", "steps")]
-
-
 def test_a_lost_fix_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = build_unread_logs({"right": degrade(clean_frames()["right"], 20.0, 34.0, 0.8, 5)}, monkeypatch)
     faults = list_faults(logs)

@@ -86,7 +86,7 @@ def test_laws_are_named_and_a_circle_has_only_a_size(problem: Problem) -> None:
     found = compute_value_correlations(problem, build_fit([law, patch], [0.5, 0.2], np.diag([2.0, 3.0])))
     assert found is not None
     assert found.names == (("steering_offset:by_speed", "angle_deg"), ("grip_patch", "ratio"))
-    values = compute_values(patch, np.array([0.2]), problem.data, problem.rig.tractor)
+    values = compute_values(problem, patch, np.array([0.2]))
     assert values == {"ratio": pytest.approx(1.2), "east_m": 3.0, "north_m": 4.0, "radius_m": 8.0}
 
 

@@ -23,7 +23,7 @@ REST = DiscrepancyModel(amounts={"push_to_east": 0.01}, speed_mps=(0.5, 2.0), an
 
 
 def told(name: str, status: str, words: str = "Words.") -> Finding:
-    return Finding(name, status, None, None, None, None, None, "", EFFECTS_BY_ID[name].block, words)
+    return Finding(name, status, description=words)
 
 
 def answer(*findings: Finding, **more: Any) -> Diagnosis:

@@ -192,11 +192,11 @@ def test_a_speed_of_0_below_a_threshold_is_a_limit_of_the_sensor_and_no_fault() 
     columns = {"time_s": time, "easting_m": np.cumsum(0.1 * pace), "northing_m": 0.0 * time}
     (limit,) = find_column_faults({**columns, "speed_mps": np.where(pace < 0.9, 0.0, pace)}, "run")
     (rule,) = collect_fault_rows([limit])
-    assert limit.is_limit and rule.startswith("speed threshold: speed_mps is 0 while")
+    assert limit.fault.id == "speed_threshold" and rule.startswith("speed threshold: speed_mps is 0 while")
     assert limit.rows == pytest.approx(np.flatnonzero(pace < 0.9), abs=2)
     lost = np.where((time > 40.0) & (time < 60.0), 0.0, pace)
     (fault,) = find_column_faults({**columns, "speed_mps": lost}, "run")
-    assert fault.fault.id == "speed_frozen" and not fault.is_limit
+    assert fault.fault.id == "speed_frozen"
 
 
 def test_a_fast_tight_bend_that_speed_and_heading_show_too_is_no_lost_fix() -> None:

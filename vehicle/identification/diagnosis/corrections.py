@@ -26,7 +26,7 @@ from vehicle.identification.logs.column_quality import (
 )
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
-from vehicle.identification.logs.series import find_changes, interpolate_between
+from vehicle.identification.logs.series import find_changes, find_new_rows, interpolate_between
 from vehicle.identification.logs.thresholds import FEWEST_EVENTS, HOLDS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
 
@@ -65,7 +65,7 @@ def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
     if knots is not None and _is_command_stale(log, rows, knots):
         log = _mark_knots(log, "steering_command_deg", rows, knots)
     # The rows in which interpolated positions or headings were measured.
-    time, fresh, place_rows = log.time_s[rows], log.fresh, dict(log.place_rows)
+    time, fresh, measured_rows = log.time_s[rows], log.fresh, dict(log.measured_rows)
     for name in PLACE_COLUMNS:
         values = getattr(log, name)
         if values is None:
@@ -74,10 +74,10 @@ def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
         knots = find_line_knots(time, shown)
         if knots is not None:
             mask = np.isin(np.arange(len(log.used)), rows[knots])
-            place_rows.setdefault("heading" if name == "heading_deg" else "position", mask)
+            measured_rows.setdefault("heading_deg" if name == "heading_deg" else "easting_m", mask)
             fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
-    is_same = fresh is log.fresh and len(place_rows) == len(log.place_rows)
-    return log if is_same else replace(log, fresh=fresh, place_rows=place_rows)
+    is_same = fresh is log.fresh and len(measured_rows) == len(log.measured_rows)
+    return log if is_same else replace(log, fresh=fresh, measured_rows=measured_rows)
 
 
 def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
@@ -126,7 +126,7 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
     if values is None or name in log.measured_rows or len(rows) < 2:
         return log
     time, count = log.time_s[rows], max(round(hold_s / log.step_s), 1)
-    held, lines = np.append(0, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1), _find_bends(time, values[rows])
+    held, lines = find_new_rows(values[rows]), _find_bends(time, values[rows])
     for knots, marked in ((held, _add_last_known_rows(held, len(rows), count)), (lines, lines)):
         if len(knots) > 1 and float(np.median(np.diff(time[knots]))) >= 0.5 * hold_s:
             return _mark_knots(log, name, rows, marked)
@@ -148,7 +148,7 @@ def find_knots(time: Floats, values: Floats) -> Integers | None:
 
 def find_held_knots(values: Floats) -> Integers | None:
     """Return the indices at which held values (k,) change; None where they are not held between changes."""
-    new_rows = np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
+    new_rows = find_new_rows(values)
     counts = _count_rows_before_clear_changes(values)
     if len(new_rows) <= FEWEST_EVENTS or len(counts) < FEWEST_EVENTS:
         return None

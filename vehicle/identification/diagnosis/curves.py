@@ -79,7 +79,7 @@ def build_residual_plot(problem: Problem, base: Fit, fit: Fit, name: str) -> Res
     found, limit = next((one for one in fit.model if str(one) == name and name in LIMIT_UNITS), None), None
     if found is not None:
         parameter, unit = LIMIT_UNITS[name]
-        value = compute_values(found, fit.get_amounts(found), data, problem.rig.tractor)[parameter]
+        value = compute_values(problem, found, fit.get_amounts(found))[parameter]
         limit = value * unit if math.isfinite(value) else None
     (mean, error), (mean_after, error_after) = ([part[:count] for part in one] for one in (before, after))
     return ResidualPlot(

@@ -31,12 +31,14 @@ from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, 
 from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.verdicts import (
-    ValueConverter,
     Verdict,
+    compute_interval,
     compute_value_correlations,
+    compute_values,
     decide,
+    describe_law,
+    find_pattern,
     find_smallest_visible,
-    list_run_starts,
 )
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
@@ -101,13 +103,13 @@ def diagnose_logs(
         )
     result = Searcher(problem, count.count_step).run()
     verdicts = decide(problem, result)
-    converter = ValueConverter(problem, list_run_starts(logs))
-    saved = choose_saved(converter, result.fit, verdicts, count.count_step)
+    saved = choose_saved(problem, result.fit, verdicts, count.count_step)
     turning = find_other_turning(logs, tractor)
     compass, kept = None, list[Verdict]()
     for verdict in verdicts:
         effect = EFFECTS_BY_ID.get(verdict.hypothesis.id)
-        if any(one is verdict for one in saved.refused) and not (effect is not None and effect.is_of_log_alone):
+        is_refused = verdict.hypothesis.is_storable and all(one is not verdict for one in saved.verdicts)
+        if is_refused and not (effect is not None and effect.is_of_log_alone):
             # What left-out runs refuse: a name becomes likely, anything else is dropped, but columns no path shows.
             if verdict.status != NAMED:
                 continue
@@ -119,7 +121,7 @@ def diagnose_logs(
             # that move half of the vehicle are not those of the file.
             is_joint = turning is not None and turning.kind == ARTICULATED
             kept.append(replace(verdict, status=LIKELY) if is_joint else verdict)
-    diagnosis = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, kept).compose()
+    diagnosis = _Composer(logs, dataset, tractor, ground, problem, result, saved, kept).compose()
     count.report_completion()
     return add_outside(diagnosis, None if compass is None else float(np.linalg.norm(compass.amounts)), turning)
 
@@ -152,7 +154,6 @@ class _Composer:
     tractor: Tractor
     ground: str
     problem: Problem
-    converter: ValueConverter
     result: SearchResult
     saved: Saved
     verdicts: Sequence[Verdict]
@@ -161,7 +162,7 @@ class _Composer:
         """The diagnosis: causes from the windows, errors from all driving."""
         dataset, problem, result = self.dataset, self.problem, self.result
         findings = self.build_findings()
-        extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, findings)
+        extended = build_extended_tractor(self.problem, self.tractor, self.ground, self.saved.verdicts, findings)
         before, after = (
             measure_dataset(dataset, *build_rig_and_corrections(one, self.ground, dataset.origin))
             for one in (self.tractor, extended)
@@ -173,7 +174,7 @@ class _Composer:
         equivalents = [one for one in findings if one.status == EQUIVALENT]
         blocks = [*(get_effect(name).block for name in named), *(one.block for one in equivalents)]
         curves = [*named, *(str(one.hypothesis) for one in self.verdicts)]  # the first name, or the clearest verdict
-        patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
+        patterns = [(one.hypothesis.id, find_pattern(self.problem, one)) for one in self.verdicts]
         odd_runs = {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
         diagnosis = Diagnosis(
             names=dataset.names,
@@ -264,19 +265,22 @@ class _Composer:
                 alternative, amounts = other.alternative, other.amounts
                 if alternative is None or amounts is None or not alternative.is_catalogued:
                     continue
-                effect, value = get_effect(alternative.id), self.converter.compute_values(alternative, amounts)
+                effect, value = get_effect(alternative.id), compute_values(self.problem, alternative, amounts)
                 sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != effect.id))
                 finding = Finding(
-                    effect.id, EQUIVALENT, value, None, None, None, visible.get(effect.id), effect.size.unit,
-                    effect.block, effect.describe(value), tuple(one for one in sets if one in EFFECTS_BY_ID),
-                    f"looks like {get_effect(verdict.hypothesis.id).label}",
-                )  # fmt: skip
+                    effect.id,
+                    EQUIVALENT,
+                    value,
+                    smallest_visible=visible.get(effect.id),
+                    description=effect.describe(value),
+                    equivalent_to=tuple(one for one in sets if one in EFFECTS_BY_ID),
+                    exchange=f"looks like {get_effect(verdict.hypothesis.id).label}",
+                )
                 findings.setdefault(effect.id, finding)
         return [findings.get(one.id) or self._build_absent(one, visible.get(one.id)) for one in CATALOGUE]
 
     def _build_found(self, verdicts: Sequence[Verdict], visible: float | None) -> Finding:
         """The finding of an effect: its constant with a law, if it has one."""
-        converter = self.converter
         constants = [one for one in verdicts if one.hypothesis.is_catalogued]
         main = (constants or list(verdicts))[0]
         effect = get_effect(main.hypothesis.id)
@@ -285,13 +289,13 @@ class _Composer:
                 one.hypothesis.law != "with_speed"]  # fmt: skip
         value, interval = dict[str, float](), None
         if constants or main.hypothesis.law == "with_speed":
-            value = converter.compute_values(main.hypothesis, main.amounts)
-            interval = converter.compute_interval(main.hypothesis, main.amounts, main.covariance)
-        law = converter.describe_law(laws[0], constants[0].amounts if constants else None) if laws else None
+            value = compute_values(self.problem, main.hypothesis, main.amounts)
+            interval = compute_interval(self.problem, main.hypothesis, main.amounts, main.covariance)
+        law = describe_law(self.problem, laws[0], constants[0].amounts if constants else None) if laws else None
         if law is not None and not constants:  # the mean over the logs
             hypothesis = laws[0].hypothesis
             mean = float(laws[0].amounts @ self.problem.bases.compute_means(hypothesis))
-            value, interval = converter.compute_values(hypothesis.make_constant(), np.array([mean])), None
+            value, interval = compute_values(self.problem, hypothesis.make_constant(), np.array([mean])), None
         if main.status == EQUIVALENT and interval is not None:  # another could replace it
             neutral = get_neutral_values(effect.id, self.problem.rig.tractor.steering)[effect.size.name]
             low, high = interval[effect.size.name]
@@ -300,8 +304,7 @@ class _Composer:
         others = " or ".join(get_effect(one).label for one in ids)
         return Finding(
             effect.id, main.status, value, interval, gain and gain[0], gain and gain[1], visible,
-            effect.size.unit, effect.block, effect.describe(value), ids,
-            f"these logs cannot tell it from {others}" if others else "", law,
+            effect.describe(value), ids, f"these logs cannot tell it from {others}" if others else "", law,
         )  # fmt: skip
 
     def _build_absent(self, effect: Effect, visible: float | None) -> Finding:
@@ -319,4 +322,4 @@ class _Composer:
         is_refuted = visible is not None and kind.is_no_larger_fault(visible, size.typical) and not is_open
         status = REFUTED if is_refuted else NOT_VISIBLE
         shown = None if visible is None or not math.isfinite(visible) else visible
-        return Finding(effect.id, status, None, None, None, None, shown, effect.size.unit, effect.block, "")
+        return Finding(effect.id, status, smallest_visible=shown)

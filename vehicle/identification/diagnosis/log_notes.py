@@ -35,6 +35,7 @@ from vehicle.model.tractor import Tractor
 
 TIME_EFFECTS = ("steering_dead_time", "gnss_latency")  # what drifting clocks would look like
 _LOG_COLUMNS = {
+    "position": "easting_m",
     "heading": "heading_deg",
     "speed": "speed_mps",
     "steering": "steering_deg",
@@ -108,8 +109,8 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float | None
     """
     gaps, rows, having = [], [], 0
     for log in logs:
-        having += column == "position" or getattr(log, _LOG_COLUMNS[column]) is not None
-        measured = log.place_rows.get(column) if column in _PLACES else log.measured_rows.get(_LOG_COLUMNS[column])
+        having += getattr(log, _LOG_COLUMNS[column]) is not None
+        measured = log.measured_rows.get(_LOG_COLUMNS[column])
         if measured is not None and np.count_nonzero(measured & log.used) > 2:
             gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
             rows.append(np.diff(np.flatnonzero(measured[log.used])))

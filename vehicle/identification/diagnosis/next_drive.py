@@ -112,7 +112,7 @@ def build_trial(problem: Problem, programme: DriveProgramme) -> Problem:
     absent = {name for name in ("wheel", "command", "target") if all(getattr(one, name) is None for one in every)}
     for segment, (_, pieces) in zip(driven.segments, programme.passes, strict=True):
         grids = segment.grids | {"east": segment.grids["east"] + east, "north": segment.grids["north"] + north}
-        if logs.cross_slope.is_usable:
+        if logs.cross_slope.across:
             cosine, sine = np.cos(grids["heading"]), np.sin(grids["heading"])
             grids["across"] = logs.cross_slope.east * sine - logs.cross_slope.north * cosine
         changed: dict[str, Any] = dict.fromkeys(absent)

@@ -29,7 +29,10 @@ from vehicle.identification.faults.steering_evidence import (
 )
 from vehicle.identification.logs.column_faults import LOST_WORDS, POSITION_LOST
 from vehicle.identification.logs.schema import GAP_SAMPLES, Log, LogFault
+from vehicle.identification.logs.series import find_new_rows
 from vehicle.identification.logs.standing_columns import (
+    HEADING_FROZEN,
+    SPEED_FROZEN,
     STEERING_LOOSE,
     STEERING_STUCK,
     STEERING_WORDS,
@@ -58,6 +61,8 @@ HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
 STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
 MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
 
+HELD_COLUMNS = {"heading_deg": HEADING_FROZEN, "speed_mps": SPEED_FROZEN, "steering_deg": WHEEL_SENSOR_FROZEN}
+"""What a reader of one log may not see freeze; positions that freeze it sees."""
 WORDS = {
     **STEERING_WORDS,
     **{reading.fault_id: reading.words for reading in STILL_READINGS.values()},
@@ -108,7 +113,7 @@ def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
             from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
             fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
             bad: Flags = (log.time_s >= fault.earliest_s) & (log.time_s <= (math.inf if to_s is None else to_s))
-            log = log.exclude_rows(fault.rule, bad, faults=(*log.faults, fault))
+            log = log.add_fault(fault, bad)
         marked.append(log)
     left = [log for log in marked if log.rows_used >= FEWEST_READINGS]
     if not left or len(left) == len(marked):
@@ -122,7 +127,7 @@ def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
     lock_deg = find_lock(logs)
     built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
     numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
-    spans = [span for name in STILL_READINGS for span in _find_frozen_spans(logs, name)]
+    spans = [span for column in HELD_COLUMNS for span in _find_frozen_spans(logs, column)]
     scales = fit_path_scales(runs) if runs else []
     for measure, least_sigma in MEASURES.items() if runs else ():
         channels = [measure(run, scales) for run in runs]
@@ -274,7 +279,7 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
         price = math.log(len(pool) + 1.0)
         nats = seconds / max(HOLD_TAIL * float(pool.max()) / price, STAND_S) - price
         spans += [
-            OnsetSpan(STILL_READINGS[column].fault_id, run, first, first, last, last, value)
+            OnsetSpan(HELD_COLUMNS[column], run, first, first, last, last, value)
             for first, last, value in zip(firsts.tolist(), lasts.tolist(), nats.tolist(), strict=True)
             if value > ADD_NATS
         ]
@@ -283,16 +288,9 @@ def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
 
 def _list_holds(log: Log, column: str) -> tuple[Floats, Floats, Floats]:
     """First and last time of every value that a column holds, and for how long the tractor drove in it (s)."""
-    columns = {
-        "position": (log.easting_m, log.northing_m),
-        "heading": (log.heading_deg,),
-        "speed": (log.speed_mps,),
-        "wheel": (log.steering_deg,),
-    }
-    axes = [values for values in columns[column] if values is not None]
-    measured = log.place_rows.get(column, log.fresh if column == "position" else None)
+    values, measured = getattr(log, column), log.measured_rows.get(column)
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
-    if not axes or len(rows) < FEWEST_READINGS:
+    if values is None or len(rows) < FEWEST_READINGS:
         return np.empty(0), np.empty(0), np.empty(0)
     # Seconds driven up to each row, as most of positions, speed and commanded speed say.
     used = np.flatnonzero(log.used)
@@ -306,7 +304,7 @@ def _list_holds(log: Log, column: str) -> tuple[Floats, Floats, Floats]:
     step = np.where(step <= (GAP_SAMPLES + 0.5) * np.median(step), step, 0.0)
     driven = np.zeros(len(log.time_s))
     driven[used] = np.cumsum(step * moving)
-    changes = np.flatnonzero(np.append(True, (np.diff(np.stack(axes)[:, rows], axis=1) != 0.0).any(axis=0)))
+    changes = find_new_rows(values[rows])
     ends = np.append(changes[1:], len(rows) - 1)
     time = log.time_s[rows]
     return time[changes], time[ends], (driven[rows][ends] - driven[rows][changes])

@@ -11,6 +11,7 @@ from vehicle.identification.logs.schema import LogFault
 from vehicle.identification.logs.thresholds import ALIKE_SHARE
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 
 # How many likely effects were true causes: tests.benchmarks.diagnosis, three references, seed 345000, none of whose
@@ -128,17 +129,25 @@ class Finding:
 
     id: str
     status: str
-    value: dict[str, float] | None
-    interval: dict[str, tuple[float, float]] | None
-    gain_pct: float | None
-    gain_interval: tuple[float, float] | None
-    smallest_visible: float | None
-    unit: str
-    block: str
-    description: str
+    value: dict[str, float] | None = None
+    interval: dict[str, tuple[float, float]] | None = None
+    gain_pct: float | None = None
+    gain_interval: tuple[float, float] | None = None
+    smallest_visible: float | None = None
+    description: str = ""
     equivalent_to: tuple[str, ...] = ()
     exchange: str = ""
     law: ParameterLaw | None = None
+
+    @property
+    def block(self) -> str:
+        """The block of the model that the effect is in."""
+        return get_effect(self.id).block
+
+    @property
+    def unit(self) -> str:
+        """The unit of `smallest_visible` and of the first value."""
+        return get_effect(self.id).size.unit
 
     @property
     def sentence(self) -> str:

@@ -20,7 +20,7 @@ from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Finding, HoldoutResult, HoldoutRun
-from vehicle.identification.diagnosis.verdicts import ValueConverter, Verdict, centre_laws
+from vehicle.identification.diagnosis.verdicts import Verdict, build_settings, centre_laws
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import DOUBT_SIGMAS, SEED
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig_and_corrections, compute_half_numbers
@@ -49,20 +49,19 @@ LEAST_HARM = np.array([5e-4, math.radians(0.03)])  # m and rad: smaller errors d
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """Verdicts to save and those that left-out runs refuse, as they harm them or, only likely, do not help them; the
-    gain (%) of each with its 90 % interval, and the errors of left-out runs."""
+    """Verdicts to save, without those that left-out runs refuse, as they harm them or, only likely, do not help them;
+    the gain (%) of each with its 90 % interval, and the errors of left-out runs."""
 
     verdicts: tuple[Verdict, ...]
-    refused: tuple[Verdict, ...]
     gains: dict[str, tuple[float, tuple[float, float]]] = field(default_factory=dict)
     holdout: HoldoutResult | None = None
 
 
-def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
+def choose_saved(problem: Problem, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
-    names, has_speed = converter.problem.data.dataset.names, converter.problem.data.dataset.has_speed
-    replay = partial(_replay_left_out, converter, fit, compute_left_out_amounts(converter.problem, fit))
-    kept, refused = list[Verdict](), list[Verdict]()
+    names, has_speed = problem.data.dataset.names, problem.data.dataset.has_speed
+    replay = partial(_replay_left_out, problem, fit, compute_left_out_amounts(problem, fit))
+    kept = list[Verdict]()
     base = now = replay([])
     for verdict in (one for one in verdicts if one.hypothesis.is_storable):
         pieces = replay([*(one.hypothesis for one in kept), verdict.hypothesis])
@@ -72,30 +71,31 @@ def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict
             if verdict.status == LIKELY
             else not is_extension_harmful(now, pieces, has_speed)
         )
-        (kept if is_saved else refused).append(verdict)
-        now = pieces if is_saved else now
+        if is_saved:
+            kept.append(verdict)
+            now = pieces
     gains = {}
     for verdict in kept:
         others = replay([one.hypothesis for one in kept if one is not verdict])
         gains[verdict.hypothesis.id] = _compute_gain(*(sum_by_run(one, len(names)) for one in (others, now)))
     words = LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS
     holdout = compare_pieces(names, base, now, has_speed, words) if kept else None
-    return Saved(tuple(kept), tuple(refused), gains, holdout)
+    return Saved(tuple(kept), gains, holdout)
 
 
 def _replay_left_out(
-    converter: ValueConverter,
+    problem: Problem,
     fit: Fit,
     amounts_by_run: Mapping[int, Sequence[Floats]],
     hypotheses: Sequence[Hypothesis],
 ) -> Pieces:
     """Errors of all pieces with these hypotheses alone, every run with amounts that it had no part in."""
     parts: list[Pieces] = []
-    for segment in converter.problem.data.dataset.segments:
+    for segment in problem.data.dataset.segments:
         every = amounts_by_run[segment.run]
         for half, amounts in enumerate(every):
             own = [part for part in split_amounts(fit.model, amounts) if part[0] in hypotheses]
-            shown = simulate_instruments(converter.problem.rig, segment, converter.build_settings(own))
+            shown = simulate_instruments(problem.rig, segment, build_settings(problem, own))
             parts.append({
                 horizon: rows[(compute_half_numbers(rows[:, 1]) == half) | (len(every) == 1)]
                 for horizon, rows in measure_pieces(segment, *shown[:2]).items()
@@ -141,13 +141,13 @@ def _compute_gain(before: Floats, after: Floats) -> tuple[float, tuple[float, fl
 
 
 def build_extended_tractor(
-    converter: ValueConverter, tractor: Tractor, ground: str, saved: Sequence[Verdict], findings: Sequence[Finding]
+    problem: Problem, tractor: Tractor, ground: str, saved: Sequence[Verdict], findings: Sequence[Finding]
 ) -> Tractor:
     """The tractor with what is saved. Effects of the file that these logs cannot show stay as they are."""
     by_id = {finding.id: finding for finding in findings}
     unseen = {finding.id for finding in findings if finding.value is None and finding.smallest_visible is None}
     effects = {name: setting for name, setting in tractor.effects.items() if name in unseen}
-    settings = converter.build_settings([(one.hypothesis, one.amounts) for one in saved])
+    settings = build_settings(problem, [(one.hypothesis, one.amounts) for one in saved])
     for name, values in settings.items():
         if name == DISCREPANCY_KEY or name not in by_id:
             continue
@@ -159,10 +159,10 @@ def build_extended_tractor(
             named=finding.status == NAMED,
             equivalent_to=finding.equivalent_to if finding.status == EQUIVALENT else (),
             ground=ground,
-            logs=converter.problem.data.dataset.names,
+            logs=problem.data.dataset.names,
         )  # fmt: skip
     amounts = settings.get(DISCREPANCY_KEY, {})
-    discrepancy = _build_discrepancy(converter, saved, amounts) if amounts else None
+    discrepancy = _build_discrepancy(problem, saved, amounts) if amounts else None
     kept = tractor.discrepancy_model if discrepancy is None and not saved else discrepancy
     return tractor.model_copy(update={"effects": effects, "discrepancy_model": kept})
 
@@ -172,15 +172,13 @@ def round_value(value: float) -> float:
     return float(f"{value:.{FILE_DIGITS}g}")
 
 
-def _build_discrepancy(
-    converter: ValueConverter, saved: Sequence[Verdict], amounts: Mapping[str, float]
-) -> DiscrepancyModel:
+def _build_discrepancy(problem: Problem, saved: Sequence[Verdict], amounts: Mapping[str, float]) -> DiscrepancyModel:
     """The discrepancy model with 95 % intervals, trusted where nearly all of the driving was."""
-    dataset, intervals = converter.problem.data.dataset, dict[str, Interval]()
+    dataset, intervals = problem.data.dataset, dict[str, Interval]()
     for verdict in (one for one in saved if one.hypothesis.terms):
         spread = INTERVAL_SIGMAS * np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
         low, high = (
-            converter.build_settings([(verdict.hypothesis, verdict.amounts + sign * spread)])[DISCREPANCY_KEY]
+            build_settings(problem, [(verdict.hypothesis, verdict.amounts + sign * spread)])[DISCREPANCY_KEY]
             for sign in (-1.0, 1.0)
         )
         intervals |= {name: (min(low[name], high[name]), max(low[name], high[name])) for name in low}

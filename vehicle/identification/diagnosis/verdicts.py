@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fields.arrays import Floats
-from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
     CONSTANT,
@@ -34,7 +33,6 @@ from vehicle.identification.diagnosis.search import (
     build_patch,
     find_middle_circle,
 )
-from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
     DOUBT_SIGMAS,
@@ -46,7 +44,7 @@ from vehicle.identification.logs.thresholds import (
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import CATALOGUE, DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect
-from vehicle.model.tractor import Settings, Tractor
+from vehicle.model.tractor import Settings
 
 LIKELY_Z = 0.5 * CLEAR_SIGMAS  # standard errors of the predictive difference from which something is likely
 EXCLUDED_LAW_Z = 1.0  # standard errors from which a law or a circle is excluded
@@ -254,91 +252,85 @@ def find_smallest_visible(problem: Problem, fit: Fit) -> dict[str, float]:
     return visible
 
 
-@dataclass(frozen=True, eq=False)
-class ValueConverter:
-    """Converts amounts of hypotheses for the tractor and the logs of a problem."""
+def compute_interval(
+    problem: Problem, hypothesis: Hypothesis, amounts: Floats, covariance: Floats
+) -> dict[str, Interval]:
+    """95 % intervals of the values; none for the place of a circle."""
+    effect = get_effect(hypothesis.id)
+    kind, _, box = scale_effect(effect, problem.data, problem.rig.tractor)
+    return kind.compute_interval(effect.params, box, np.array(box.neutral) + amounts, covariance)
 
-    problem: Problem
-    run_starts_s: Floats
 
-    def compute_values(self, hypothesis: Hypothesis, amounts: Floats) -> Values:
-        """The values of compute_values for this tractor and these logs."""
-        return compute_values(hypothesis, amounts, self.problem.data, self.problem.rig.tractor)
+def build_settings(problem: Problem, parts: Sequence[tuple[Hypothesis, Floats]]) -> Settings:
+    """What a tractor file would hold of these hypotheses; those that none can hold are left out."""
+    settings: dict[str, Values] = {}
+    amounts_by_term: Values = {}
+    for hypothesis, amounts in parts:
+        if hypothesis.terms:
+            for term, amount, one in zip(hypothesis.terms, amounts, hypothesis.coordinates, strict=True):
+                amounts_by_term[term] = float(amount) * one.slopes[0][1] / TERMS_BY_NAME[term].scale
+        elif hypothesis.is_storable:
+            settings[hypothesis.id] = compute_values(problem, hypothesis, amounts)
+    finite = {name: values for name, values in settings.items() if all(map(math.isfinite, values.values()))}
+    return {**finite, **({DISCREPANCY_KEY: amounts_by_term} if amounts_by_term else {})}
 
-    def compute_interval(self, hypothesis: Hypothesis, amounts: Floats, covariance: Floats) -> dict[str, Interval]:
-        """95 % intervals of the values; none for the place of a circle."""
-        effect = get_effect(hypothesis.id)
-        kind, _, box = scale_effect(effect, self.problem.data, self.problem.rig.tractor)
-        return kind.compute_interval(effect.params, box, np.array(box.neutral) + amounts, covariance)
 
-    def build_settings(self, parts: Sequence[tuple[Hypothesis, Floats]]) -> Settings:
-        """What a tractor file would hold of these hypotheses; those that none can hold are left out."""
-        settings: dict[str, Values] = {}
-        amounts_by_term: Values = {}
-        for hypothesis, amounts in parts:
-            if hypothesis.terms:
-                for term, amount, one in zip(hypothesis.terms, amounts, hypothesis.coordinates, strict=True):
-                    amounts_by_term[term] = float(amount) * one.slopes[0][1] / TERMS_BY_NAME[term].scale
-            elif hypothesis.is_storable:
-                settings[hypothesis.id] = self.compute_values(hypothesis, amounts)
-        finite = {name: values for name, values in settings.items() if all(map(math.isfinite, values.values()))}
-        return {**finite, **({DISCREPANCY_KEY: amounts_by_term} if amounts_by_term else {})}
+def describe_law(problem: Problem, verdict: Verdict, constant: Floats | None) -> ParameterLaw:
+    """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
+    hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
+    neutral = compute_values(problem, hypothesis.make_constant(), np.zeros(1))[effect.size.name]
+    pattern, at = find_pattern(problem, verdict), neutral
+    if constant is not None:
+        at += float(constant[0])
+        at -= 0.0 if pattern or hypothesis.is_storable else float(
+            problem.bases.compute_means(hypothesis) @ verdict.amounts)  # fmt: skip
+    if pattern is not None:
+        kind = pattern.kind
+        values = {name: at + value if name in LEVELS else value for name, value in pattern.values.items()}
+    else:
+        kind, amount = hypothesis.law, float(verdict.amounts[0])
+        compute = LAW_VALUES.get(kind, lambda _at, amount, _is_left: {"amount": amount})
+        values = compute(at, amount, hypothesis.basis.endswith("left"))
+    unit = f" {effect.size.unit}" if effect.size.unit else ""
+    run = "" if pattern is None else problem.data.dataset.names[pattern.run]
+    words = LAW_SENTENCES.get(kind, OTHER_LAW_SENTENCE).format(**values, unit=unit, run=run)
+    return ParameterLaw(kind, values, f"The {effect.label} is {words}.")
 
-    def describe_law(self, verdict: Verdict, constant: Floats | None) -> ParameterLaw:
-        """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
-        hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
-        neutral = self.compute_values(hypothesis.make_constant(), np.zeros(1))[effect.size.name]
-        pattern, at = self.find_pattern(verdict), neutral
-        if constant is not None:
-            at += float(constant[0])
-            at -= 0.0 if pattern or hypothesis.is_storable else float(
-                self.problem.bases.compute_means(hypothesis) @ verdict.amounts)  # fmt: skip
-        if pattern is not None:
-            kind = pattern.kind
-            values = {name: at + value if name in LEVELS else value for name, value in pattern.values.items()}
-        else:
-            kind, amount = hypothesis.law, float(verdict.amounts[0])
-            compute = LAW_VALUES.get(kind, lambda _at, amount, _is_left: {"amount": amount})
-            values = compute(at, amount, hypothesis.basis.endswith("left"))
-        unit = f" {effect.size.unit}" if effect.size.unit else ""
-        run = "" if pattern is None else self.problem.data.dataset.names[pattern.run]
-        words = LAW_SENTENCES.get(kind, OTHER_LAW_SENTENCE).format(**values, unit=unit, run=run)
-        return ParameterLaw(kind, values, f"The {effect.label} is {words}.")
 
-    def find_pattern(self, verdict: Verdict) -> RunPattern | None:
-        """The simplest pattern that describes the values of single runs; None for other laws.
+def find_pattern(problem: Problem, verdict: Verdict) -> RunPattern | None:
+    """The simplest pattern that describes the values of single runs; None for other laws.
 
-        That is the run whose own value leaves the least misfit of the others' mean. A swing needs FEWEST_FOR_SWING runs
-        at different times; it is taken where it describes them better, by the Bayesian information criterion.
-        """
-        if verdict.hypothesis.law != BY_RUN:
-            return None
-        amounts, sigmas, starts_s = verdict.amounts, np.sqrt(np.diag(verdict.covariance)), self.run_starts_s
-        found: list[tuple[float, int, float]] = []
-        for run in range(len(amounts)):
-            others, weights = np.arange(len(amounts)) != run, 1.0 / (sigmas * sigmas)
-            mean = float(np.average(amounts[others], weights=weights[others]))
-            found.append((float((weights[others] * (amounts[others] - mean) ** 2).sum()), run, mean))
-        misfit, run, mean = min(found)
-        best, span = RunPattern(BY_RUN, {"value": float(amounts[run]), "other": mean}, run), float(np.ptp(starts_s))
-        if len(np.unique(starts_s)) < FEWEST_FOR_SWING:
-            return best
-        least = misfit - 2.0 * math.log(len(amounts))  # for two more numbers
-        for period_s in (PERIODS * span).tolist():
-            angle = 2.0 * math.pi * starts_s / period_s
-            columns = np.stack([np.ones(len(amounts)), np.sin(angle), np.cos(angle)], axis=1) / sigmas[:, None]
-            numbers = np.linalg.lstsq(columns, amounts / sigmas, rcond=None)[0]
-            misfit = float(((columns @ numbers - amounts / sigmas) ** 2).sum())
-            if misfit < least:
-                size, phase = math.hypot(*numbers[1:]), math.atan2(numbers[2], numbers[1])
-                lowest_s = (-0.25 - phase / (2.0 * math.pi)) % 1.0 * period_s  # a time of the lowest value
-                values = {"mean": float(numbers[0]), "amplitude": size, "period_s": period_s,
-                          "phase_deg": math.degrees(phase) % 360.0, "lowest_s": lowest_s}  # fmt: skip
-                best, least = RunPattern("over_day", values), misfit
+    That is the run whose own value leaves the least misfit of the others' mean. A swing needs FEWEST_FOR_SWING runs
+    at different times; it is taken where it describes them better, by the Bayesian information criterion.
+    """
+    if verdict.hypothesis.law != BY_RUN:
+        return None
+    amounts, sigmas, starts_s = verdict.amounts, np.sqrt(np.diag(verdict.covariance)), problem.data.dataset.run_starts_s
+    found: list[tuple[float, int, float]] = []
+    for run in range(len(amounts)):
+        others, weights = np.arange(len(amounts)) != run, 1.0 / (sigmas * sigmas)
+        mean = float(np.average(amounts[others], weights=weights[others]))
+        found.append((float((weights[others] * (amounts[others] - mean) ** 2).sum()), run, mean))
+    misfit, run, mean = min(found)
+    best, span = RunPattern(BY_RUN, {"value": float(amounts[run]), "other": mean}, run), float(np.ptp(starts_s))
+    if len(np.unique(starts_s)) < FEWEST_FOR_SWING:
         return best
+    least = misfit - 2.0 * math.log(len(amounts))  # for two more numbers
+    for period_s in (PERIODS * span).tolist():
+        angle = 2.0 * math.pi * starts_s / period_s
+        columns = np.stack([np.ones(len(amounts)), np.sin(angle), np.cos(angle)], axis=1) / sigmas[:, None]
+        numbers = np.linalg.lstsq(columns, amounts / sigmas, rcond=None)[0]
+        misfit = float(((columns @ numbers - amounts / sigmas) ** 2).sum())
+        if misfit < least:
+            size, phase = math.hypot(*numbers[1:]), math.atan2(numbers[2], numbers[1])
+            lowest_s = (-0.25 - phase / (2.0 * math.pi)) % 1.0 * period_s  # a time of the lowest value
+            values = {"mean": float(numbers[0]), "amplitude": size, "period_s": period_s,
+                      "phase_deg": math.degrees(phase) % 360.0, "lowest_s": lowest_s}  # fmt: skip
+            best, least = RunPattern("over_day", values), misfit
+    return best
 
 
-def compute_values(hypothesis: Hypothesis, amounts: Floats, data: DriveData, tractor: Tractor) -> Values:
+def compute_values(problem: Problem, hypothesis: Hypothesis, amounts: Floats) -> Values:
     """The values by name of amounts: of the tractor file, where the catalogue has it; of laws the amounts alone."""
     effect = EFFECTS_BY_ID.get(hypothesis.id)
     if effect is None or hypothesis.law not in (CONSTANT, "by_place", "with_speed"):
@@ -346,8 +338,8 @@ def compute_values(hypothesis: Hypothesis, amounts: Floats, data: DriveData, tra
         if effect is not None and hypothesis.size == 1:
             names = [effect.size.name]
         return dict(zip(names, map(float, amounts), strict=True))
-    kind, _, box = scale_effect(effect, data, tractor)
-    origin, place = data.dataset.origin, hypothesis.place
+    kind, _, box = scale_effect(effect, problem.data, problem.rig.tractor)
+    origin, place = problem.data.dataset.origin, hypothesis.place
     circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
     return kind.compute_values(effect.params, np.array(box.neutral) + amounts, circle)
 
@@ -362,11 +354,6 @@ class RunPattern:
     run: int = 0
 
 
-def list_run_starts(logs: Sequence[Log]) -> Floats:
-    """The time (s) of the first used row of every log."""
-    return np.array([float(log.time_s[log.used][0]) if log.used.any() else 0.0 for log in logs])
-
-
 def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelations | None:
     """The correlations of all values but nuisances, a law named as ``steering_offset:by_speed``; None for one."""
     widths = collect_widths(fit.model)
@@ -379,10 +366,7 @@ def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelati
             for place, coordinate in enumerate(hypothesis.coordinates):
                 step = np.zeros(hypothesis.size)
                 step[place] = RELATIVE_STEP * coordinate.width
-                after, before = (
-                    compute_values(hypothesis, amounts + sign * step, problem.data, problem.rig.tractor)
-                    for sign in (1.0, -1.0)
-                )
+                after, before = (compute_values(problem, hypothesis, amounts + sign * step) for sign in (1.0, -1.0))
                 own = list(after)
                 changes = np.array([after[name] - before[name] for name in own]) / (2.0 * step[place])
                 of_amounts.append(np.where(np.isfinite(changes), changes, 0.0))

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -113,7 +112,7 @@ def mark_level_step(logs: Sequence[Log]) -> list[Log]:
     odd = log.time_s >= earliest_s if is_after_odd else log.time_s < time_s
     between_s = (earliest_s, time_s) if earliest_s < time_s else None
     fault = LogFault(STEERING_JUMP, log.name, 0.5 * (earliest_s + time_s), None, words, between_s)
-    marked = log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
+    marked = log.add_fault(fault, odd)
     return [marked if one is log else one for one in logs]
 
 
@@ -381,15 +380,14 @@ def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:
             )
             fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[first_after]), None, words)
             bad = np.isin(np.arange(count), list_gap_rows(last_before, first_after, count))
-            changed: dict[str, Any] = {"heading_deg": heading % 360.0, "faults": (*log.faults, fault)}
-            log = log.exclude_rows(f"heading jump: {words}", bad, **changed)
+            log = log.add_fault(fault, bad, heading_deg=heading % 360.0)
         corrected.append(log)
     return corrected
 
 
 def _list_candidates(log: Log) -> list[tuple[int, int, float]]:
     """Return the rows on both sides of the steps of the heading that no tractor turns, and by how much (deg)."""
-    measured = log.place_rows.get("heading")
+    measured = log.measured_rows.get("heading_deg")
     rows = np.flatnonzero(log.used if measured is None else log.used & measured)
     if log.heading_deg is None or len(rows) < 4 * FEWEST_TIMES:
         return []

@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.ndimage import minimum_filter1d
 
 from fields.arrays import Flags, Floats
 from vehicle.identification.logs.schema import Log
@@ -242,8 +243,7 @@ def follow_command(source: Floats, late_s: float, rate_deg_per_s: float, lag_s: 
 
 def slide_minimum(values: Floats, reach: int) -> Floats:
     """Return the least value (k,) within `reach` steps to both sides."""
-    padded = np.pad(values, reach, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1))
+    return np.asarray(minimum_filter1d(values, 2 * reach + 1, mode="nearest"))
 
 
 def fit_robustly(columns: Floats, values: Floats, prior_sd: Floats | None = None) -> tuple[Floats, Floats, float]:

@@ -21,6 +21,7 @@ import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.logs.schema import Columns, Log
+from vehicle.identification.logs.series import compute_change
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
@@ -161,8 +162,7 @@ def _resample_motion(log: Log) -> _Motion | None:
     grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, GRID_S)
 
     def compute_slope(values: Floats) -> Floats:
-        ends = [np.interp(grid + shift, time, values) for shift in (-_HALF_CHORD_S, _HALF_CHORD_S)]
-        return np.asarray((ends[1] - ends[0]) / (2.0 * _HALF_CHORD_S))
+        return compute_change(time, values, grid - _HALF_CHORD_S, grid + _HALF_CHORD_S) / (2.0 * _HALF_CHORD_S)
 
     def compute_mean(values: Floats) -> Floats:
         return compute_slope(np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))]))

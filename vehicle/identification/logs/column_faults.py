@@ -22,7 +22,7 @@ from fields.arrays import Floats, Integers
 from fields.units import name_compass_point
 from vehicle.identification.logs.motion import RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import ColumnFault, Columns, LogFault, list_gap_rows
-from vehicle.identification.logs.series import find_spans, mark_spans, measure_spread, select_timed_rows
+from vehicle.identification.logs.series import find_new_rows, find_spans, mark_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
     POSITION_FROZEN,
     SPEED_FROZEN,
@@ -93,7 +93,7 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     words = "speed_mps is 0 while the tractor creeps, slower than its sensor shows"
     for place, one in enumerate(faults):
         if one.fault.id == SPEED_FROZEN and _is_too_slow(motion, np.searchsorted(rows, one.rows)):
-            faults[place] = replace(one, fault=replace(one.fault, id=SPEED_THRESHOLD, words=words), is_limit=True)
+            faults[place] = replace(one, fault=replace(one.fault, id=SPEED_THRESHOLD, words=words))
     return faults
 
 
@@ -151,7 +151,7 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
     values = motion.get_column(column)
     if values is None:
         return []
-    starts = np.append(0, np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0)) + 1)
+    starts = find_new_rows(values)
     ends = np.append(starts[1:], values.shape[1]) - 1
     seconds, moving = motion.measure_spans(starts, ends)
     if np.count_nonzero(moving) < FEWEST_EVENTS:
@@ -207,7 +207,7 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Integers:
 
     A bend that speed and heading show as well is driven, however tight and fast, as by a model car.
     """
-    fresh = motion.find_fresh_positions()
+    fresh = find_new_rows(motion.positions)
     if len(fresh) < max(FEWEST_ROWS, 4 * lag):
         return np.empty(0, dtype=np.int64)
     time, place = motion.time_s[fresh], motion.positions[:, fresh]
@@ -237,7 +237,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     if len(rows) < 2 * FEWEST_TIMES or not 0.0 < float(np.median(np.diff(time[rows]))) <= READING_S:
         return columns, []
     motion, moved, faults = build_raw_motion(columns, rows), dict(columns), list[ColumnFault]()
-    fresh = motion.find_fresh_positions()
+    fresh = find_new_rows(motion.positions)
     for group in _group_rows(motion, find_scattered_rows(motion, 1)):
         # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
         first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))

@@ -146,13 +146,13 @@ def _measure_bend_course_range_rad(chords: PathChords) -> float:
 class FreshColumns(NamedTuple):
     """Columns without held values, the measured rows (None: all), and sentences on what was corrected.
 
-    `place_rows` are the rows in which `position` and `heading` were measured, each where it is slower than the log.
+    `measured_rows` are those of `easting_m` (and northing) and `heading_deg`, each where it is slower than the log.
     """
 
     columns: Columns
     fresh: Flags | None = None
     corrections: tuple[str, ...] = ()
-    place_rows: Mapping[str, Flags] = MappingProxyType({})
+    measured_rows: Mapping[str, Flags] = MappingProxyType({})
 
 
 def interpolate_held_values(columns: Columns, name: str, logged: Columns | None = None) -> FreshColumns:
@@ -170,7 +170,7 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
         every_s = float(np.median(np.diff(time[rows][position_rows])))
         if every_s > MOMENT_S:
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
-        fresh_sets["position"] = rows[position_rows]
+        fresh_sets["easting_m"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
         converted |= {axis: interpolate_between(columns[axis], time, rows, position_rows) for axis in _POSITION_COLUMNS}
     heading_rows, fresh_headings = rows, None
@@ -184,16 +184,16 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             del converted["heading_deg"]
             doubts.append(f"heading_deg changes only every {every_s:.2g} s; the column is ignored")
         else:
-            fresh_sets["heading"] = heading_rows[fresh_headings]
+            fresh_sets["heading_deg"] = heading_rows[fresh_headings]
             doubts.append(_describe_held_values("heading_deg changes", "the compass", every_s, time[heading_rows]))
             converted["heading_deg"] = np.mod(
                 interpolate_between(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
             )
     if not fresh_sets:
         return FreshColumns(converted, None, tuple(doubts))
-    place_rows = {what: np.isin(np.arange(len(time)), fresh_rows) for what, fresh_rows in fresh_sets.items()}
-    fresh = place_rows[min(fresh_sets, key=lambda what: len(fresh_sets[what]))]
-    return FreshColumns(converted, fresh, tuple(doubts), place_rows)
+    measured_rows = {name: np.isin(np.arange(len(time)), fresh_rows) for name, fresh_rows in fresh_sets.items()}
+    fresh = measured_rows[min(fresh_sets, key=lambda name: len(fresh_sets[name]))]
+    return FreshColumns(converted, fresh, tuple(doubts), measured_rows)
 
 
 def _find_fresh_rows(values: Floats) -> Integers | None:

@@ -19,70 +19,66 @@ SPIKE_DEG = 2.0 * TURNED_DEG  # no tractor yaws this far and back between two ro
 _MOST_OPEN_CHAINS = 8  # positions a receiver may jump between before the shortest chain is dropped
 
 
-class RowRules:
-    """Rows still in use, and the rules that excluded the others."""
+def gate_rows(
+    columns: dict[str, Floats], faults: Mapping[str, Integers] | None = None
+) -> tuple[Flags, list[GatedRows]]:
+    """Apply every rule to columns (units of the contract), `faults` (rules with rows) first; none of roll and pitch.
 
-    def __init__(self, rows: int) -> None:
-        """Start with every row in use."""
-        self.used: Flags = np.ones(rows, dtype=np.bool_)
-        self.gated: list[GatedRows] = []
+    Returns the rows still in use, and the rules that excluded the others.
+    """
+    used, gated = np.ones(len(columns["time_s"]), dtype=np.bool_), list[GatedRows]()
 
-    def exclude_rows(self, rule: str, bad: Flags) -> None:
-        """Exclude the `bad` rows and count those that were still in use."""
-        self.exclude_used_rows(rule, bad[self.used])
-
-    def exclude_used_rows(self, rule: str, bad_of_used: Flags) -> None:
+    def exclude_used_rows(rule: str, bad_of_used: Flags) -> None:
         """Exclude rows by a mask over the rows in use."""
-        rows = np.flatnonzero(self.used)[bad_of_used]
+        rows = np.flatnonzero(used)[bad_of_used]
         if len(rows):
-            self.gated.append(GatedRows(rule, len(rows), find_file_line(rows)))
-            self.used[rows] = False
+            gated.append(GatedRows(rule, len(rows), find_file_line(rows)))
+            used[rows] = False
 
+    def exclude_rows(rule: str, bad: Flags) -> None:
+        """Exclude the `bad` rows and count those that were still in use."""
+        exclude_used_rows(rule, bad[used])
 
-def gate_rows(columns: dict[str, Floats], faults: Mapping[str, Integers] | None = None) -> RowRules:
-    """Apply every rule to columns (units of the contract), `faults` (rules with rows) first; none of roll and pitch."""
-    rules = RowRules(len(columns["time_s"]))
     for rule, fault_rows in (faults or {}).items():
-        rules.exclude_rows(rule, np.isin(np.arange(len(rules.used)), fault_rows))
-    rules.exclude_rows("time missing or not a number", ~np.isfinite(columns["time_s"]))
+        exclude_rows(rule, np.isin(np.arange(len(used)), fault_rows))
+    exclude_rows("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]
-    rules.exclude_rows("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
+    exclude_rows("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
     # The fewest rows without which time increases; where those are many before a jump back, its line is told.
-    timed = np.flatnonzero(rules.used)
+    timed = np.flatnonzero(used)
     bad = find_decreasing_entries(columns["time_s"][timed])
-    rules.exclude_used_rows("time not increasing", bad)
+    exclude_used_rows("time not increasing", bad)
     if bad.any():
         back = int(np.flatnonzero(np.diff(columns["time_s"][timed]) <= 0.0)[0]) + 1
         if back > int(np.argmax(bad)) + 1:
-            rules.gated[-1] = replace(rules.gated[-1], first_line=find_file_line(timed[back:]))
-    rows = rules.used
-    jumping = find_jumps(columns["time_s"][rows], east[rows], north[rows])
-    rules.exclude_used_rows(f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
+            gated[-1] = replace(gated[-1], first_line=find_file_line(timed[back:]))
+    jumping = find_jumps(columns["time_s"][used], east[used], north[used])
+    exclude_used_rows(f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
     for name in ("heading_deg", *STEERING_COLUMNS):
         if name in columns:
-            rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+            exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
     if "heading_deg" in columns:
         heading = columns["heading_deg"]
-        rules.exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
-        step = wrap_degrees(np.diff(heading[rules.used]))
+        exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
+        step = wrap_degrees(np.diff(heading[used]))
         if len(step) >= 2:
             alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
             rule = f"heading_deg differs by more than {SPIKE_DEG:g} deg from the rows before and after"
-            rules.exclude_used_rows(rule, np.pad(alone, 1))
+            exclude_used_rows(rule, np.pad(alone, 1))
     for name in ("speed_mps", "speed_command_mps"):
         if name in columns:
-            rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
-            rules.exclude_rows(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
-            rules.exclude_rows(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
+            exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+            exclude_rows(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
+            exclude_rows(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
     for name in STEERING_COLUMNS:
         if name in columns:
-            rules.exclude_rows(f"{name} beyond {MOST_STEERING_DEG:g} deg", np.abs(columns[name]) > MOST_STEERING_DEG)
+            exclude_rows(f"{name} beyond {MOST_STEERING_DEG:g} deg", np.abs(columns[name]) > MOST_STEERING_DEG)
     if "implement" in columns:
-        rules.exclude_rows("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
+        exclude_rows("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
     if "shuttle" in columns:
-        rules.exclude_rows("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
-        rules.exclude_rows("shuttle in neutral", columns["shuttle"] == 0.0)
-    return rules
+        exclude_rows("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
+        exclude_rows("shuttle in neutral", columns["shuttle"] == 0.0)
+    return used, gated
 
 
 def find_jumps(time: Floats, east: Floats, north: Floats) -> Flags:

@@ -263,10 +263,6 @@ class RawMotion:
         pace[near] = course[near] = np.nan
         return replace(self, pace=pace, course=course)
 
-    def find_fresh_positions(self) -> Integers:
-        """Return the rows in which the position is a new one."""
-        return np.append(0, np.flatnonzero((np.diff(self.positions, axis=1) != 0.0).any(axis=0)) + 1)
-
     def is_contradicted(self, column: str, span: tuple[int, int]) -> bool:
         """Whether other columns show that a column that repeats its value in a span should have changed."""
         rows = slice(span[0], span[1] + 1)

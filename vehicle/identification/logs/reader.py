@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fields.arrays import Flags
 from fields.errors import MAX_NAMED
 from fields.text_files import count_noun
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.clocks import even_time_stamps, is_bundled
 from vehicle.identification.logs.column_faults import (
+    SPEED_THRESHOLD,
     collect_fault_rows,
     correct_position_jumps,
     find_column_faults,
@@ -33,7 +35,7 @@ from vehicle.identification.logs.column_quality import (
 )
 from vehicle.identification.logs.conventions import find_convention_errors
 from vehicle.identification.logs.directions import HEADING_FLIPPED, drop_course_heading, find_flipped_headings
-from vehicle.identification.logs.gating import RowRules, gate_rows
+from vehicle.identification.logs.gating import gate_rows
 from vehicle.identification.logs.readings import (
     SPEED_UNITS,
     LogConvention,
@@ -44,6 +46,7 @@ from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
     Columns,
+    GatedRows,
     Log,
     find_file_line,
     number_segments,
@@ -210,24 +213,26 @@ def build_log(
     column_faults = join_thaws(jumps, find_column_faults(converted, name))
     column_faults += find_sparse_steering_faults(converted, name)
     converted, gaps = _hold_commands(converted)
-    columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
-    rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})
+    columns, fresh, doubts, measured_rows = interpolate_held_values(converted, name, raw_columns)
+    fault_rows = {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)}
+    used, gated = gate_rows(columns, fault_rows)
     # Of negative speeds only the noise of sensors at rest was not excluded.
     columns = columns | {key: np.maximum(values, 0.0) for key, values in columns.items() if key.startswith("speed")}
-    _refuse_unusable_rows(columns, rules, name)
-    defaults = {"shuttle": np.ones(len(rules.used)), "implement": np.zeros(len(rules.used))}
+    _refuse_unusable_rows(columns, used, gated, name)
+    defaults = {"shuttle": np.ones(len(used)), "implement": np.zeros(len(used))}
     values: dict[str, Any] = {key: columns.get(key, defaults.get(key)) for key in COLUMNS}
     log = Log(
         name=name,
         **values,
-        used=rules.used,
-        segment=number_segments(columns["time_s"], rules.used),
-        gated=tuple(rules.gated),
+        used=used,
+        segment=number_segments(columns["time_s"], used),
+        gated=tuple(gated),
         ignored_columns=ignored,
         fresh=fresh,
-        place_rows=place_rows,
+        measured_rows=measured_rows,
         corrections=(*stamps, *gaps, *doubts),
-        faults=tuple(column_fault.fault for column_fault in column_faults if not column_fault.is_limit),
+        # A limit of the instrument is no fault that began.
+        faults=tuple(one.fault for one in column_faults if one.fault.id != SPEED_THRESHOLD),
         origin_deg=reference if LogConvention.POSITION_DEGREES in fix_set else None,
     )
     log = drop_coarse_columns(log)
@@ -311,26 +316,26 @@ def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
     return {first: tuple(map(str, other_paths)) for first, *other_paths in files.values()}
 
 
-def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
-    backwards = next((one for one in rules.gated if one.rule == "time not increasing"), None)
-    if backwards is not None and backwards.rows > MAJORITY * len(rules.used):
+def _refuse_unusable_rows(columns: Columns, used: Flags, gated: Sequence[GatedRows], name: str) -> None:
+    backwards = next((one for one in gated if one.rule == "time not increasing"), None)
+    if backwards is not None and backwards.rows > MAJORITY * len(used):
         stands = np.count_nonzero(np.diff(columns["time_s"]) == 0.0) > 0.5 * backwards.rows
         raise LogError(
-            f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
+            f"{name}: time_s does not increase in {backwards.rows} of {len(used)} rows (first in line "
             f"{backwards.first_line}); {'log times with enough decimals' if stands else 'sort the rows by time'}."
         )
-    lost = [(one, advice) for one in rules.gated for word, advice in _ADVICE.items()
-            if word in one.rule and one.rows > MAJORITY * len(rules.used)]  # fmt: skip
-    if lost and np.count_nonzero(rules.used) >= 2:
+    lost = [(one, advice) for one in gated for word, advice in _ADVICE.items()
+            if word in one.rule and one.rows > MAJORITY * len(used)]  # fmt: skip
+    if lost and np.count_nonzero(used) >= 2:
         rows, advice = lost[0]
         raise LogError(
-            f"{name}: {rows.rows} of {len(rules.used)} rows are unusable: {rows.rule} (first in line "
+            f"{name}: {rows.rows} of {len(used)} rows are unusable: {rows.rule} (first in line "
             f"{rows.first_line}); {advice}."
         )
-    if np.count_nonzero(rules.used) < 2:
-        largest = sorted(rules.gated, key=lambda one: -one.rows)[:MAX_NAMED]
+    if np.count_nonzero(used) < 2:
+        largest = sorted(gated, key=lambda one: -one.rows)[:MAX_NAMED]
         why = "; ".join(f"{one.rule}: {one.rows} rows from line {one.first_line}" for one in largest)
-        raise LogError(f"{name} has fewer than two usable rows of {len(rules.used)} ({why}); correct the log.")
+        raise LogError(f"{name} has fewer than two usable rows of {len(used)} ({why}); correct the log.")
 
 
 def _check_log(

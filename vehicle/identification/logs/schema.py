@@ -66,12 +66,10 @@ class LogFault:
 
 @dataclass(frozen=True, eq=False)
 class ColumnFault:
-    """A fault of one column: the rows (of the file) in which its value is none, what to say of it, and whether it is no
-    fault that began, but a limit of the instrument."""
+    """A fault of one column: what to say of it, and the rows (of the file) in which its value is none."""
 
     fault: LogFault
     rows: Integers
-    is_limit: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,14 +81,13 @@ class Log:
     -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file has no such
     column; `implement` is then 0 throughout. `other_names` are further paths under which the same file was given;
     `corrections` are sentences on instrument errors that were corrected. The measured speed was divided by
-    `speed_factor`; `stray_steering_deg` is the standard deviation of a wheel
-    angle that was dropped because it is unrelated to the path. Positions and heading were measured in the `fresh` rows
-    (None: in all) and are interpolated between them; `place_rows` has the rows of `position` and `heading`, each where
-    it is slower than the log; `measured_rows` has the same for other columns that are slower
-    than the log. `coarse_columns` are columns that were dropped for their resolution, with the size of their steps.
-    `set_remarks` are sentences on the set of logs, carried by one of them; `faults` began during the run, or during one
-    that has no row left, and their rows are not used. `elevation_m` are logged heights of the antenna, NaN
-    where they are missing. `ground_fall` (n, 2) is the known fall of the ground (m/m) to the east and to the north;
+    `speed_factor`; `stray_steering_deg` is the standard deviation of a wheel angle that was dropped because it is
+    unrelated to the path. Positions and heading were measured in the `fresh` rows (None: in all) and are interpolated
+    between them; `measured_rows` has the rows in which a column that is slower than the log was measured, those of
+    positions as `easting_m`. `coarse_columns` are columns that were dropped for their resolution, with the size of
+    their steps. `set_remarks` are sentences on the set of logs, carried by one of them; `faults` began during the run,
+    or during one that has no row left, and their rows are not used. `elevation_m` are logged heights of the antenna,
+    NaN where they are missing. `ground_fall` (n, 2) is the known fall of the ground (m/m) to the east and to the north;
     `ground_source` says, as a plural, where it is known from. `origin_deg` is the longitude and latitude of the origin
     of positions that were logged in degrees.
     """
@@ -117,7 +114,6 @@ class Log:
     speed_factor: float = 1.0
     stray_steering_deg: float = 0.0
     fresh: Flags | None = None
-    place_rows: Mapping[str, Flags] = field(default_factory=dict)
     measured_rows: Mapping[str, Flags] = field(default_factory=dict)
     coarse_columns: Mapping[str, float] = field(default_factory=dict)
     set_remarks: tuple[str, ...] = ()
@@ -157,6 +153,10 @@ class Log:
         if len(rows):
             changed["gated"] = (*self.gated, GatedRows(rule, len(rows), find_file_line(rows)))
         return replace(self, used=used, segment=number_segments(self.time_s, used), **changed)
+
+    def add_fault(self, fault: LogFault, bad: Flags, **changed: Any) -> Log:
+        """Return the log with a fault and without its rows."""
+        return self.exclude_rows(fault.rule, bad, faults=(*self.faults, fault), **changed)
 
 
 def list_gap_rows(last_before: int, first_after: int, count: int) -> Integers:

@@ -112,6 +112,11 @@ def turn_path(path: Floats, turned: Floats) -> Floats:
     return out
 
 
+def find_new_rows(values: Floats) -> Integers:
+    """Return the rows in which values (k,) or (c, k) are other ones than in the row before, and the first row."""
+    return np.append(0, np.flatnonzero((np.diff(np.atleast_2d(values)) != 0.0).any(axis=0)) + 1)
+
+
 class Changes(NamedTuple):
     """Rows of new values (n,), the first row among them; and of each change to the next of them (n - 1,): how many rows
     the value before it stands, how far it goes, and whether that is more than a last digit."""
@@ -124,8 +129,7 @@ class Changes(NamedTuple):
 
 def find_changes(values: Floats) -> Changes:
     """Find the changes of values (c, k); each column has its own last digit."""
-    steps = np.diff(values, axis=1)
-    new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
+    steps, new_rows = np.diff(values, axis=1), find_new_rows(values)
     changes = steps[:, new_rows[1:] - 1]
     least = np.zeros((len(steps), 1))  # nearly the least change, or difference of two changes: the last digit
     for place, own in enumerate(steps):

@@ -20,7 +20,7 @@ import numpy as np
 from fields.arrays import Flags, Floats, Integers
 from vehicle.identification.logs.motion import LEAST_TURN_DEG, PACE_CHANGE_MPS, RawMotion
 from vehicle.identification.logs.schema import STEERING_COLUMNS, ColumnFault, Columns, LogFault
-from vehicle.identification.logs.series import mark_spans, measure_noise
+from vehicle.identification.logs.series import find_new_rows, mark_spans, measure_noise
 from vehicle.identification.logs.thresholds import (
     ALIKE_SHARE,
     ALMOST_ALL_SHARE,
@@ -277,9 +277,7 @@ def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault
     values = np.stack([columns[key] for key in names])
     rows = np.flatnonzero(np.isfinite(values).all(axis=0))
     rows = rows[np.append(True, np.diff(values[0, rows]) > 0.0)] if len(rows) else rows
-    # The rows in which a steering column has a new value.
-    changes = (np.diff(values[1:, rows], axis=1) != 0.0).any(axis=0)
-    readings = rows[np.append(True, changes)] if len(rows) else rows
+    readings = rows[find_new_rows(values[1:, rows])] if len(rows) else rows  # a steering column has a new value
     if len(readings) < FEWEST_READINGS:
         return []
     time, command, wheel = values[:, readings]

@@ -227,22 +227,15 @@ def _estimate_mounting(shown: Floats, push: Floats, ground: Floats, block: Float
     return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > MEASURED_SIGMAS * error[1] else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class GradeSpeed:
-    """Share of the commanded speed that is driven on the grade, per row of each log; empty where it is not used."""
-
-    speed_share: tuple[Floats, ...] = ()
-    remarks: tuple[str, ...] = ()
-
-
-def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
-    """Estimate how pitch, or the known ground, explains the speeds of all logs; empty where one of them is missing."""
+def estimate_grade_speed(logs: Sequence[Log]) -> tuple[tuple[Floats, ...], tuple[str, ...]]:
+    """Return the share of the commanded speed that is driven on the grade, per row of each log, by pitch or the known
+    ground, and sentences; no share where they do not explain the speeds of all logs or one of them is missing."""
     source = get_ground_source(logs, "pitch_deg")
     if all(log.pitch_deg is None for log in logs) and not source:
-        return GradeSpeed()
+        return (), ()
 
-    def leave_unused(why: str) -> GradeSpeed:
-        return GradeSpeed((), (f"{f'{source} do not explain speed' if source else 'pitch_deg is not used'}: {why}.",))
+    def leave_unused(why: str) -> tuple[tuple[Floats, ...], tuple[str, ...]]:
+        return (), (f"{f'{source} do not explain speed' if source else 'pitch_deg is not used'}: {why}.",)
 
     if any(log.speed_mps is None or log.speed_command_mps is None for log in logs):
         needed = "it also needs speed_mps and speed_command_mps"
@@ -271,7 +264,7 @@ def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
     )
     # Half of the speed is a limit, so that no outlier stops a tractor.
     share = 1.0 + np.clip(gain * forward_fall, -MAJORITY, MAJORITY)
-    return GradeSpeed(split_per_log(logs, share), (remark,))
+    return split_per_log(logs, share), (remark,)
 
 
 def _estimate_grade_gain(
@@ -320,7 +313,7 @@ def _compute_block_rms(values: Floats, block: Floats) -> float:
 @dataclass(frozen=True, eq=False)
 class CrossSlope:
     """Slope of the ground to the right (m/m, positive with the right side lower) per row of each log, in the logs'
-    order.
+    order; empty where it cannot be used.
 
     `east`, `north` are the mean fall of the ground per metre in those directions, `rms_slope` the root mean square of
     the slope across the direction of travel. `remarks` are sentences.
@@ -338,11 +331,6 @@ class CrossSlope:
         across."""
         bearing = float(np.degrees(np.arctan2(self.east, self.north))) % 360.0
         return float(np.hypot(self.east, self.north)), bearing, self.rms_slope
-
-    @property
-    def is_usable(self) -> bool:
-        """Whether the slope can be used."""
-        return bool(self.across)
 
 
 def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:

@@ -22,11 +22,11 @@ from fields.arrays import Flags, Floats, Integers
 from fields.errors import MAX_NAMED
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.schema import GAP_SAMPLES, SHORTEST_SEGMENT_S, Log, split_drive_segments
-from vehicle.identification.logs.series import denoise_angles, measure_spread
+from vehicle.identification.logs.series import compute_change, denoise_angles, measure_spread
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
 from vehicle.identification.logs.thresholds import ALIKE_SHARE, GRID_S, TURN_S, WHEEL_NOISE_DEG
 from vehicle.jit import compile_function
-from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
+from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import (
     Implement,
@@ -90,19 +90,18 @@ class DriveSegment:
     measured_rows: Mapping[str, Flags] = field(default_factory=dict)
     earlier_commands: Floats = field(default_factory=lambda: np.empty(0))
 
-    @cached_property
+    @property
     def steps_s(self) -> Floats:
-        """Times of the steps of the grid (n, s); times DT_S, the last digits of a diagnosis would differ."""
-        return np.arange(len(self.grids["speed"]), dtype=np.float64) / STEP_HZ
+        """Times of the steps of the grid (n, s)."""
+        return np.asarray(np.arange(len(self.grids["speed"])) * DT_S, dtype=np.float64)
 
     @cached_property
     def denoised_wheel_angle(self) -> Floats:
         """The measured wheel angle on the grid (n,), denoised; raises AttributeError where none was measured."""
         if self.wheel is None:
             raise AttributeError("This segment has no measured wheel angle.")
-        grid = np.arange(len(self.grids["wheel"])) * DT_S
         time, wheel = self.logged_wheel or (self.time, self.wheel)
-        return np.asarray(np.interp(grid, time, denoise_angles(time, wheel)))
+        return np.asarray(np.interp(self.steps_s, time, denoise_angles(time, wheel)))
 
     @property
     def speed_in_gear(self) -> Floats:
@@ -117,7 +116,8 @@ class DriveSegment:
 
 @dataclass(frozen=True, eq=False)
 class DriveDataset:
-    """All runs: names, segments, the origin subtracted, rows read, the ground's slope, sentences on its use."""
+    """All runs: names, segments, the origin subtracted, rows read, the ground's slope, sentences on its use, and the
+    time (s) of the first used row of every run."""
 
     names: tuple[str, ...]
     segments: tuple[DriveSegment, ...]
@@ -125,12 +125,13 @@ class DriveDataset:
     rows_read: int
     cross_slope: CrossSlope = field(default_factory=CrossSlope)
     remarks: tuple[str, ...] = ()
+    run_starts_s: Floats = field(default_factory=lambda: np.empty(0))
 
     @cached_property
     def effect_places(self) -> dict[str, tuple[float, ...]]:
         """Known places of effects, by effect (see EffectKind.get_kind_for_place)."""
         places: dict[str, tuple[float, ...]] = {}
-        if self.cross_slope.is_usable:
+        if self.cross_slope.across:
             places[SLOPE_DRIFT] = self.cross_slope.mean_plane
         if (lag_s := measure_wheel_lag(self.segments)) < WHEEL_LEAD_S:
             places[STEERING_CLOCK] = (lag_s,)
@@ -175,11 +176,12 @@ def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDa
     east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
     north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
     origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
-    cross_slope, grade_speed, segments = estimate_cross_slope(logs), estimate_grade_speed(logs), list[DriveSegment]()
+    cross_slope, (speed_share, grade_remarks) = estimate_cross_slope(logs), estimate_grade_speed(logs)
+    segments = list[DriveSegment]()
     for run, log in enumerate(logs):
-        if grade_speed.speed_share and log.speed_command_mps is not None:
-            log = replace(log, speed_command_mps=log.speed_command_mps * grade_speed.speed_share[run])
-        across = cross_slope.across[run] if cross_slope.is_usable else None
+        if speed_share and log.speed_command_mps is not None:
+            log = replace(log, speed_command_mps=log.speed_command_mps * speed_share[run])
+        across = cross_slope.across[run] if cross_slope.across else None
         for rows in split_drive_segments(log)[0]:
             segments.append(_build_segment(log, rows, run, origin, antenna, None if across is None else across[rows]))
     if not segments:
@@ -197,8 +199,10 @@ def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDa
             "fill or leave out such columns, or log at least one such run."
         )
     rows_read = sum(len(log.used) for log in logs)
-    ground = (*cross_slope.remarks, *grade_speed.remarks)
-    return DriveDataset(tuple(log.name for log in logs), tuple(segments), origin, rows_read, cross_slope, ground)
+    ground = (*cross_slope.remarks, *grade_remarks)
+    starts_s = np.array([float(log.time_s[log.used][0]) if log.used.any() else 0.0 for log in logs])
+    names = tuple(log.name for log in logs)
+    return DriveDataset(names, tuple(segments), origin, rows_read, cross_slope, ground, starts_s)
 
 
 def _build_segment(
@@ -329,8 +333,7 @@ def compute_course(time: Floats, east: Floats, north: Floats) -> tuple[Floats, F
     """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
     before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
     before, after = np.maximum(before, time[0]), np.minimum(after, time[-1])
-    dx = np.interp(after, time, east) - np.interp(before, time, east)
-    dy = np.interp(after, time, north) - np.interp(before, time, north)
+    dx, dy = (compute_change(time, axis, before, after) for axis in (east, north))
     pace = np.hypot(dx, dy) / (after - before)
     angle = np.arctan2(dy, dx)
     # The noise of positions (m) from row to row shows in their third differences.
