@@ -21,7 +21,7 @@ def rectangle(x: float, y: float, wide: float, high: float) -> Geometry:
     return ring((x, y), (x + wide, y), (x + wide, y + high), (x, y + high))
 
 
-def line(*points: tuple[float, float]) -> Geometry:
+def line(*points: Any) -> Geometry:
     """A line through these points."""
     return {"type": "LineString", "coordinates": [list(point) for point in points]}
 

@@ -3,8 +3,8 @@
 Sets of logs with known causes, by references that share no code with the simulator (tests.diagnosis.log_sets), are
 diagnosed; the answers go to FILE, a line of JSON each. Called again with the same FILE it does what is left, so it can
 be stopped at any time. Answers of another state of the code are neither counted nor taken for done. Each set has a
-process of its own, started once the code is compiled. A seed of all references has some 460 sets and takes about two
-hours of one core; with --share 1/5 it has a fifth of them, each kind as often as every other in five seeds in a row.
+process of its own, started once the code is compiled. A seed of all references has some 320 sets and takes over an
+hour of one core; with --share 1/5 it has a fifth of them, each kind as often as every other in five seeds in a row.
 Printed are what is asked of a diagnosis beside what it reached, the same by reference, kind and effect, and every set
 that went wrong, by the key that --only repeats. The exit status is 1 if anything that is saved is worse on unseen runs.
 """

@@ -2,30 +2,29 @@
 
 import time
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from fields.geometry.field import Field
 from fields.units import MPS_PER_KMH
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.contact_places import find_contact_places, measure_overhang
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
-from tests.benchmarks.machine_faults import (
-    find_faults,
-    measure_driven_km,
-    measure_longest_reverse_m,
-    measure_overhang_m,
-)
 from tests.benchmarks.machine_fields import Condition, build_field, measure_fit
 from tests.planner.excursions import measure_excursion_m
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
+from vehicle.missions.run import SimulationRun, find_longest_reversing
 from vehicle.model.tractor import RADIUS_FACTOR, Tractor, load_tractor
+from vehicle.records import REC_SPEED
 
 SOLO, FORMATION = "row-by-row-optimised", "row-by-row"
 FORMATION_TRACTORS = 2
@@ -184,8 +183,10 @@ def _plan_row(row: Row, field: Field, machine: Machine, with_formation: bool) ->
     row.feasible, row.reason, row.remark = result.feasible, result.reason, result.remark
     row.worked_pct, row.time_s = result.worked_pct, result.time_s
     if run is not None:
-        row.driven_km, row.longest_reverse_m = measure_driven_km(run), measure_longest_reverse_m(run)
-        row.excursion_m, row.overhang_m = measure_excursion_m(run, context), measure_overhang_m(run, context)
+        paths = (run.get_poses(tractor)[:, :2] for tractor in range(run.plan.tractors))
+        row.driven_km = sum(float(np.hypot(*np.diff(path, axis=0).T).sum()) for path in paths) / 1000.0
+        row.longest_reverse_m = find_longest_reversing(run)[0]
+        row.excursion_m, row.overhang_m = measure_excursion_m(run, context), measure_overhang(run, context).farthest_m
     else:
         row.where = _locate_faults(context, SOLO, 1)
     if with_formation:
@@ -206,4 +207,19 @@ def _plan(field: Field, machine: Machine, strategy: str, tractors: int) -> Plann
 def _locate_faults(context: PlanningContext, strategy: str, tractors: int) -> tuple[str, ...]:
     """Where a plan fails before any repair of the layout; nothing where it cannot be driven at all."""
     run = simulate_candidate(context, Candidate(strategy, tractors)).run
-    return () if run is None else tuple(map(str, find_faults(run, context)))
+    return () if run is None else tuple(iter_faults(run, context))
+
+
+def iter_faults(run: SimulationRun, context: PlanningContext) -> Iterator[str]:
+    """Of each kind of fault the deepest: what happens there, on which leg, and at what speed."""
+    deepest = {place.kind: place for place in sorted(find_contact_places(run, context), key=lambda one: one.depth_m)}
+    for place in deepest.values():
+        middles = run.get_poses(place.tractor)[:, :2]
+        row = int(np.argmin(np.hypot(*(middles - (place.x_m, place.y_m)).T)))
+        number = int(run.get_leg_numbers(place.tractor)[row])
+        leg, speed_mps = run.plan.missions[place.tractor].legs[number], run.record[row, place.tractor, REC_SPEED]
+        way, tool = "reverse" if leg.gear < 0 else "forward", "working" if leg.implement else "lifted"
+        yield (
+            f"{place.sentence}: tractor {place.tractor + 1} leg {number} ({leg.task.kind}, {way}, {tool}) at "
+            f"({place.x_m:.1f}, {place.y_m:.1f}), {3.6 * speed_mps:.1f} of {3.6 * leg.speed_mps:.1f} km/h"
+        )

@@ -279,14 +279,6 @@ def test_tables_pages_and_pictures(headland: Run, folder: Path) -> None:
     assert [row["field"] for row in rows] == ["near", "far"] and rows[0]["machine"] == "one"
 
 
-def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path) -> None:
-    printed = headland("day", "example").out
-    assert headland("day", "new", "mine.toml").status == 0
-    assert (folder / "mine.toml").read_text(encoding="utf-8") == printed
-    assert headland("day", "new", "mine.toml").status == 2
-    assert headland("day", "new", "mine.toml", "--force").status == 0
-
-
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

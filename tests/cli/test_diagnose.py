@@ -92,20 +92,3 @@ def test_what_does_not_help_on_runs_held_out_is_not_saved(
     assert explained.status == 0 and "understeer" in explained.out, "nothing was to be saved"
     told = json.loads(headland("diagnose", "sample", "--holdout", "auto", "--json").out)
     assert told["holdout"]["helps"] is False and told["unsaved_reason"]
-
-
-def test_runs_that_are_not_there_cannot_be_held_out(headland: Run) -> None:
-    outcome = headland("diagnose", "sample", "--holdout", "other")
-    assert outcome.status == 2 and "'other' is none of the runs (sample_log)" in outcome.err
-
-
-@pytest.mark.parametrize(("options", "sentence"), [
-    (("--save-soil", "north"), "--save-soil north needs the moisture of the logs; add --moisture, in % of dry weight."),
-    (("--save-soil", "north", "--moisture", "101"), "--moisture 101 is no moisture of a soil"),
-    (("--moisture", "20"), "--moisture 20 is that of a soil; add --save-soil or leave out --moisture."),
-    (("--crs", "EPSG:32632"), "--crs EPSG:32632 needs heights; add --elevation or leave out --crs."),
-    (("--elevation", "nowhere.tif"), "There is no file of heights 'nowhere.tif'"),
-])  # fmt: skip
-def test_options_that_would_be_ignored_are_refused(headland: Run, options: tuple[str, ...], sentence: str) -> None:
-    outcome = headland("diagnose", "sample", *options)
-    assert outcome.status == 2 and sentence in outcome.err

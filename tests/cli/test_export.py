@@ -13,6 +13,7 @@ import shapely
 
 from fields.documents.reader import read_field
 from tests.cli.conftest import Run
+from tests.cli.refusals import assert_refused, contents
 from tests.drawn_fields import ring
 from tests.planner.saved_plans import saved
 from vehicle.missions.plan_file import format_plan
@@ -133,12 +134,9 @@ def test_refusals_are_one_sentence_and_write_nothing(
     Path("there", "TASKDATA").mkdir(parents=True)
     Path("there", TASKDATA).write_text("mine", encoding="utf-8")
     os.symlink("plan.json", "link.kml")
-    before = {path: Path(path).read_bytes() for path in files()}
-    folders = sorted(path for path in Path().rglob("*") if path.is_dir())
-    done = headland("export", *words)
-    assert done.status == 2 and done.out == "" and len(done.sentences) == 1 and said in done.sentences[0]
-    assert {path: Path(path).read_bytes() for path in files()} == before
-    assert sorted(path for path in Path().rglob("*") if path.is_dir()) == folders
+    before, paths = contents(Path()), set(Path().rglob("*"))
+    assert_refused(headland("export", *words), said)
+    assert contents(Path()) == before and set(Path().rglob("*")) == paths
 
 
 def test_force_writes_over_what_is_there_and_nothing_else(headland: Run, plan: Path) -> None:
@@ -166,8 +164,7 @@ def test_a_full_disk_leaves_nothing_behind(headland: Run, plan: Path, monkeypatc
 
 
 def test_a_folder_that_takes_no_files_is_refused(headland: Run, plan: Path) -> None:
-    done = headland("export", plan, "--to", "kml", "-o", "/proc/x.kml")
-    assert done.status == 2 and len(done.sentences) == 1 and "cannot be written" in done.sentences[0]
+    assert_refused(headland("export", plan, "--to", "kml", "-o", "/proc/x.kml"), "cannot be written")
 
 
 def test_a_plan_of_a_field_is_exported_with_it(headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

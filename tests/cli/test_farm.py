@@ -52,14 +52,19 @@ def asked(told: Any) -> dict[str, Any]:
     return dict(json.loads(told.out)["scenario"])
 
 
-def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path) -> None:
-    printed = headland("farm", "example").out
-    made = headland("farm", "new", "mine.toml")
+@pytest.mark.parametrize("command", ["farm", "day"])
+def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path, command: str) -> None:
+    printed = headland(command, "example").out
+    made = headland(command, "new", "mine.toml")
     assert made.status == 0 and (folder / "mine.toml").read_text(encoding="utf-8") == printed
+    assert headland(command, "new", "mine.toml").status == 2
+    assert headland(command, "new", "mine.toml", "--force").status == 0
+
+
+def test_the_example_of_a_farm_is_checked(headland: Run, folder: Path) -> None:
+    headland("farm", "new", "mine.toml")
     told = headland("farm", "check", "mine.toml")
     assert told.status == 0 and "2 x Fendt 724: 8000 kg" in " ".join(told.out.split())
-    assert headland("farm", "new", "mine.toml").status == 2
-    assert headland("farm", "new", "mine.toml", "--force").status == 0
 
 
 def test_the_check_gives_every_value_with_its_source(headland: Run, folder: Path) -> None:

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 from tests.cli.conftest import Run
+from tests.cli.refusals import assert_refused, contents
 
 REFUSED = [
     ("diagnose run.html --html run.html", "run.html would overwrite the log run.html; choose another file"),
@@ -33,6 +34,15 @@ REFUSED = [
     ("diagnose run.csv --demo", "either log files or --demo"),
     ("diagnose", "either log files or --demo"),
     ("diagnose x*.csv", "x*.csv matches no file"),
+    ("diagnose sample --holdout other", "'other' is none of the runs (sample_log)"),
+    (
+        "diagnose sample --save-soil north",
+        "--save-soil north needs the moisture of the logs; add --moisture, in % of dry",
+    ),
+    ("diagnose sample --save-soil north --moisture 101", "--moisture 101 is no moisture of a soil"),
+    ("diagnose sample --moisture 20", "--moisture 20 is that of a soil; add --save-soil or leave out --moisture."),
+    ("diagnose sample --crs EPSG:32632", "--crs EPSG:32632 needs heights; add --elevation or leave out --crs."),
+    ("diagnose sample --elevation nowhere.tif", "There is no file of heights 'nowhere.tif'"),
     ("replay nowhere.csv", "nowhere.csv does not exist"),
     ("replay run.*", "run.* does not exist"),
     ("replay run.csv --fix km", "the fixes are: time-ms"),
@@ -61,12 +71,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize(("words", "sentence"), REFUSED)
 def test_refused_in_one_sentence_and_nothing_touched(headland: Run, folder: Path, words: str, sentence: str) -> None:
-    before = {path.name: path.read_bytes() for path in folder.iterdir()}
-    outcome = headland(*words.split(" "))
-    assert outcome.status == 2 and outcome.out == ""
-    assert len(outcome.sentences) == 1 and outcome.sentences[0].startswith("Error: ")
-    assert sentence in outcome.sentences[0]
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before
+    before = contents(folder)
+    assert_refused(headland(*words.split(" ")), sentence)
+    assert contents(folder) == before
 
 
 def test_a_replay_tells_what_it_left_out(headland: Run, folder: Path) -> None:

@@ -85,9 +85,7 @@ def test_a_damaged_file_of_answers_is_refused_before_anything_is_printed(
     damaged = damage(keep.read_text(encoding="utf-8")).encode("utf-8", "surrogateescape")
     keep.write_bytes(damaged)
     monkeypatch.setattr("planner.cli.plan.warm_up", lambda: pytest.fail("something was computed"))
-    outcome = headland(*asked)
-    assert (outcome.status, outcome.out, len(outcome.sentences)) == (2, "", 1)
-    assert words.format(keep=keep) in outcome.err
+    assert_refused(headland(*asked), words.format(keep=keep))
     assert keep.read_bytes() == damaged
 
 

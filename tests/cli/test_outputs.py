@@ -7,12 +7,12 @@ import shutil
 import subprocess
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from planner.cli.common.outputs import _is_same_file, write_results
 from tests.cli.conftest import Run
+from tests.cli.refusals import assert_refused, contents
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -68,18 +68,12 @@ def folder(tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch) -> Path
     return tmp_path
 
 
-def contents(folder: Path) -> dict[str, Any]:
-    return {path.name: path.read_bytes() if path.is_file() else path.lstat().st_mode for path in folder.iterdir()}
-
-
 @pytest.mark.parametrize(("words", "sentence"), [
     *REFUSED, *(pytest.param(*one, marks=POSIX) for one in REFUSED_ON_POSIX),
 ])  # fmt: skip
 def test_refused_in_one_sentence_and_nothing_touched(headland: Run, folder: Path, words: str, sentence: str) -> None:
     before = contents(folder)
-    outcome = headland(*words.split(" "))
-    assert outcome.status == 2 and outcome.out == ""
-    assert len(outcome.sentences) == 1 and sentence in outcome.sentences[0], outcome.err
+    assert_refused(headland(*words.split(" ")), sentence)
     assert contents(folder) == before
 
 

@@ -97,13 +97,6 @@ def test_a_plan_on_heights_says_its_slopes_in_every_form(headland: Run, small: P
     assert max(abs(step["slope_across_pct"]) for step in steps) == pytest.approx(slopes[1], abs=0.1)
 
 
-def test_a_result_does_not_overwrite_the_heights(headland: Run, small: Path, tmp_path: Path) -> None:
-    heights = tmp_path / "hill.png"
-    heights.write_bytes(b"heights")
-    outcome = headland("plan", small, "--local", "--elevation", heights, "--png", heights)
-    assert outcome.status == 2 and "would overwrite the file of heights" in outcome.err
-
-
 def test_without_a_deadline_there_is_no_verdict(headland: Run, small: Path) -> None:
     one = ("--tractors", "1", "--strategies", "split-field", "--no-headland")
     (plan,) = json.loads(headland("plan", small, "--local", *one, "--json").out)["plans"]

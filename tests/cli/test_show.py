@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from tests.cli.conftest import Run
+from tests.cli.refusals import assert_refused
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
@@ -60,9 +61,7 @@ def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: Saved) -> N
 
 def test_one_tractor_alone(headland: Run, saved: Saved) -> None:
     assert "Tractor 2" in (out := headland("show", saved[0], "--tractor", "2").out) and "Tractor 1:" not in out
-    outcome = headland("show", saved[0], "--tractor", "3")
-    assert outcome.status == 2
-    assert outcome.sentences == ["Error: --tractor is 3; the plan has tractors 1 to 2."]
+    assert_refused(headland("show", saved[0], "--tractor", "3"), "--tractor is 3; the plan has tractors 1 to 2.")
 
 
 def changed(place: Path, folder: Path, **values: Any) -> Path:
@@ -81,8 +80,7 @@ def test_what_cannot_be_shown_is_one_sentence(headland: Run, saved: Saved, small
         (small, "has no 'format_version'"),
         (changed(place, tmp_path, scenario={}), "has no scenario"),
     ):
-        outcome = headland("show", path)
-        assert outcome.status == 2 and len(outcome.sentences) == 1 and words in outcome.sentences[0], outcome.err
+        assert_refused(headland("show", path), words)
     for entry, words in (
         ({"strange": 1}, "'strange', which is unknown"),
         ({"tractor": "gone.toml"}, "gone.toml"),
@@ -90,8 +88,7 @@ def test_what_cannot_be_shown_is_one_sentence(headland: Run, saved: Saved, small
         ({"width_m": -1.0}, "--width"),
         ({"width_m": "wide"}, "--width is 'wide'"),
     ):
-        outcome = headland("show", changed(place, tmp_path, scenario={**scenario, **entry}))
-        assert outcome.status == 2 and len(outcome.sentences) == 1 and words in outcome.sentences[0], outcome.err
+        assert_refused(headland("show", changed(place, tmp_path, scenario={**scenario, **entry})), words)
 
 
 def test_a_plan_in_which_tractors_touch_is_remarked_on(headland: Run, saved: Saved, tmp_path: Path) -> None:
@@ -112,4 +109,4 @@ def test_a_plan_that_stops_on_its_way_is_refused(headland: Run, saved: Saved, tm
         last = len(data["tractors"][other]) - 1
         data["tractors"][me][0]["gates"] = [{"tractor": other, "leg": last, "after_m": 0.0}]
     outcome = headland("show", changed(saved[0], tmp_path, tractors=data["tractors"]))
-    assert outcome.status == 2 and "is not driven to its end (stall)" in outcome.sentences[0]
+    assert_refused(outcome, "is not driven to its end (stall)")

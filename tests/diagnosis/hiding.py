@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
+import pandas as pd
+
 from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import scaled
 from tests.truth.model import make_logs
@@ -35,5 +37,10 @@ def diagnosed(
     effects: dict[str, dict[str, float]], seed: int, programme: Sequence[Drive] | None = None, **conditions: Any
 ) -> Diagnosis:
     """The diagnosis of logs in which the truth model hid effects."""
-    frames = make_logs(effects, seed, programme, **conditions)
-    return diagnose_logs([build_log(frame, frame.attrs["name"]) for frame in frames], eg105(), "soil")
+    return told(make_logs(effects, seed, programme, **conditions))
+
+
+def told(frames: Sequence[pd.DataFrame], tractor: str = "eg105") -> Diagnosis:
+    """What a diagnosis says of logs on soil."""
+    logs = [build_log(one.reset_index(drop=True), f"run {k}") for k, one in enumerate(frames)]
+    return diagnose_logs(logs, load_tractor(tractor), "soil")

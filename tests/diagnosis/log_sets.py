@@ -1,7 +1,7 @@
 """Sets of logs by every reference: what a seed has of them, how their logs are made, and other runs of the same truth.
 
 A set is a case of tests.truth.cases in logs of one of REFERENCES. `demo` are logs of the simulator that is tested,
-which flatter it; `real` are logs of vehicles, of which nothing is known; `varied` are cases of other references whose
+which flatter it; `real` are logs of vehicles, of which nothing is known; `varied` are cases of the third whose
 logs are also written down in other ways; `mixups` are right logs with one column spoiled (tests.diagnosis.mixups).
 """
 
@@ -19,10 +19,9 @@ from tests.diagnosis.drawn_sets import list_combined_effects, list_single_effect
 from tests.diagnosis.mixups import MIXUPS, mix_up
 from tests.truth.body import Ground
 from tests.truth.cases import ColumnClock, Law, TruthCase
+from tests.truth.drawing import draw_cases
 from tests.truth.drives import default_programme, one_way_programme, reversing, three_speeds_programme
 from tests.truth.effects import NEUTRAL
-from tests.truth.fifth import make_fifth_logs
-from tests.truth.menus import draw_reference
 from tests.truth.model import make_logs as make_first_logs
 from tests.truth.second import TRACTORS
 from tests.truth.second import second_logs as make_second_logs
@@ -34,10 +33,8 @@ from vehicle.model.tractor import Tractor, load_tractor
 UNSEEN_SEED, UNSEEN_RUNS, VARIED_SEED = 500_000, 5, 7_000_000
 DATA = Path(__file__).parent / "data"
 REAL_LOGS = tuple((str(DATA / f"{name}.csv"), str(DATA / f"{name}.toml"), "asphalt") for name in ("rav4", "track_car"))
-FOREIGN = {"third": make_third_logs, "fifth": make_fifth_logs}
-REFERENCES = ("first", "second", *FOREIGN, "demo", "varied", "mixups", "real")
-VARIED = ("third", "fifth")
-VARIED_KINDS, VARIED_EVERY = ("clean", "effect", "pair", "closed_loop"), 3
+REFERENCES = ("first", "second", "third", "demo", "varied", "mixups", "real")
+VARIED_KINDS = ("clean", "effect", "pair", "closed_loop")
 MIXED_RUNS = ("straight_090", "circles_right", "steps", "figure_eight", "implement_weave")
 CLOCKS = {"position_delay": ("position", "delay_s"), "heading_delay": ("heading", "delay_s"),
           "heading_filter": ("heading", "filter_s")}  # fmt: skip
@@ -126,10 +123,9 @@ def draw_second(seed: int) -> list[LogSet]:
     return sets
 
 
-def draw_foreign(reference: str, seed: int) -> list[LogSet]:
-    """All cases of a reference that draws its own, by kind."""
-    cases = sorted(draw_reference(reference, seed), key=lambda case: case.kind)
-    return [LogSet(reference, case) for case in cases]
+def draw_third(seed: int) -> list[LogSet]:
+    """All cases that the third reference draws, by kind."""
+    return [LogSet("third", case) for case in sorted(draw_cases(seed), key=lambda case: case.kind)]
 
 
 def draw_demo(seed: int) -> list[LogSet]:
@@ -153,11 +149,9 @@ def make_demo_set(name: str, seed: int) -> LogSet:
 
 
 def draw_varied(seed: int) -> list[LogSet]:
-    """A third of some kinds of two references, at seeds of their own."""
-    sets = [one for reference in VARIED for one in draw_foreign(reference, seed + VARIED_SEED)]
-    return [replace(one, is_varied=True) for one in sets if one.case.kind in VARIED_KINDS][
-        seed % VARIED_EVERY :: VARIED_EVERY
-    ]
+    """Some kinds of the third reference, at a seed of their own."""
+    sets = [one for one in draw_third(seed + VARIED_SEED) if one.case.kind in VARIED_KINDS]
+    return [replace(one, is_varied=True) for one in sets]
 
 
 def draw_mixups(seed: int) -> list[LogSet]:
@@ -171,8 +165,8 @@ def draw_real(more: Sequence[Sequence[str]] = ()) -> list[LogSet]:
 
 
 DRAWS: dict[str, Callable[[int], list[LogSet]]] = {
-    "first": draw_first, "second": draw_second, "demo": draw_demo, "varied": draw_varied, "mixups": draw_mixups,
-    **{name: (lambda seed, name=name: draw_foreign(name, seed)) for name in FOREIGN},  # type: ignore[misc]
+    "first": draw_first, "second": draw_second, "third": draw_third, "demo": draw_demo, "varied": draw_varied,
+    "mixups": draw_mixups,
 }  # fmt: skip
 
 
@@ -187,8 +181,8 @@ def load_set_tractor(one: LogSet) -> Tractor:
 def make_frames(one: LogSet) -> Frames:
     """The logs of a set."""
     case = one.case
-    if one.reference in FOREIGN:
-        return FOREIGN[one.reference](case)
+    if one.reference == "third":
+        return make_third_logs(case)
     if one.reference == "mixups":
         return [mix_up(one.label, frame) for frame in make_right_frames(case.seed)]
     if one.reference == "demo":

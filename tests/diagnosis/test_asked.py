@@ -47,12 +47,12 @@ def test_what_is_asked_holds(reference: str) -> None:
         # The rate is not in the fit of the residuals: the wheel angle alone shows it.
         Law("steering_rate", "by_side", {"left": 16.0, "right": 8.0}),
         # Runs of one bend each are unlike the others, as the gain was another one when they were driven.
-        Law("steering_gain", "over_day", {"mean": 1.0, "amplitude": 0.14, "period_s": 7200.0, "phase_deg": 22.4}),
+        Law("steering_gain", "over_day", {"mean": 1.0, "amplitude": 0.14, "period_s": 1400.0, "phase_deg": 22.4}),
     ],
 )
 def test_the_law_of_a_parameter_is_told_with_its_kind(law: Law) -> None:
-    case = build_case("law", 3251, laws=(law,), programme="both")
-    said = next(one for one in build_record(LogSet("fifth", case))["said"] if one["id"] == law.effect)
+    case = build_case("law", 3251, laws=(law,), programme="three_speeds")
+    said = next(one for one in build_record(LogSet("third", case))["said"] if one["id"] == law.effect)
     assert (said["status"], said["law"]["kind"]) == (NAMED, law.kind)
     if law.kind == "by_side":
         assert said["law"]["values"] == pytest.approx(law.values, rel=0.1)

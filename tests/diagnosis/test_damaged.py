@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.diagnosis.hiding import brief_programme, eg105
+from tests.diagnosis.hiding import brief_programme, told
 from tests.truth.drives import three_speeds_programme
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
@@ -70,16 +70,10 @@ def frames() -> list[pd.DataFrame]:
     return make_logs({}, 3, drives, rate_hz=10.0)
 
 
-def named(frames: list[pd.DataFrame]) -> tuple[str, ...]:
-    """What a diagnosis names in logs of the EG105."""
-    logs = [build_log(one.reset_index(drop=True), f"run {k}") for k, one in enumerate(frames)]
-    return diagnose_logs(logs, eg105(), "soil").named
-
-
 @pytest.mark.parametrize("damage", REFUSED)
 def test_what_is_no_log_is_refused_in_a_sentence(damage: str, frames: list[pd.DataFrame]) -> None:
     with pytest.raises(LogError) as refused:
-        named([REFUSED[damage](one) for one in frames])
+        told([REFUSED[damage](one) for one in frames])
     assert "run " in str(refused.value) and str(refused.value).endswith(".")
 
 
@@ -88,7 +82,7 @@ def test_what_is_no_log_is_refused_in_a_sentence(damage: str, frames: list[pd.Da
     "damage", [pytest.param(one, marks=pytest.mark.matrix if one in SELDOM else ()) for one in NAMELESS]
 )
 def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) -> None:
-    assert named([NAMELESS[damage](one) for one in frames]) == ()
+    assert told([NAMELESS[damage](one) for one in frames]).named == ()
 
 
 @pytest.mark.slow
@@ -115,9 +109,9 @@ def test_too_few_positions_for_a_piece_are_refused_in_a_sentence(apart: str, fra
             for frame, rows in zip(frames, held, strict=True)
         ]
     with pytest.raises(LogError, match="hold 4 measured positions"):
-        named(logs)
+        told(logs)
 
 
 @pytest.mark.matrix
 def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:
-    assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:2], "mr1000a")]) == ()
+    assert told([*frames, *second_logs({}, 3, three_speeds_programme()[:2], "mr1000a")]).named == ()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.drawn_sets import make_drawn_case
-from tests.diagnosis.hiding import brief_programme, diagnosed, eg105, hidden
+from tests.diagnosis.hiding import brief_programme, diagnosed, eg105, hidden, told
 from tests.diagnosis.log_sets import LogSet, load_set_tractor, make_frames
 from tests.diagnosis.records import diagnose_frames
 from tests.examples import draw_seed, seldom
@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simul
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.diagnosis.results import EQUIVALENT, Diagnosis
 from vehicle.identification.logs.reader import build_log
-from vehicle.model.tractor import EffectSetting, load_tractor
+from vehicle.model.tractor import EffectSetting
 
 RATE_HZ = 10.0
 """Of logs that half of the rows are enough for."""
@@ -146,9 +146,7 @@ def test_one_run_is_held_out_by_its_own_windows() -> None:
 def diagnosed_runs(tractor: str, seed: int, runs: tuple[str, ...], *names: str) -> Diagnosis:
     """The diagnosis of some runs of the programme in which effects of a clear size are hidden."""
     drives = [drive for drive in three_speeds_programme() if drive.name in runs]
-    frames = second_logs({name: CLEAR_SIZES[name] for name in names}, seed, drives, tractor)
-    logs = [build_log(frame, frame.attrs["name"]) for frame in frames]
-    return diagnose_logs(logs, load_tractor(tractor), "soil")
+    return told(second_logs({name: CLEAR_SIZES[name] for name in names}, seed, drives, tractor), tractor)
 
 
 @pytest.mark.slow
@@ -194,8 +192,8 @@ def test_play_reads_as_it_is_behind_a_noisy_sensor() -> None:
     """Noise of 0.2 degrees pushed the play before it: a degree read as 1.62 (1.31 to 1.92)."""
     effects = {"steering_backlash": {"angle_deg": 1.0}}
     frames = second_logs(effects, 520, three_speeds_programme(), "eg105", receiver=Receiver(wheel_deg=0.2))
-    found = diagnose_logs([build_log(frame, frame.attrs["name"]) for frame in frames], load_tractor("eg105"), "soil")
-    told = next(one for one in found.findings if one.id == "steering_backlash")
-    assert found.named == ("steering_backlash",) and told.interval is not None
-    low, high = told.interval["angle_deg"]
+    found = told(frames)
+    play = next(one for one in found.findings if one.id == "steering_backlash")
+    assert found.named == ("steering_backlash",) and play.interval is not None
+    low, high = play.interval["angle_deg"]
     assert low <= 1.0 <= high and high - low < 0.9  # with the tolerances of the file

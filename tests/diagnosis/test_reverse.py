@@ -2,15 +2,13 @@
 
 from dataclasses import replace
 
-import pandas as pd
 import pytest
 
+from tests.diagnosis.hiding import told
 from tests.truth.drives import Drive, constant, reversing, three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
-from vehicle.identification.diagnosis.diagnose import diagnose_logs
-from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.identification.replay.horizon_errors import compute_horizon_errors, measure_dataset
@@ -22,11 +20,6 @@ RUNS = ("there", "back", "right")
 def in_reverse(drive: Drive) -> Drive:
     """The same commands in the other gear."""
     return replace(drive, name=f"{drive.name} in reverse", shuttle=constant(-1.0))
-
-
-def told(frames: list[pd.DataFrame]) -> Diagnosis:
-    """What a diagnosis says of logs of the EG105."""
-    return diagnose_logs([build_log(one, one.attrs["name"]) for one in frames], load_tractor("eg105"), "soil")
 
 
 @pytest.mark.parametrize("reference", [make_logs, second_logs])

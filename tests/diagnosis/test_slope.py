@@ -4,12 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from tests.diagnosis.hiding import brief_programme, eg105
+from tests.diagnosis.hiding import brief_programme, eg105, told
 from tests.truth.body import Ground
 from tests.truth.model import make_logs
 from tests.truth.sensors import Instruments
-from vehicle.identification.diagnosis.diagnose import diagnose_logs
-from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset, build_rig
 from vehicle.identification.replay.simulation import replay_segment
@@ -27,11 +25,6 @@ def driven(ground: Ground, seed: int = 1) -> list[pd.DataFrame]:
 @pytest.fixture(scope="module")
 def frames() -> list[pd.DataFrame]:
     return driven(HILLS)
-
-
-def told(frames: list[pd.DataFrame]) -> Diagnosis:
-    """What a diagnosis says of logs of the EG105."""
-    return diagnose_logs([build_log(one, f"run {k}") for k, one in enumerate(frames)], eg105(), "soil")
 
 
 @pytest.mark.matrix

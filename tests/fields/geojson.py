@@ -15,10 +15,6 @@ def polygon(*rings: Any) -> dict[str, Any]:
     return {"type": "Polygon", "coordinates": list(rings)}
 
 
-def feature(geometry: Any, **properties: Any) -> dict[str, Any]:
-    return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-
 def collection(*features: Any, **members: Any) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": list(features), **members}
 

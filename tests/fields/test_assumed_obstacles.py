@@ -1,6 +1,5 @@
 """Features without a role: obstacles by default, unless words, number or place say otherwise; added and left out."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +29,9 @@ from fields.geometry.assumed_obstacles import MAX_UNKNOWN_FEATURES, assume_roles
 from fields.geometry.chosen_places import add_obstacles, leave_out_obstacles, parse_obstacle_place
 from fields.geometry.coordinates import FieldFrame
 from fields.geometry.geodesy import LocalPlane
-from tests.fields.geojson import SQUARE_M, feature, moved, polygon
-from tests.fields.test_obstacles import line, point, read
+from tests.drawn_fields import feature, line, point, write_features
+from tests.fields.geojson import SQUARE_M, moved, polygon
+from tests.fields.test_obstacles import read
 
 POND: list[list[float]] = [[0, 0], [20, 0], [20, 10], [0, 10], [0, 0]]
 OUTLINE: list[list[float]] = [[float(x), float(y)] for x, y in SQUARE_M]
@@ -138,11 +138,9 @@ class TestPoints:
 
     def test_points_outside_or_in_a_hole_are_none(self, tmp_path: Path) -> None:
         hole = [[50, 40], [60, 40], [60, 60], [50, 60], [50, 40]]
-        place = tmp_path / "plot.geojson"
         features = [feature(polygon(SQUARE_M, hole), name="N"), feature(point(55, 50), name="Teich"),
                     feature(point(500, 50), name="Mast"), feature(point(-30, 50), name="X")]  # fmt: skip
-        place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-        field = read_field(place, local=True)
+        field = read(tmp_path, *features)
         assert field.obstacles == () and any("not used: 2 Point." in remark for remark in field.remarks)
 
     def test_a_mast_on_the_edge_counts_and_an_unknown_point_beyond_it_does_not(self, tmp_path: Path) -> None:
@@ -199,9 +197,7 @@ class TestLines:
 
 class TestPolygons:
     def farm(self, tmp_path: Path, *features: Any) -> Path:
-        place = tmp_path / "farm.geojson"
-        place.write_text(json.dumps({"type": "FeatureCollection", "features": list(features)}))
-        return place
+        return write_features(tmp_path / "farm.geojson", *features)
 
     def test_a_pond_is_no_field_of_its_own_unless_named(self, tmp_path: Path) -> None:
         farm = self.farm(

@@ -13,6 +13,7 @@ from fields import Field, FieldError, Layout, lay_swaths
 from fields.layout.cells import CELL_COST_M, EffortRates, divide_region, estimate_costs_m
 from fields.layout.options import estimate_layout_cost_m, list_layout_alternatives, replace_bearings
 from fields.layout.parallel_lines import TURN_COST_M
+from tests.fields.test_layout import rectangle
 
 EAST, NORTH = 0.0, math.pi / 2
 BOTH = np.array([EAST, NORTH])
@@ -187,10 +188,6 @@ class TestLayouts:
             for one in (shape, other)
         )
         assert after[0] == pytest.approx(before[0], rel=2e-3)
-
-
-def rectangle(length: float, width: float) -> Field:
-    return Field("r", shapely.box(0, 0, length, width))
 
 
 @pytest.mark.parametrize("rounds", [0, 3])

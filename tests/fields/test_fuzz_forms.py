@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fields.errors import FieldError, HeadlandError
-from fields.formats import agopengps, geojson, gpx, isoxml, kml
+from fields.formats import agopengps, gpx, isoxml, kml
 from fields.formats.geojson import parse_geojson
 from tests.fields.farm_files import agopengps as draw_agopengps
 from tests.fields.farm_files import partfield, pattern, points, polygon, taskdata, write_taskdata
@@ -131,11 +131,3 @@ def test_archives(tmp_path: Path) -> None:
             content[draw.randrange(len(content))] = draw.randrange(256)
         path.write_bytes(bytes(content[: draw.choice([len(content), draw.randrange(len(content))])]))
         ends_well(lambda: isoxml.FIELD_FORMAT.read(str(path), "'x'"))
-
-
-def test_undamaged_files_are_read(tmp_path: Path) -> None:
-    assert geojson.parse_geojson(GEOJSON, "'x'").polygons
-    (tmp_path / "a.kml").write_text(KML)
-    assert kml.FIELD_FORMAT.read(str(tmp_path / "a.kml"), "'x'").polygons
-    (tmp_path / "a.gpx").write_text(GPX)
-    assert gpx.FIELD_FORMAT.read(str(tmp_path / "a.gpx"), "'x'").polygons

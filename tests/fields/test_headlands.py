@@ -1,6 +1,5 @@
 """Headlands that stand in field files: their inner edges and widths, whatever the form."""
 
-import json
 from pathlib import Path
 
 import pytest
@@ -8,6 +7,7 @@ import pytest
 from fields.documents.reader import list_fields, read_field
 from fields.documents.writer import write_field
 from fields.geometry.field import Field
+from tests.drawn_fields import feature, write_features
 from tests.fields.farm_files import agopengps, partfield, place, points, polygon, taskdata, write_taskdata
 
 FIELD_M = ((0, 0), (300, 0), (300, 200), (0, 200))
@@ -15,13 +15,8 @@ EDGE_M = ((12, 12), (288, 12), (288, 188), (12, 188))
 
 
 def geojson(folder: Path, *headland: dict[str, object]) -> Path:
-    corners = [[*reversed(place(*one))] for one in (*FIELD_M, FIELD_M[0])]
-    field = {"type": "Polygon", "coordinates": [corners]}
-    features = [{"type": "Feature", "properties": {"role": "boundary"}, "geometry": field}]
-    features += [{"type": "Feature", "properties": {"role": "headland"}, "geometry": one} for one in headland]
-    file = folder / "field.geojson"
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    return file
+    boundary = feature({"type": "Polygon", "coordinates": [degrees(FIELD_M)]}, role="boundary")
+    return write_features(folder / "field.geojson", boundary, *(feature(one, role="headland") for one in headland))
 
 
 def degrees(ring: tuple[tuple[float, float], ...]) -> list[list[float]]:

@@ -225,33 +225,20 @@ def effort(layout: Layout) -> float:
     return layout.total_length_m + 15.0 * len(layout.swaths) + 2.0 * uncovered / layout.width_m
 
 
-class TestRefusals:
-    @pytest.mark.parametrize("width", [0.0, -3.0, math.nan, math.inf])
-    def test_width(self, width: float) -> None:
-        with pytest.raises(FieldError, match="The working width"):
-            lay_swaths(rectangle(100, 50), width, 5.0)
-
-    @pytest.mark.parametrize("headland", [-1.0, math.nan, math.inf])
-    def test_headland(self, headland: float) -> None:
-        with pytest.raises(FieldError, match="The headland"):
-            lay_swaths(rectangle(100, 50), 3.0, headland)
-
-    def test_bearing(self) -> None:
-        with pytest.raises(FieldError, match="give degrees"):
-            lay_swaths(rectangle(100, 50), 3.0, 5.0, math.nan)
-
-    def test_millimetres_as_metres(self) -> None:
-        with pytest.raises(FieldError, match="more than 20000 tracks"):
-            lay_swaths(rectangle(100, 50), 0.003, 5.0)
-
-    def test_implement_wider_than_the_field(self) -> None:
-        with pytest.raises(FieldError, match="nowhere wider than the working width"):
-            lay_swaths(rectangle(100, 50), 50.1, 5.0)
-
-    @pytest.mark.parametrize("bearing", [None, 0.0, 90.0])
-    def test_field_too_small_for_its_headland(self, bearing: float | None) -> None:
-        with pytest.raises(FieldError, match="No track"):
-            lay_swaths(rectangle(50, 50), 3.0, 23.0, bearing)
+@pytest.mark.parametrize(
+    ("length", "implement", "headland", "bearing", "words"),
+    [
+        *((100.0, implement, 5.0, None, "The working width") for implement in (0.0, -3.0, math.nan, math.inf)),
+        *((100.0, 3.0, headland, None, "The headland") for headland in (-1.0, math.nan, math.inf)),
+        (100.0, 3.0, 5.0, math.nan, "give degrees"),
+        (100.0, 0.003, 5.0, None, "more than 20000 tracks"),
+        (100.0, 50.1, 5.0, None, "nowhere wider than the working width"),
+        *((50.0, 3.0, 23.0, bearing, "No track") for bearing in (None, 0.0, 90.0)),
+    ],
+)
+def test_refusals(length: float, implement: float, headland: float, bearing: float | None, words: str) -> None:
+    with pytest.raises(FieldError, match=words):
+        lay_swaths(rectangle(length, 50), implement, headland, bearing)
 
 
 class TestParts:

@@ -1,6 +1,5 @@
 """Obstacles in field files, and the ground that is left when a margin is kept to them."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -12,23 +11,15 @@ from hypothesis import strategies as st
 
 from fields import Field, FieldError, read_field, write_field
 from fields.geometry.obstacles import DEFAULT_RADIUS_M, DEFAULT_WIDTH_M, Obstacle
-from tests.fields.test_read import SQUARE_M, collection, feature, moved, polygon
+from tests.drawn_fields import feature, line, point, write_features
+from tests.fields.geojson import SQUARE_M, moved, polygon
 
 BOX = shapely.box(0, 0, 200, 100)
 POND = [[0, 0], [20, 0], [20, 10], [0, 10], [0, 0]]
 
 
-def point(x: float, y: float) -> dict[str, Any]:
-    return {"type": "Point", "coordinates": [x, y]}
-
-
-def line(*points: Any) -> dict[str, Any]:
-    return {"type": "LineString", "coordinates": list(points)}
-
-
 def read(tmp_path: Path, *features: Any, key: str = "") -> Field:
-    place = tmp_path / "plot.geojson"
-    place.write_text(json.dumps(collection(*features)), encoding="utf-8")
+    place = write_features(tmp_path / "plot.geojson", *features)
     return read_field(f"{place}{key}", local=True)
 
 

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 
 from fields import Field, FieldError, read_field, write_field
 from fields.geometry.field_lines import EdgeOverhang, compute_overhang_region
+from tests.drawn_fields import feature
+from tests.fields.geojson import SQUARE_M, polygon
 from tests.fields.test_obstacles import line, read, with_square
-from tests.fields.test_read import SQUARE_M, feature, polygon
 
 BOX = shapely.box(0, 0, 200, 100)
 SOUTH = shapely.LineString([(0, 0), (200, 0)])

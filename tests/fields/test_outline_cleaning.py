@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from fields import list_sample_names, read_field
 from fields.arrays import Floats
 from fields.geometry.outline_cleaning import clean_outline
-from tests.fields.geojson import SQUARE_M, collection, feature, moved, polygon, refusal
+from tests.drawn_fields import feature
+from tests.fields.geojson import SQUARE_M, collection, moved, polygon, refusal
 
 CORNERS_M = np.array([[0.0, 0.0], [260.0, 10.0], [250.0, 170.0], [120.0, 190.0], [-10.0, 150.0]])
 

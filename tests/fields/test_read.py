@@ -13,7 +13,8 @@ from pyproj import Transformer
 
 from fields import Field, FieldError, GroundZone, list_sample_names, read_field, write_field
 from fields.geometry.geodesy import find_utm_crs
-from tests.fields.geojson import SQUARE_DEG, SQUARE_M, collection, feature, moved, polygon, refusal
+from tests.drawn_fields import feature
+from tests.fields.geojson import SQUARE_DEG, SQUARE_M, collection, moved, polygon, refusal
 
 
 class TestForms:
@@ -155,7 +156,42 @@ class TestChoice:
         assert read_field(saved(polygon(SQUARE_M), "a#1.geojson"), local=True).area_m2 == 20_000
 
 
+METRES: list[tuple[Any, str]] = [
+    (polygon([[0, 0], [200, 200], [200, 0], [0, 200]]), "crosses itself at (100, 100)"),
+    (polygon([]), "at least 3"),
+    (polygon([[0, 0]]), "at least 3"),
+    (polygon([[0, 0], [200, 0], [0, 0], [200, 0], [0, 0]]), "at least 3"),
+    (collection(feature(polygon(SQUARE_M), ground="mud")), "ground zones"),
+    (polygon(SQUARE_DEG), "look like degrees; leave out local"),
+    (polygon([[0, 0], [9.9, 0], [9.9, 9.9], [0, 9.9]]), "at least 100 m2"),
+    (polygon([[0, 0], [10_001.0, 0], [10_001.0, 10_001.0], [0, 10_001.0]]), "at most 100 km2"),
+    ({**polygon(SQUARE_M), "crs": {"type": "name", "properties": {"name": "EPSG:28992"}}}, "leave out local"),
+    (
+        collection(
+            feature(polygon(SQUARE_M)),
+            *(feature({"type": "Point", "coordinates": [x, 0]}, role="entrance") for x in (0, 10)),
+        ),
+        "2 entrances",
+    ),
+]
+DEGREES: list[tuple[Any, str]] = [
+    ("[" * 200_000, "is not JSON"),
+    (collection(), "empty collection"),
+    *(({"type": kind, "coordinates": [0, 0]}, f"1 {kind}") for kind in ("Point", "LineString", "GeometryCollection")),
+    *((polygon(moved(SQUARE_M, shift)), "add local") for shift in (0, 500, 500_000)),
+    (polygon([[0, 0], [60, 0], [60, 60], [0, 60]]), "add local"),
+    (polygon([[43.2, 141.7], [43.201, 141.7], [43.201, 141.702]]), "latitude before longitude"),
+]
+"""Documents that are refused, as they are given (local or not), and why."""
+
+
 class TestRefusals:
+    @pytest.mark.parametrize(
+        ("content", "words", "local"), [*((*one, True) for one in METRES), *((*one, False) for one in DEGREES)]
+    )
+    def test_documents(self, saved: Any, content: Any, words: str, local: bool) -> None:
+        assert words in refusal(saved(content), local=local)
+
     def test_not_text(self, tmp_path: Path) -> None:
         (tmp_path / "x.geojson").write_bytes(b"\xff\xfe\x00\x81")
         assert "UTF-8" in refusal(tmp_path / "x.geojson")
@@ -166,22 +202,11 @@ class TestRefusals:
         (tmp_path / "y.abl").write_text("\ufeff \n{")
         assert "'y.abl' is not JSON" in refusal(tmp_path / "y.abl")
 
-    def test_endlessly_nested(self, saved: Any) -> None:
-        assert "is not JSON" in refusal(saved("[" * 200_000))
-
     def test_no_such_file_names_the_nearest_sample(self) -> None:
         assert "is 'iwamizawa'" in refusal("iwamisawa")
 
     def test_folder(self, tmp_path: Path) -> None:
         assert "is a folder" in refusal(tmp_path)
-
-    def test_self_crossing_says_where(self, saved: Any) -> None:
-        text = refusal(saved(polygon([[0, 0], [200, 200], [200, 0], [0, 200]])), local=True)
-        assert "crosses itself at (100, 100)" in text
-
-    @pytest.mark.parametrize("ring", [[], [[0, 0]], [[0, 0], [200, 0], [0, 0], [200, 0], [0, 0]]])
-    def test_too_few_points(self, saved: Any, ring: Any) -> None:
-        assert "at least 3" in refusal(saved(polygon(ring)), local=True)
 
     @pytest.mark.parametrize(
         ("bad", "word"),
@@ -203,49 +228,13 @@ class TestRefusals:
     def test_bad_nesting(self, saved: Any, coordinates: Any) -> None:
         refusal(saved({"type": "Polygon", "coordinates": coordinates}), local=True)
 
-    def test_empty_collection(self, saved: Any) -> None:
-        assert "empty collection" in refusal(saved(collection()))
-
-    def test_only_ground_zones(self, saved: Any) -> None:
-        assert "ground zones" in refusal(saved(collection(feature(polygon(SQUARE_M), ground="mud"))), local=True)
-
-    @pytest.mark.parametrize("kind", ["Point", "LineString", "GeometryCollection"])
-    def test_wrong_geometry(self, saved: Any, kind: str) -> None:
-        assert f"1 {kind}" in refusal(saved({"type": kind, "coordinates": [0, 0]}))
-
     @pytest.mark.parametrize("content", [[], 3, {}, {"type": "Topology"}, {"type": "FeatureCollection"}])
     def test_other_json(self, saved: Any, content: Any) -> None:
         refusal(saved(content))
 
-    def test_degrees_as_metres(self, saved: Any) -> None:
-        assert "look like degrees; leave out local" in refusal(saved(polygon(SQUARE_DEG)), local=True)
-
-    @pytest.mark.parametrize("shift", [0, 500, 500_000])
-    def test_metres_as_degrees(self, saved: Any, shift: float) -> None:
-        assert "add local" in refusal(saved(polygon(moved(SQUARE_M, shift))))
-
-    def test_small_metres_as_degrees(self, saved: Any) -> None:
-        assert "add local" in refusal(saved(polygon([[0, 0], [60, 0], [60, 60], [0, 60]])))
-
-    def test_latitude_first(self, saved: Any) -> None:
-        ring = [[43.2, 141.7], [43.201, 141.7], [43.201, 141.702]]
-        assert "latitude before longitude" in refusal(saved(polygon(ring)))
-
-    @pytest.mark.parametrize(("side", "word"), [(9.9, "at least 100 m2"), (10_001.0, "at most 100 km2")])
-    def test_area(self, saved: Any, side: float, word: str) -> None:
-        assert word in refusal(saved(polygon([[0, 0], [side, 0], [side, side], [0, side]])), local=True)
-
-    def test_local_against_a_crs(self, saved: Any) -> None:
-        crs = {"type": "name", "properties": {"name": "EPSG:28992"}}
-        assert "leave out local" in refusal(saved({**polygon(SQUARE_M), "crs": crs}), local=True)
-
     @pytest.mark.parametrize("crs", [{"type": "name", "properties": {"name": "EPSG:1"}}, {"type": "link"}, "x"])
     def test_unusable_crs(self, saved: Any, crs: Any) -> None:
         refusal(saved({**polygon(SQUARE_DEG), "crs": crs}))
-
-    def test_two_entrances(self, saved: Any) -> None:
-        gates = [feature({"type": "Point", "coordinates": [x, 0]}, role="entrance") for x in (0, 10)]
-        assert "2 entrances" in refusal(saved(collection(feature(polygon(SQUARE_M)), *gates)), local=True)
 
     @pytest.mark.parametrize(
         "header",

@@ -13,7 +13,8 @@ import pytest
 import shapely
 
 from fields import list_fields, list_sample_names, read_field
-from tests.fields.geojson import SQUARE_M, collection, feature, moved, polygon, refusal
+from tests.drawn_fields import feature
+from tests.fields.geojson import SQUARE_M, collection, moved, polygon, refusal
 
 
 class TestManyPoints:

@@ -13,10 +13,7 @@ from fields import Field, FieldError, lay_swaths, list_sample_names, read_field
 from fields.geometry.arithmetic import CURVE_M
 from fields.layout.headland_passes import HeadlandPass, compute_inner_region, find_centre_line, lay_headland_passes
 from tests.examples import count_examples
-
-
-def rectangle(length: float, width: float) -> Field:
-    return Field("r", shapely.box(0, 0, length, width))
+from tests.fields.test_layout import rectangle
 
 
 def draw_pass(lap: HeadlandPass) -> shapely.LineString:

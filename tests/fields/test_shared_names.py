@@ -11,7 +11,8 @@ from fields import list_fields, read_field
 from fields.documents.reader import list_fields_with_notes
 from fields.formats.features import build_document
 from planner.pipeline.many_fields import expand_field_names
-from tests.fields.geojson import SQUARE_M, collection, feature, moved, polygon, refusal
+from tests.drawn_fields import feature
+from tests.fields.geojson import SQUARE_M, collection, moved, polygon, refusal
 
 
 def make_features(*names: tuple[Any, Any]) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ import shapely
 
 from fields.documents.reader import list_fields_with_notes, read_field
 from fields.geometry.geodesy import can_be_farmland
+from tests.drawn_fields import feature, line, rectangle, write_features
 from tests.fields.geojson import refusal
 
 SIDE_DEG = 0.002
@@ -29,19 +30,13 @@ FARMS = {
 """Longitude and latitude of farmland, and whether it is certain that the place with these swapped is none."""
 
 
-def written(folder: Path, *corners: tuple[float, float], line: tuple[float, float] | None = None) -> Path:
+def written(folder: Path, *corners: tuple[float, float], begin: tuple[float, float] | None = None) -> Path:
     """A file with small square fields at these corners (longitude, latitude), and a line that begins at a place."""
-    features: list[dict[str, object]] = []
-    for number, (x, y) in enumerate(corners):
-        ring = [[x, y], [x + SIDE_DEG, y], [x + SIDE_DEG, y + SIDE_DEG], [x, y + SIDE_DEG], [x, y]]
-        geometry = {"type": "Polygon", "coordinates": [ring]}
-        features.append({"type": "Feature", "properties": {"name": f"Field {number}"}, "geometry": geometry})
-    if line is not None:
-        ends = {"type": "LineString", "coordinates": [line, [line[0], line[1] + SIDE_DEG]]}
-        features.append({"type": "Feature", "properties": {"name": "AB"}, "geometry": ends})
-    file = folder / "fields.geojson"
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    return file
+    squares = [rectangle(x, y, SIDE_DEG, SIDE_DEG) for x, y in corners]
+    features = [feature(square, name=f"Field {number}") for number, square in enumerate(squares)]
+    if begin is not None:
+        features.append(feature(line(begin, (begin[0], begin[1] + SIDE_DEG)), name="AB"))
+    return write_features(folder / "fields.geojson", *features)
 
 
 def test_a_field_of_india_in_the_arctic_sea(tmp_path: Path) -> None:
@@ -115,7 +110,7 @@ def test_the_one_of_three_fields_that_lies_apart(tmp_path: Path) -> None:
 
 
 def test_a_field_far_from_its_own_line(tmp_path: Path) -> None:
-    (told,) = list_fields_with_notes(written(tmp_path, (56.0, 9.5), line=(9.5, 56.0)))[1]
+    (told,) = list_fields_with_notes(written(tmp_path, (56.0, 9.5), begin=(9.5, 56.0)))[1]
     assert "far from everything else" in told
 
 

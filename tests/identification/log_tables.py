@@ -67,6 +67,21 @@ def in_unit(factor: float, *columns: str) -> Callable[[pd.DataFrame], pd.DataFra
     return lambda frame: frame.assign(**{name: frame[name] * factor for name in columns if name in frame})
 
 
+def held(frame: pd.DataFrame, rows: int, *names: str, interpolated: bool = False) -> pd.DataFrame:
+    """The log with columns refreshed every so many rows, repeated or drawn straight in between."""
+    place, time = np.arange(len(frame)), frame.time_s.to_numpy()
+    columns = {}
+    for name in names:
+        values = frame[name].to_numpy()
+        if interpolated:
+            values = np.unwrap(values, period=360.0) if name == "heading_deg" else values
+            values = np.interp(time, time[::rows], values[::rows])
+            columns[name] = values % 360.0 if name == "heading_deg" else values
+        else:
+            columns[name] = values[place // rows * rows]
+    return frame.assign(**columns)
+
+
 def swapped(frame: pd.DataFrame) -> pd.DataFrame:
     """Easting in the column of northing and the other way round."""
     return frame.assign(easting_m=frame.northing_m, northing_m=frame.easting_m)

@@ -52,6 +52,12 @@ def small_site() -> PlanningContext:
 
 
 @pytest.fixture(scope="session")
+def round_site() -> PlanningContext:
+    """60 m by 90 m with its headland worked."""
+    return site_on(shapely.box(0, 0, 60, 90), no_headland=False)
+
+
+@pytest.fixture(scope="session")
 def wide_site() -> PlanningContext:
     """The field of the thesis shortened to 130 m: long enough for a queue of five."""
     return site_on(shapely.box(0, 0, 130, 70), (0.0, 0.0))

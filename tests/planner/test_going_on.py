@@ -39,6 +39,7 @@ from reports.plan.plan_wording import describe_ranking
 from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.lines.work_line import STRAIGHT_RAD
 from strategies.rules.supply import Supply
+from tests.drawn_fields import feature, write_features
 from vehicle.missions.plan import Leg
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -48,10 +49,7 @@ OUTLINE: list[list[float]] = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
 
 
 def write_field(path: Path, outline: list[list[float]]) -> str:
-    shape = {"type": "Polygon", "coordinates": [outline]}
-    features = [{"type": "Feature", "properties": {}, "geometry": shape}]
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return str(path)
+    return str(write_features(path, feature({"type": "Polygon", "coordinates": [outline]})))
 
 
 @pytest.fixture(scope="module")
@@ -430,12 +428,8 @@ def test_polygons_for_a_field_in_metres_are_no_degrees_and_a_key_chooses_one(fol
     with pytest.raises(FieldError, match=r"is in longitude and latitude, and field .* is not; give it in"):
         read_polygons(degrees, field)
     boxes = {"west": shapely.box(0.0, 0.0, 30.0, 60.0), "east": shapely.box(60.0, 0.0, 90.0, 60.0)}
-    features = [
-        {"type": "Feature", "properties": {"name": name}, "geometry": shapely.geometry.mapping(one)}
-        for name, one in boxes.items()
-    ]
-    path = folder / "two.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    features = [feature(shapely.geometry.mapping(one), name=name) for name, one in boxes.items()]
+    path = write_features(folder / "two.geojson", *features)
     assert len(read_polygons(path, field)) == 2
     for name, one in boxes.items():
         (polygon,) = read_polygons(f"{path}#{name}", field)

@@ -149,13 +149,3 @@ def test_ground_is_covered_as_laid_or_has_a_reason(name: str, monkeypatch: pytes
     # reasons of less than a square metre are not told.
     left = sum(one.area_m2 for one in find_unworked_areas(site) if not one.reason.startswith(NOT_OF_THE_LAYOUT))
     assert under + left == pytest.approx(ground.area, abs=5.0)
-
-
-def test_shapes_are_of_one_to_two_hectares_and_all_different() -> None:
-    assert len(SHAPES) == 10
-    assert all(1.0 <= field.area_ha <= 2.0 for field in SHAPES.values())
-
-
-def test_a_difference_is_seen() -> None:
-    assert other_marks(["RR  TT", "B"], ["RR. TT", " "]) == 2
-    assert other_marks(["RR"], ["RR   "]) == 0

@@ -10,7 +10,7 @@ import pytest
 
 from fields.errors import HeadlandError
 from planner.pipeline.outputs.guidance_lines import build_guidance
-from tests.planner.saved_plans import BEND, GROUND, HOLE, SQUARE, in_metres, leg, plan, saved
+from tests.planner.saved_plans import BEND, GROUND, HOLE, SQUARE, in_metres, leg, saved
 from vehicle.missions.plan import Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_saved_plan
 
@@ -119,7 +119,3 @@ def test_a_plan_without_a_place_on_the_earth_is_refused(one: Any, words: str) ->
 def test_a_tractor_that_is_not_there_is_refused(tractor: int) -> None:
     with pytest.raises(HeadlandError, match="the plan has tractors 1 to 2"):
         build_guidance(saved(), tractor)
-
-
-def test_a_plan_is_made_by_hand_without_fault() -> None:
-    assert parse_saved_plan(format_plan(plan())).plan.tractors == 2

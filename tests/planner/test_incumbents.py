@@ -30,12 +30,6 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 
 @pytest.fixture(scope="module")
-def round_site() -> PlanningContext:
-    """60 m by 90 m with its headland worked."""
-    return prepare_context(WorkOrder(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90))))
-
-
-@pytest.fixture(scope="module")
 def driven_once(round_site: PlanningContext) -> Callable[[str], Outcome]:
     """Two tractors on that field by a strategy."""
     return cache(lambda strategy: simulate_candidate(round_site, Candidate(strategy, 2)))

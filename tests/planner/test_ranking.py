@@ -6,9 +6,11 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
@@ -17,7 +19,6 @@ from planner.request.plan_request import PlanRequest
 from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
 from strategies.names import STRATEGY_NAMES
-from tests.drawn_fields import rectangle
 from tests.examples import count_examples
 
 QUICK = settings(max_examples=count_examples(60))
@@ -206,16 +207,13 @@ class TestCandidates:
 class TestMoney:
     @pytest.fixture(scope="class")
     @staticmethod
-    def ranking(tmp_path_factory: pytest.TempPathFactory) -> PlanRanking:
-        import json
-
-        place = tmp_path_factory.mktemp("field") / "small.geojson"
-        place.write_text(json.dumps(rectangle(0, 0, 36, 80)))
+    def ranking() -> PlanRanking:
         scenario = PlanRequest(
-            str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
-            price_per_tractor=7.0, start_s=36000, deadline_s=36000 + 900, no_headland=True,
+            tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0, price_per_tractor=7.0,
+            start_s=36000, deadline_s=36000 + 900, no_headland=True,
         )  # fmt: skip
-        return plan(scenario, executor=SerialExecutor()).ranking
+        field = Field("small", shapely.box(0, 0, 36, 80))
+        return plan(scenario, field=field, executor=SerialExecutor()).ranking
 
     def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: PlanRanking) -> None:
         for one in ranking.plans:

@@ -19,6 +19,7 @@ from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, re
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from strategies.rules.supply import Supply
+from tests.drawn_fields import feature, rectangle, write_features
 from vehicle.missions.plan import REFILL
 from vehicle.missions.plan_file import parse_saved_plan
 from vehicle.model.tractor import Implement, load_tractor
@@ -36,10 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def whole(folder: Path) -> PlanningResult:
     """A plan of one tractor with a tank, saved as plan.json."""
-    ring = [[0, 0], [90, 0], [90, 60], [0, 60], [0, 0]]
-    feature = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
-    field = folder / "field.geojson"
-    field.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}), encoding="utf-8")
+    field = write_features(folder / "field.geojson", feature(rectangle(0, 0, 90, 60)))
     request = PlanRequest(field=str(field), local=True, width_m=4.0, tractors=(1,), strategies=("split-field",))
     answer = plan(request, supply=CARRIED, executor=SerialExecutor())
     answer.save(folder / "plan.json")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner import HeadlandError, diagnose, replay
+from planner import HeadlandError
 from planner.cli.common.options import get_option_name
 from planner.errors import RequestError, mark_parameter, suggest_name
 from planner.evaluation.preparation import prepare_context
@@ -174,13 +174,11 @@ class TestBlame:
             (lambda: prepare_context(WorkOrder(PlanRequest("nowhere.geojson"))), "field"),
             (lambda: prepare_context(WorkOrder(PlanRequest(), tractor="none")), "tractor"),
             (lambda: prepare_context(WorkOrder(PlanRequest(gnss=True, gnss_table="none.csv"))), "gnss_table"),
-            (lambda: replay("none.csv"), "log"),
-            (lambda: replay("none.csv", tractor="none"), "tractor"),
-            (lambda: diagnose("none.csv"), "logs"),
+            (lambda: prepare_context(WorkOrder(PlanRequest(radius_m=0.1))), "radius_m"),
         ],
     )
-    def test_files_that_cannot_be_used(self, ask: Callable[[], object], parameter: str) -> None:
-        with pytest.raises(HeadlandError, match=r"none|nowhere") as caught:
+    def test_what_a_site_cannot_have(self, ask: Callable[[], object], parameter: str) -> None:
+        with pytest.raises(HeadlandError, match=r"none|nowhere|radius") as caught:
             ask()
         assert caught.value.parameter == parameter
 

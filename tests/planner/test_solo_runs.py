@@ -4,23 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
 
-from fields import Field
 from planner.evaluation.candidates.fleet_drive import SoloRuns, remove_gates
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.preparation import prepare_context
-from planner.evaluation.work_order import WorkOrder
-from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.sim.incremental import IncrementalSimulator
 from vehicle.sim.world import World
-
-
-@pytest.fixture(scope="module")
-def round_site() -> PlanningContext:
-    """60 m by 90 m with its headland worked."""
-    return prepare_context(WorkOrder(PlanRequest(), Field("drawn", shapely.box(0, 0, 60, 90))))
 
 
 def build_fleet(tractors: int) -> Plan:

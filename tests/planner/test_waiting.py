@@ -103,10 +103,6 @@ class TestGivingWay:
         run, why = resolve(small_site, Plan((first, second)))
         assert (run.outcome, why) == (DONE, None)
 
-    def test_giving_way_is_repeatable(self, small_site: Any) -> None:
-        plans = [resolve(small_site, crossing())[0].plan for _ in range(2)]
-        assert format_plan(plans[0]) == format_plan(plans[1])
-
 
 def stand_behind(site: Any, ahead_m: float, turned: bool = False) -> Plan:
     """Two in a line, `ahead_m` of clear ground between them, that drive 40 m on and the first 20 m more; or the first

@@ -19,6 +19,7 @@ from starlette.testclient import TestClient
 from planner.farm.settings import read_example_text
 from planner.pipeline.outputs.guidance_lines import build_guidance
 from reports.plan.guidance_export import find_guidance_format, write_guidance
+from tests.drawn_fields import feature, rectangle, write_features
 from tests.fields.farm_files import partfield, pattern, points, polygon, taskdata
 from tests.planner.saved_plans import saved
 from tests.service.conftest import SMALL, Shared, store_done_job
@@ -65,14 +66,10 @@ def test_samples_are_listed_and_stay(client: TestClient, token: dict[str, str]) 
     assert upload(client, "fields", token, "denmark.geojson", SMALL).status_code == 409
 
 
-def test_several_fields_of_a_file(client: TestClient, token: dict[str, str]) -> None:
-    square = json.loads(SMALL)["coordinates"][0]
-    parcels = [
-        {"type": "Feature", "properties": {"id": name}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
-        for name, ring in (("a", square), ("b", [[x + 100.0, y] for x, y in square]))
-    ]
-    content = json.dumps({"type": "FeatureCollection", "features": parcels}).encode()
-    assert upload(client, "fields", token, "two.geojson", content).status_code == 201
+def test_several_fields_of_a_file(client: TestClient, token: dict[str, str], tmp_path: Path) -> None:
+    parcels = [feature(rectangle(x, 0, 45, 80), id=name) for name, x in (("a", 0), ("b", 100))]
+    two = write_features(tmp_path / "two.geojson", *parcels)
+    assert upload(client, "fields", token, "two.geojson", two.read_bytes()).status_code == 201
     found = client.get("/api/v1/fields/two/summary?local=true").json()
     assert [each["key"] for each in found["fields"]] == ["a", "b"] and found["field"] is None
     assert "choose one" in found["error"]

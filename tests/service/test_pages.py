@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, Page
 
 from planner.service.settings import ServiceSettings
+from tests.drawn_fields import feature, rectangle, write_features
 from tests.service.fake_service import CONTROL, NASTY, Made
 from tests.service.one_process import create_app
 from tests.service.test_files import HERE_M, shapefile
@@ -220,12 +221,8 @@ def test_the_pages_speak_with_the_service_itself(
 def _add_files(watched: WatchedPage, folder: Path) -> None:
     """A Shapefile without its .prj is added once its coordinate system is said; one of several fields is chosen."""
     (folder / "north.zip").write_bytes(shapefile(HERE_M))
-    ring = [[lon / 1e3, 51 + lat / 1e3] for lon, lat in ((0, 0), (2, 0), (2, 1), (0, 1), (0, 0))]
-    parcels = [
-        {"type": "Feature", "properties": {"id": name}, "geometry": {"type": "Polygon", "coordinates": [shape]}}
-        for name, shape in (("a", ring), ("b", [[lon + 0.01, lat] for lon, lat in ring]))
-    ]
-    (folder / "two.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": parcels}))
+    parcels = [feature(rectangle(lon, 51, 0.002, 0.001), id=name) for name, lon in (("a", 0), ("b", 0.01))]
+    write_features(folder / "two.geojson", *parcels)
     page = watched.open("/plan")
     page.set_input_files("input[aria-label='Add a file: Field']", folder / "north.zip")
     page.wait_for_selector("text=does not name its coordinate system")

@@ -1,6 +1,5 @@
 """The library and the forms of days and farms in a browser, with the service itself behind them."""
 
-import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +12,7 @@ from playwright.sync_api import Browser, Page
 from planner.farm.settings import read_example_text
 from planner.service.settings import ServiceSettings
 from planner.service.store.tables import Owner
+from tests.drawn_fields import feature, point, rectangle, write_features
 from tests.service.accessibility import find_faults_at_widths, open_all_details
 from tests.service.conftest import SMALL
 from tests.service.one_process import create_app
@@ -22,15 +22,7 @@ from tests.service.watching import WIDE, WatchedPage, needs_browser, until, watc
 pytestmark = [needs_browser, pytest.mark.slow]
 Service = tuple[WatchedPage, FastAPI]
 
-MAST_FIELD = {
-    "type": "FeatureCollection",
-    "features": [
-        {"type": "Feature", "properties": {"name": "mast field"}, "geometry": {
-            "type": "Polygon", "coordinates": [[[0, 0], [90, 0], [90, 120], [0, 120], [0, 0]]]}},
-        {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": {
-            "type": "Point", "coordinates": [40, 60]}},
-    ],
-}  # fmt: skip
+MAST_FIELD = feature(rectangle(0, 0, 90, 120), name="mast field"), feature(point(40, 60), name="Strommast")
 
 
 @pytest.fixture
@@ -277,7 +269,7 @@ def test_every_choice_of_a_plan_is_asked_and_asked_again(service: Service, tmp_p
     watched, app = service
     store = app.state.store
     store.add_file("farm", "own", read_example_text("farm").encode())
-    (tmp_path / "mast.geojson").write_text(json.dumps(MAST_FIELD))
+    write_features(tmp_path / "mast.geojson", *MAST_FIELD)
     page = watched.open("/plan")
     page.click("summary:has-text('How the file is read')")
     page.set_input_files("input[aria-label='Add a file: Field']", tmp_path / "mast.geojson")

@@ -16,6 +16,7 @@ from fields.documents.reader import read_field
 from fields.geometry.geodesy import project
 from planner.service.backgrounds.tile_server import place_metres
 from planner.service.settings import ServiceSettings
+from tests.drawn_fields import feature, point, ring, write_features
 from tests.service.fake_service import Made
 from tests.service.one_process import create_app
 from tests.service.tiles import TileHost, paint_tile, serve_tiles, write_mbtiles
@@ -231,13 +232,10 @@ def test_a_field_with_everything_is_drawn_and_read(service: MapService) -> None:
     service.watched.well()
 
 
-def test_an_uploaded_field_is_changed_by_pointer_and_keys_and_replaced(service: MapService) -> None:
-    ring = [[10.0, 52.0], [10.003, 52.0], [10.003, 52.002], [10.0, 52.002], [10.0, 52.0]]
-    tree = {"type": "Point", "coordinates": [10.0015, 52.001]}
-    outline = {"properties": {"name": "West field"}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
-    obstacle = {"properties": {"role": "obstacle", "kind": "tree", "radius_m": 1.5}, "geometry": tree}
-    features = [{"type": "Feature"} | each for each in (outline, obstacle)]
-    content = json.dumps({"type": "FeatureCollection", "features": features}).encode()
+def test_an_uploaded_field_is_changed_by_pointer_and_keys_and_replaced(service: MapService, tmp_path: Path) -> None:
+    outline = feature(ring((10.0, 52.0), (10.003, 52.0), (10.003, 52.002), (10.0, 52.002)), name="West field")
+    tree = feature(point(10.0015, 52.001), role="obstacle", kind="tree", radius_m=1.5)
+    content = write_features(tmp_path / "west.geojson", outline, tree).read_bytes()
     service.app.state.store.add_file("field", "west", content, ".geojson")
     _, before = service.read_saved("west")
     page = service.open_plan("west")

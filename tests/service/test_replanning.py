@@ -25,14 +25,13 @@ from planner.fleet.simulated_robot import RobotDriver
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.request.plan_request import PlanRequest
 from strategies.rules.supply import Supply
+from tests.drawn_fields import feature, rectangle, write_features
 from tests.service.fleets import restart_manager
 from vehicle.missions.plan_file import format_plan, parse_plan
 
 pytestmark = pytest.mark.slow
 
 WIDTH_M = 3.0
-RING = [[0, 0], [70, 0], [70, 60], [0, 60], [0, 0]]
-FIELD = {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [RING]}}
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +71,7 @@ def plan_three(
 
 def plan_field(folder: Path, strategy: str, supply: Supply | None = None, **asked: Any) -> FleetPlan:
     """A plan of three tractors on the field of these tests, whose file is put into a folder."""
-    file = folder / "field.geojson"
-    file.write_text(json.dumps({"type": "FeatureCollection", "features": [FIELD]}), encoding="utf-8")
+    file = write_features(folder / "field.geojson", feature(rectangle(0, 0, 70, 60)))
     always = {"field": str(file), "local": True, "width_m": WIDTH_M, "tractors": (3,), "strategies": (strategy,)}
     site = prepare_context(WorkOrder(PlanRequest(**always | asked), supply=supply))
     run = simulate_candidate(site, Candidate(strategy, 3)).run

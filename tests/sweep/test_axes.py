@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.errors import RequestError
-from planner.sweeps.axes import list_points, read_axes
+from planner.sweeps.axes import read_axes
 
 
 @pytest.mark.parametrize(("name", "text", "written"), [
@@ -70,9 +70,3 @@ def test_refusals(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(RequestError) as refusal:
         read_axes(values)
     assert sentence in str(refusal.value)
-
-
-def test_too_many_combinations_are_refused() -> None:
-    axes = read_axes({"width": "1:50:0.1", "speed_kmh": "1:30:0.1"})
-    with pytest.raises(RequestError, match="combinations are more than a sweep takes"):
-        list_points(axes)

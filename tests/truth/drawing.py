@@ -1,7 +1,7 @@
-"""How references draw their cases: kinds, sizes, signs, places and times by the seed, from a menu of the reference."""
+"""How the third reference draws its cases: kinds, sizes, signs, places and times by the seed, from the tables here."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,8 +13,7 @@ Rng = np.random.Generator
 
 EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
               "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
-CLEAR_SHARE, FAINT_SHARE, PATCH_AT_M, PATCH_RADIUS_M = (1.0, 1.35), (0.3, 0.5), (-12.0, 12.0), (9.0, 16.0)
-FAINT = tuple(name for name in NEUTRAL if name not in ("side_slip", "grip_patch"))
+CLEAR_SHARE, PATCH_AT_M, PATCH_RADIUS_M, DAY_S = (1.0, 1.35), (-12.0, 12.0), (9.0, 16.0), 1400.0
 CLOSED = (
     "steering_offset", "steering_gain", "steering_dead_time", "steering_lag", "steering_rate", "steering_deadband",
     "steering_backlash", "antenna_right", "antenna_forward", "gnss_latency", "wheel_slip", "implement_slip",
@@ -46,43 +45,63 @@ Numbers = Mapping[str, Number]
 
 
 class Cause(NamedTuple):
-    """A cause outside the catalogue: its numbers, words of which one should be in a hint, ids that are as right.
-
-    Some need a programme, a rate, or an effect beside them to show.
-    """
+    """A cause outside the catalogue: its numbers, words of which one should be in a hint, ids that are as right."""
 
     values: Numbers
     words: tuple[str, ...]
     also: tuple[str, ...] = ()
-    programme: str = ""
-    rate_hz: float = 0.0
-    beside: Mapping[str, Numbers] = {}
 
 
-@dataclass(frozen=True)
-class Menu:
-    """What a reference draws from: how many cases of each kind (`faint`: small effects) and its causes outside.
-
-    `programmes` are those of a kind of case, and under "" of all others; `fault_runs` the programme and the
-    runs in which each of FAULTS shows at once, `bend_runs` those with bends, `day_s` the period of laws of the day.
-    """
-
-    stream: int
-    counts: Mapping[str, int]
-    outside: Mapping[str, Cause]
-    programmes: Mapping[str, tuple[str, ...]]
-    rates_hz: tuple[float, ...] = (10.0,)
-    fault_runs: Mapping[str, tuple[str, tuple[int, ...]]] = field(default_factory=dict)
-    bend_runs: tuple[int, ...] = ()
-    day_s: float = 6000.0
-
-    def build(self, kind: str, rng: Rng, effects: Effects | None = None, **fields: Any) -> TruthCase:
-        """A case in a programme of its kind at one of the rates."""
-        names = self.programmes.get(kind, self.programmes[""])
-        chosen = {"programme": str(rng.choice(names)), "rate_hz": float(rng.choice(self.rates_hz))}
-        return build_case(kind, 0, effects, **chosen | fields)
-
-
+COUNTS = {"clean": 4, "effect": 9, "pair": 2, "closed_loop": 3, "column": 4, "law": 4, "fault": 4, "outside": 5,
+          "odd_run": 2, "one_sided": 2, "one_speed": 2, "mixed": 1}  # fmt: skip
+"""Cases of each kind."""
+PROGRAMMES: Mapping[str, tuple[str, ...]] = {
+    "clean": ("three_speeds", "mixed", "closed"), "closed_loop": ("closed",), "one_sided": ("one_sided",),
+    "one_speed": ("one_speed", "ordered_angles"), "mixed": ("mixed",),
+}  # fmt: skip
+"""Of each kind of case; all others have three_speeds."""
+RATES_HZ = (5.0, 10.0, 10.0, 20.0)
+PLACE, TIME = ("place", "position", "north", "east", "field"), ("time", "day", "minute", "later", "run")
+WAYS = ("bearing", "heading", "direction", "north", "east")
+IMPLEMENT, SWING = ("implement", "work"), ("period", "swing", "every", "wave")
+BEARING_DEG = (0.0, 360.0)
+OUTSIDE: Mapping[str, Cause] = {
+    "oil_temperature": Cause({"lag_s": 0.6, "rate_share": 0.5, "warm_s": 350.0}, TIME,
+                             ("steering_lag", "steering_rate", "steering_dead_time")),
+    "tyre_pressure_loss": Cause({"run": (2.0, 4.99), "per_minute": (0.8, 1.2)}, TIME),
+    "crosswind": Cause({"mps2": (0.5, 0.9), "bearing_deg": BEARING_DEG}, WAYS, ("cross_slope_drift",)),
+    "gravity_slope": Cause({"mps2": (0.5, 0.9), "bearing_deg": BEARING_DEG}, WAYS, ("cross_slope_drift",)),
+    "speed_linkage": Cause({"deg_per_mps": (1.0, 1.5)}, ("speed",)),
+    "implement_push": Cause({"side_n": (2000.0, 3000.0)}, IMPLEMENT, ("implement_side_draft",)),
+    "wheel_wobble": Cause({"angle_deg": (1.5, 2.2), "length_m": (2.0, 4.0)}, SWING),
+    "hitch_swing": Cause({"side_n": (4000.0, 7000.0)}, (*SWING, "implement", "bend")),
+    "differential_lock": Cause({"share": 1.0, "from_s": 20.0}, ("time", "angle", "bend", "later")),
+    "moist_soil": Cause({"share": (0.15, 0.25), "east_m": Either(5.0, 10.0), "north_m": Either(5.0, 10.0),
+                         "radius_m": 14.0}, PLACE, ("grip_patch",)),
+    "steering_stiction": Cause({"angle_deg": (1.2, 1.8)}, ("steering", "command", "small"),
+                               ("steering_deadband", "steering_backlash")),
+    "trees": Cause({"size_m": (0.5, 0.9), "east_m": (-4.0, 4.0), "width_m": 5.0}, (*PLACE, "receiver")),
+    "brisk_start": Cause({"mps2": (1.3, 1.8)}, ("start", "speed")),
+    "soft_front_tyres": Cause({"share": (0.22, 0.27)}, ("lateral", "speed", "bend"), ("understeer",)),
+    "articulated": Cause({"joint": (0.4, 0.6), "antenna_forward_m": (-0.8, 0.2)},
+                         ("steering", "rate", "antenna", "articulated")),
+    "mast_sway": Cause({"m_per_mps2": (0.25, 0.4)}, ("antenna", "position", "lateral")),
+    "governor_hunting": Cause({"share": (0.06, 0.1), "period_s": (3.0, 5.0)}, ("speed", "period")),
+}  # fmt: skip
+"""Causes outside the catalogue, described where they act: tests.truth.third_outside."""
+FAULT_RUNS: Mapping[str, tuple[str, tuple[int, ...]]] = {
+    "loose": ("mixed", (2, 4)),
+    "torn": ("three_speeds", (2, 3, 4)),
+    "stuck": ("three_speeds", (0, 1, 2, 3, 4)),
+    "wanders": ("three_speeds", tuple(range(8))),
+    "jumps": ("mixed", tuple(range(8))),
+    "position_frozen": ("mixed", tuple(range(8))),
+    "heading_frozen": ("three_speeds", (2, 3, 4)),
+    "speed_frozen": ("three_speeds", tuple(range(8))),
+    "wheel_sensor_frozen": ("mixed", (2, 4)),
+}
+"""The programme and the runs in which each of FAULTS shows at once."""
+BEND_RUNS = (2, 3, 4)  # with bends
 COLUMN_PLANS: tuple[tuple[dict[str, Numbers], tuple[str, ...]], ...] = (
     ({"position": {"delay_s": (0.25, 0.45)}}, ()),
     ({"heading": {"delay_s": (0.25, 0.45)}}, ()),
@@ -131,6 +150,13 @@ ODD_RUNS: tuple[tuple[str, Number, float], ...] = (
     ("steering_lag", (0.4, 0.6), 0.1), ("wheel_slip", (0.09, 0.12), 0.0),
 )  # fmt: skip
 """Effect, its value in one run, and in all others."""
+
+
+def choose_case(kind: str, rng: Rng, effects: Effects | None = None, **fields: Any) -> TruthCase:
+    """A case in a programme of its kind at one of the rates."""
+    names = PROGRAMMES.get(kind, ("three_speeds",))
+    chosen = {"programme": str(rng.choice(names)), "rate_hz": float(rng.choice(RATES_HZ))}
+    return build_case(kind, 0, effects, **chosen | fields)
 
 
 def build_case(
@@ -183,12 +209,12 @@ def draw_number(number: Number, rng: Rng) -> float:
     return float(rng.uniform(*number)) if isinstance(number, tuple) else number
 
 
-def draw_effects(names: Iterable[str], rng: Rng, share: tuple[float, float] = CLEAR_SHARE) -> Effects:
-    """Effects at a share of their clear size, to either side where they have two, somewhere in the field."""
+def draw_effects(names: Iterable[str], rng: Rng) -> Effects:
+    """Effects of about their clear size, to either side where they have two, somewhere in the field."""
     places = {"bearing_deg": (0.0, 360.0), "east_m": PATCH_AT_M, "north_m": PATCH_AT_M, "radius_m": PATCH_RADIUS_M}
     effects = {}
     for name in names:
-        values = scaled(name, float(rng.uniform(*share)))
+        values = scaled(name, float(rng.uniform(*CLEAR_SHARE)))
         if name in EITHER_WAY and rng.random() < 0.5:
             values = {key: 2.0 * NEUTRAL[name][key] - value for key, value in values.items()}
         effects[name] = draw_numbers({key: places.get(key, value) for key, value in values.items()}, rng)
@@ -198,92 +224,80 @@ def draw_effects(names: Iterable[str], rng: Rng, share: tuple[float, float] = CL
 # --- kinds ---------------------------------------------------------------------------------------------------------
 
 
-def draw_alone(menu: Menu, rng: Rng) -> list[TruthCase]:
-    """Clear effects alone, and faint ones: of these a name is welcome, and none is no fault."""
-    clear = [menu.build("effect", rng, draw_effects([name], rng)) for name in pick(NEUTRAL, menu.counts["effect"], rng)]
-    return clear + [menu.build("effect", rng, draw_effects([name], rng, FAINT_SHARE), wanted=())
-                    for name in pick(FAINT, menu.counts.get("faint", 0), rng)]  # fmt: skip
-
-
-def draw_columns(menu: Menu, rng: Rng) -> list[TruthCase]:
+def draw_columns(rng: Rng) -> list[TruthCase]:
     """Columns that are late, held, filtered, scaled or stamped by another clock."""
     return [
-        menu.build("column", rng, also=also, columns={
+        choose_case("column", rng, also=also, columns={
             name: ColumnClock(**draw_numbers(clock, rng)) for name, clock in clocks.items()})
-        for clocks, also in pick(COLUMN_PLANS, menu.counts["column"], rng)
+        for clocks, also in pick(COLUMN_PLANS, COUNTS["column"], rng)
     ]  # fmt: skip
 
 
-def draw_laws(menu: Menu, rng: Rng) -> list[TruthCase]:
+def draw_laws(rng: Rng) -> list[TruthCase]:
     """Parameters that depend on time, place, implement, side, angle or speed."""
     cases = []
-    for name, kind, values, also in pick(LAW_PLANS, menu.counts["law"], rng):
+    for name, kind, values, also in pick(LAW_PLANS, COUNTS["law"], rng):
         effects = {name: {"bearing_deg": float(rng.uniform(0.0, 360.0))}} if name == "cross_slope_drift" else {}
-        period = {"period_s": menu.day_s} if kind == "over_day" else {}
+        period = {"period_s": DAY_S} if kind == "over_day" else {}
         law = Law(name, kind, draw_numbers(values, rng) | period)
-        cases.append(menu.build("law", rng, effects, laws=(law,), also=also))
+        cases.append(choose_case("law", rng, effects, laws=(law,), also=also))
     return cases
 
 
-def draw_faults(menu: Menu, rng: Rng) -> list[TruthCase]:
+def draw_faults(rng: Rng) -> list[TruthCase]:
     """Things that break in one run in which they are used: some heal, some last to the end."""
     cases = []
-    for place, name in enumerate(pick(menu.fault_runs, menu.counts["fault"], rng)):
-        (programme, runs), (fault_id, detail) = menu.fault_runs[name], FAULTS[name]
+    for place, name in enumerate(pick(FAULT_RUNS, COUNTS["fault"], rng)):
+        (programme, runs), (fault_id, detail) = FAULT_RUNS[name], FAULTS[name]
         from_s = float(rng.uniform(15.0, 28.0))
         to_s = from_s + float(rng.uniform(12.0, 16.0)) if place % 2 else None
         fault = Fault(fault_id, int(rng.choice(runs)), from_s, to_s, draw_numbers(detail, rng))
-        cases.append(menu.build("fault", rng, faults=(fault,), programme=programme))
+        cases.append(choose_case("fault", rng, faults=(fault,), programme=programme))
     return cases
 
 
-def draw_outside_case(menu: Menu, name: str, rng: Rng) -> TruthCase:
+def draw_outside_case(name: str, rng: Rng) -> TruthCase:
     """A cause outside the catalogue."""
-    cause = menu.outside[name]
-    asked = {"programme": cause.programme, "rate_hz": cause.rate_hz}
-    return menu.build(
-        "outside", rng, {key: draw_numbers(values, rng) for key, values in cause.beside.items()},
-        outside={name: draw_numbers(cause.values, rng)}, wanted=(), also=cause.also, words=cause.words,
-        **{key: value for key, value in asked.items() if value},
-    )  # fmt: skip
+    cause = OUTSIDE[name]
+    return choose_case("outside", rng, outside={name: draw_numbers(cause.values, rng)}, wanted=(), also=cause.also,
+                       words=cause.words)  # fmt: skip
 
 
-def draw_odd_runs(menu: Menu, rng: Rng) -> list[TruthCase]:
+def draw_odd_runs(rng: Rng) -> list[TruthCase]:
     """One run with another tractor's values."""
     return [
-        menu.build("odd_run", rng, wanted=(), words=("run",), laws=(Law(name, "by_run", {
-            "run": float(rng.choice(menu.bend_runs)), "value": draw_number(value, rng), "other": other}),))
-        for name, value, other in pick(ODD_RUNS, menu.counts["odd_run"], rng)
+        choose_case("odd_run", rng, wanted=(), words=("run",), laws=(Law(name, "by_run", {
+            "run": float(rng.choice(BEND_RUNS)), "value": draw_number(value, rng), "other": other}),))
+        for name, value, other in pick(ODD_RUNS, COUNTS["odd_run"], rng)
     ]  # fmt: skip
 
 
-DRAWERS: Mapping[str, Callable[[Menu, Rng], list[TruthCase]]] = {
-    "clean": lambda menu, rng: [menu.build("clean", rng) for _ in range(menu.counts["clean"])],
-    "effect": draw_alone,
-    "pair": lambda menu, rng: [menu.build("pair", rng, draw_effects(names, rng))
-                               for names in pick(PAIRS, menu.counts["pair"], rng)],
-    "closed_loop": lambda menu, rng: [menu.build("closed_loop", rng, draw_effects([name], rng))
-                                      for name in pick(CLOSED, menu.counts["closed_loop"], rng)],
+DRAWERS: Mapping[str, Callable[[Rng], list[TruthCase]]] = {
+    "clean": lambda rng: [choose_case("clean", rng) for _ in range(COUNTS["clean"])],
+    "effect": lambda rng: [choose_case("effect", rng, draw_effects([name], rng))
+                           for name in pick(NEUTRAL, COUNTS["effect"], rng)],
+    "pair": lambda rng: [choose_case("pair", rng, draw_effects(names, rng))
+                               for names in pick(PAIRS, COUNTS["pair"], rng)],
+    "closed_loop": lambda rng: [choose_case("closed_loop", rng, draw_effects([name], rng))
+                                      for name in pick(CLOSED, COUNTS["closed_loop"], rng)],
     "column": draw_columns, "law": draw_laws, "fault": draw_faults, "odd_run": draw_odd_runs,
-    "outside": lambda menu, rng: [draw_outside_case(menu, name, rng)
-                                  for name in pick(menu.outside, menu.counts["outside"], rng)],
+    "outside": lambda rng: [draw_outside_case(name, rng)
+                                  for name in pick(OUTSIDE, COUNTS["outside"], rng)],
     # Bends to one side, or one speed: clean, and with an effect that others can stand in for.
-    "one_sided": lambda menu, rng: [menu.build("one_sided", rng),
-                                    menu.build("one_sided", rng, draw_effects(pick(ONE_SIDED, 1, rng), rng))],
-    "one_speed": lambda menu, rng: [menu.build("one_speed", rng),
-                                    menu.build("one_speed", rng, draw_effects(pick(ONE_SPEED, 1, rng), rng))],
-    "mixed": lambda menu, rng: [
-        menu.build("mixed", rng, draw_effects(pick(BEHIND_A_LATE_COLUMN, 1, rng), rng),
+    "one_sided": lambda rng: [choose_case("one_sided", rng),
+                                    choose_case("one_sided", rng, draw_effects(pick(ONE_SIDED, 1, rng), rng))],
+    "one_speed": lambda rng: [choose_case("one_speed", rng),
+                                    choose_case("one_speed", rng, draw_effects(pick(ONE_SPEED, 1, rng), rng))],
+    "mixed": lambda rng: [
+        choose_case("mixed", rng, draw_effects(pick(BEHIND_A_LATE_COLUMN, 1, rng), rng),
                    columns={"position": ColumnClock(delay_s=float(rng.uniform(0.25, 0.4)))})],
 }  # fmt: skip
 
 
-def draw_cases(menu: Menu, seed: int) -> list[TruthCase]:
+def draw_cases(seed: int) -> list[TruthCase]:
     """The cases of a seed; each kind has draws of its own, each case a seed of its own."""
     cases = []
     for number, kind in enumerate(KINDS):
-        if kind in menu.counts:
-            rng = np.random.default_rng([seed, menu.stream, number])
-            drawn = DRAWERS[kind](menu, rng)
-            cases += [replace(case, seed=seed * 1000 + number * 50 + place) for place, case in enumerate(drawn)]
+        drawn = DRAWERS[kind](np.random.default_rng([seed, 41, number]))
+        cases += [replace(case, seed=seed * 1000 + number * 50 + place) for place, case in enumerate(drawn)]
     return cases

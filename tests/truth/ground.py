@@ -1,6 +1,5 @@
-"""The measured radii, frozen fields of ground, and places on a body: formulas that references share."""
+"""The measured radii, and places on a body: formulas that references share."""
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -10,8 +9,6 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 RADIUS_LAW, LOCK_DEG, MAP_SPEED_MPS = 118.4, 35.0, 5.0 / 3.6
-CIRCLES_RAD = np.radians([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0])
-"""Mean angles of the front wheels at which a machine drives circles to be calibrated."""
 
 
 class Curve(NamedTuple):
@@ -36,36 +33,10 @@ def measured_curvature(angle_deg: float, curve: Any) -> float:
 
 
 @numba.njit(cache=True)
-def measured_angle(curvature: float, curve: Any) -> float:
-    """Wheel angle (deg) of a measured curvature; the inverse of measured_curvature, up to the lock."""
-    if curvature > 0.0:
-        return min((curvature * RADIUS_LAW / curve.right_c) ** (1.0 / curve.right_p), LOCK_DEG)
-    return -min((-curvature * RADIUS_LAW / curve.left_c) ** (1.0 / curve.left_p), LOCK_DEG)
-
-
-@numba.njit(cache=True)
 def look_up(value: float, places: Array, values: Array) -> float:
     """As `np.interp` of one value, with the outer slopes held on beyond the ends."""
     i = int(min(max(int(np.searchsorted(places, value)), 1), len(places) - 1))
     return values[i - 1] + (values[i] - values[i - 1]) * (value - places[i - 1]) / (places[i] - places[i - 1])
-
-
-@numba.njit(cache=True)
-def sum_waves(east: float, north: float, waves: Array) -> float:
-    """A frozen field at a place: plane waves (n, 4) of height, two wave numbers (rad/m) and phase."""
-    total = 0.0
-    for i in range(len(waves)):
-        total += waves[i, 0] * math.sin(waves[i, 1] * east + waves[i, 2] * north + waves[i, 3])
-    return total
-
-
-def draw_waves(rng: np.random.Generator, size: float, count: int, longest_m: float) -> Array:
-    """Plane waves (count, 4) of a frozen field with this standard deviation, from 1.5 m long."""
-    length = np.exp(rng.uniform(math.log(1.5), math.log(longest_m), count))
-    way, height = rng.uniform(0.0, 2.0 * math.pi, count), np.full(count, size * math.sqrt(2.0 / count))
-    number = 2.0 * math.pi / length
-    phase = rng.uniform(0.0, 2.0 * math.pi, count)
-    return np.column_stack([height, number * np.sin(way), number * np.cos(way), phase])
 
 
 def find_point(
@@ -106,14 +77,3 @@ class Track:
         """
         middle = [0.5 * float(np.min(axis) + np.max(axis)) for axis in self.find_point(forward_m, 0.0)]
         return float(place[0]) - middle[0], float(place[1]) - middle[1], bearing
-
-
-def measure_curvature(rows: Array, ahead_m: float) -> float:
-    """Mean curvature (1/m) of the path of a point ahead of rows of east, north and heading."""
-    east, north = find_point(rows[:, 0], rows[:, 1], rows[:, 2], ahead_m, 0.0)
-    return float(rows[-1, 2] - rows[0, 2]) / float(np.sum(np.hypot(np.diff(east), np.diff(north))))
-
-
-def mirror_curve(bends: Array, angles: Array) -> tuple[Array, Array]:
-    """A curve of positive bends and angles continued to the left."""
-    return np.concatenate([-bends[::-1], [0.0], bends]), np.concatenate([-angles[::-1], [0.0], angles])

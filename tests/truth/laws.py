@@ -1,7 +1,7 @@
 """Laws of parameters as rows of numbers that compiled steps evaluate, and the parameters that machines share."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numba
 import numpy as np
@@ -23,10 +23,10 @@ KEYS = {
     "by_speed": ("at_0", "per_mps"),
 }
 NUMBERS = {name: number for number, name in enumerate(KEYS)}
-WIDTH, EDGE_M = 8, 7
+WIDTH, EDGE_M = 7, 6
 # fmt: off
 (P_OFFSET, P_GAIN, P_LEFT, P_DEAD_TIME, P_LAG, P_RATE, P_DEAD_BAND, P_PLAY, P_LIMIT, P_UNDERSTEER, P_SLOPE, P_DRAFT,
- P_SLIP, P_TOOL_SLIP, P_SPEED_LAG, P_PATCH, P_DRIFT, P_SLOPE_TO, P_PATCH_E, P_PATCH_N, P_PATCH_R) = range(21)
+ P_SLIP, P_TOOL_SLIP, P_SPEED_LAG, P_PATCH, P_DRIFT) = range(17)
 BODY_EFFECTS = {name: place for place, name in enumerate((
     "steering_offset", "steering_gain", "steering_asymmetry", "steering_dead_time", "steering_lag", "steering_rate",
     "steering_deadband", "steering_backlash", "side_slip", "understeer", "cross_slope_drift", "implement_side_draft",
@@ -35,12 +35,11 @@ BODY_EFFECTS = {name: place for place, name in enumerate((
 # fmt: on
 """Effects of a machine's body, and the places of their first values among its parameters; others are of instruments."""
 NAMES = ("offset", "gain", "left_gain", "dead_time", "lag", "rate", "dead_band", "play", "limit", "understeer", "slope",
-         "draft", "slip", "tool_slip", "speed_lag", "patch", "drift", "slope_to", "patch_east", "patch_north",
-         "patch_radius")  # fmt: skip
+         "draft", "slip", "tool_slip", "speed_lag", "patch", "drift")  # fmt: skip
 
 
-def encode_law(law: Law, parameter: int, run: int, edge_m: float = 0.0) -> Array:
-    """A row of numbers for a run: parameter, kind, up to five values in the order of KEYS, width of a patch's edge.
+def encode_law(law: Law, run: int, edge_m: float = 0.0) -> Array:
+    """A row of numbers for a run: kind, up to five values in the order of KEYS, width of a patch's edge.
 
     Raises KeyError for a value that the kind needs and the law lacks.
     """
@@ -51,37 +50,17 @@ def encode_law(law: Law, parameter: int, run: int, edge_m: float = 0.0) -> Array
         kind = "patch"
     given = {"phase_deg": 0.0, "per_m_east": 0.0, "per_m_north": 0.0} | dict(given)
     row = np.zeros(WIDTH)
-    row[:2], row[EDGE_M] = (parameter, NUMBERS[kind]), edge_m
-    row[2 : 2 + len(KEYS[kind])] = [given[key] for key in KEYS[kind]]
+    row[0], row[EDGE_M] = NUMBERS[kind], edge_m
+    row[1 : 1 + len(KEYS[kind])] = [given[key] for key in KEYS[kind]]
     return row
 
 
 def name_parameters(values: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
     """The parameters of a body by name, from those of all effects; `limit` is finite, `slope_to` a bearing in rad."""
-    base = fill_common(values)
-    return {name: float(value) for name, value in zip(NAMES, base, strict=True)}
-
-
-def fill_common(values: Mapping[str, Mapping[str, float]]) -> Array:
-    """The parameters that all bodies share (21,)."""
-    slope, patch = values["cross_slope_drift"], values["grip_patch"]
-    places = [math.radians(slope["bearing_deg"]), *(patch[key] for key in ("east_m", "north_m", "radius_m"))]
-    base = np.array([*(next(iter(values[name].values())) for name in BODY_EFFECTS), *places])
-    base[P_LIMIT] = min(base[P_LIMIT], 1e3)
-    return base
-
-
-def stack_laws(rows: Sequence[Array]) -> Array:
-    """Rows of encode_law as an array (n, WIDTH)."""
-    return np.array(rows).reshape(-1, WIDTH)
-
-
-def fill_parameters(case: TruthCase, run: int, count: int) -> tuple[Array, Array]:
-    """Parameters of a machine in a run: the common ones and zeros up to `count`, and its laws (n, WIDTH)."""
-    base = np.zeros(count)
-    base[: len(NAMES)] = fill_common(complete(case.effects))
-    laws = [encode_law(law, BODY_EFFECTS[law.effect], run) for law in case.laws if law.effect in BODY_EFFECTS]
-    return base, stack_laws(laws)
+    known = {name: float(next(iter(values[effect].values()))) for name, effect in zip(NAMES, BODY_EFFECTS, strict=True)}
+    known["limit"] = min(known["limit"], 1e3)
+    known |= {f"patch_{key}": values["grip_patch"][f"{key}_m"] for key in ("east", "north", "radius")}
+    return known | {"slope_to": math.radians(values["cross_slope_drift"]["bearing_deg"])}
 
 
 def follow_law(case: TruthCase, effect: str, run: int, here: Array) -> Array:
@@ -92,7 +71,7 @@ def follow_law(case: TruthCase, effect: str, run: int, here: Array) -> Array:
     law = next((law for law in case.laws if law.effect == effect), None)
     if law is None:
         return np.full(len(here), next(iter(complete(case.effects)[effect].values())))
-    return evaluate_rows(encode_law(law, -1, run), here)
+    return evaluate_rows(encode_law(law, run), here)
 
 
 @numba.njit(cache=True)
@@ -111,7 +90,7 @@ def evaluate_law(
     speed: float,
 ) -> float:  # fmt: skip
     """Value of a parameter now: `time` of the run, `clock` of the day (s), `side` right when positive."""
-    kind, a, b, c, d, e = int(law[1]), law[2], law[3], law[4], law[5], law[6]
+    kind, a, b, c, d, e = int(law[0]), law[1], law[2], law[3], law[4], law[5]
     if kind == 1:
         return a + b * time / 60.0
     if kind == 2:
@@ -130,27 +109,3 @@ def evaluate_law(
     if kind == 8:
         return a + b * abs(speed)
     return a
-
-
-@numba.njit(cache=True)
-def evaluate_laws(
-    laws: Array, base: Array, p: Array, time: float, clock: float, east: float, north: float, down: float, wheel: float,
-    move: float, speed: float,
-) -> None:  # fmt: skip
-    """Write the parameters in force to `p`: those of `base` that no law governs stay.
-
-    Lag, rate and dead band take the side to which the wheels are to `move`, others that to which they stand.
-    """
-    for i in range(len(laws)):
-        place = int(laws[i, 0])
-        side = move if P_LAG <= place <= P_DEAD_BAND else wheel
-        p[place] = evaluate_law(laws[i], time, clock, east, north, down, side, wheel, speed)
-
-
-@numba.njit(cache=True)
-def compute_path_factor(p: Array, east: float, north: float, time: float, left: bool) -> float:
-    """Factor on the curvature from all that changes how well a machine turns; the edge of a patch is sharp."""
-    factor = p[P_GAIN] * (1.0 + p[P_DRIFT] * time / 60.0) * (p[P_LEFT] if left else 1.0)
-    if p[P_PATCH] != 1.0 and math.hypot(east - p[P_PATCH_E], north - p[P_PATCH_N]) < p[P_PATCH_R]:
-        factor *= p[P_PATCH]
-    return factor

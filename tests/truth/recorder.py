@@ -1,8 +1,8 @@
-"""How a run becomes a log: instruments with messages, noise, clocks and faults, the same for all references.
+"""How a run becomes a log: instruments with noise, clocks and faults; what all references share of a log stands here.
 
 A reference says what was true at every step, and may spoil it; the recorder says what of it each row of a log shows.
-Columns have a clock each (tests.truth.cases.ColumnClock). A row shows the last message that came, or the nearest, and a
-message keeps its noise in all rows that show it.
+Columns have a clock each (tests.truth.cases.ColumnClock). A row shows the last message that came, and a message keeps
+its noise in all rows that show it.
 """
 
 from collections.abc import Mapping
@@ -14,10 +14,9 @@ import pandas as pd
 
 from tests.truth.cases import COLUMN_NAMES, ColumnClock, TruthCase
 from tests.truth.drives import Drive
-from tests.truth.effects import complete
 from tests.truth.ground import find_point
 from tests.truth.laws import follow_law
-from tests.truth.signals import NO_CLOCK, draw_coloured, draw_slow, is_within, low_pass, pick_held, round_to
+from tests.truth.signals import NO_CLOCK, draw_coloured, is_within, low_pass, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
 Values = Mapping[str, Mapping[str, float]]
@@ -34,12 +33,7 @@ LOST_MEMORY_S, JUMP_S = 1.5, 5.0  # of a position without a fix: how long it err
 
 @dataclass(frozen=True)
 class Instruments:
-    """Standard deviations, memories (s) and last digits of instruments, and how their messages come; exact by default.
-
-    Messages come every `pace_s` (those of steering every `fast_pace_s`; 0: with each row), take `send_s` and some
-    jitter, and the share `lost` never comes. Rows begin within `phase_s` after the first message. `receiver_s` is how
-    old a position or heading is when it is sent.
-    """
+    """Standard deviations, memories (s) and last digits of instruments, and how evenly rows come; exact by default."""
 
     position_m: float = 0.0
     wander_m: float = 0.0
@@ -53,14 +47,6 @@ class Instruments:
     wheel_deg: float = 0.0
     wheel_digit_deg: float = 0.0
     row_jitter_s: float = 0.0
-    phase_s: tuple[float, float] = (0.0, 0.0)
-    pace_s: float = 0.0
-    fast_pace_s: float = 0.0
-    send_s: float = 0.0
-    send_jitter_s: float = 0.0
-    lost: float = 0.0
-    shows_nearest: bool = False
-    receiver_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +86,6 @@ def find_antenna(values: Values, nominal_m: float = ANTENNA_FORWARD_M) -> tuple[
     return nominal_m + values["antenna_forward"]["distance_m"], values["antenna_right"]["distance_m"]
 
 
-def find_ages(case: TruthCase, receiver_s: float) -> tuple[float, float]:
-    """How old position and heading are on the mean (s) when a path follower gets them."""
-    late = complete(case.effects)["gnss_latency"]["time_s"] + receiver_s
-    clocks = (case.columns.get(name, NO_CLOCK) for name in ("position", "heading"))
-    position, heading = (late + clock.delay_s + clock.filter_s + 0.5 * clock.hold_s for clock in clocks)
-    return position, heading
-
-
 def read_switches(drive: Drive, times: Array) -> dict[str, Array]:
     """The columns of a log that are what was commanded."""
     return {
@@ -126,29 +104,29 @@ def build_log(name: str, columns: Mapping[str, Array]) -> pd.DataFrame:
 
 def list_row_times(duration_s: float, rate_hz: float, tool: Instruments, rng: np.random.Generator) -> Array:
     """When the rows of a log are written (s)."""
-    times = np.arange(0.0, duration_s - 1e-9, 1.0 / rate_hz) + rng.uniform(*tool.phase_s)
+    times = np.arange(0.0, duration_s - 1e-9, 1.0 / rate_hz)
     jitter = min(tool.row_jitter_s, 0.1 / rate_hz)
     times[1:] += jitter * np.clip(rng.standard_normal(len(times) - 1), -3.0, 3.0)
     return times
 
 
-def time_messages(
-    rows_s: Array, pace_s: float, clock: ColumnClock, tool: Instruments, rng: np.random.Generator
-) -> Array:
-    """When the message that each row (k, s) shows was measured (k, s); not before 0."""
-    shown, is_held = rows_s, clock.hold_s > 0.0
-    pace = clock.hold_s if is_held else min(pace_s, 0.8 * float(np.median(np.diff(rows_s))))
-    if pace > 0.0:
-        count = int((rows_s[-1] + 2.0 * pace) / (pace * (1.0 - 0.5 * min(clock.hold_jitter, 1.0)))) + 8
-        steps = pace * (1.0 + clock.hold_jitter * rng.uniform(-1.0, 1.0, count))
-        sent = np.cumsum(steps) - steps[0] - (rng.uniform(0.0, pace) if is_held else 0.0)
-        sent = sent[(rng.random(count) >= tool.lost) | is_held]
-        came = np.maximum.accumulate(sent + tool.send_s + tool.send_jitter_s * np.abs(rng.standard_normal(len(sent))))
-        last = np.maximum(np.searchsorted(came, rows_s + 1e-9, side="right") - 1, 0)
-        following = np.minimum(last + 1, len(sent) - 1)
-        is_next = tool.shows_nearest & ~is_held & (came[following] - rows_s < rows_s - came[last])
-        shown = sent[np.where(is_next, following, last)]
+def time_messages(rows_s: Array, clock: ColumnClock, rng: np.random.Generator) -> Array:
+    """When what each row (k, s) shows of a column was measured (k, s); not before 0."""
+    shown, hold_s = rows_s, clock.hold_s
+    if hold_s > 0.0:
+        count = int((rows_s[-1] + 2.0 * hold_s) / (hold_s * (1.0 - 0.5 * min(clock.hold_jitter, 1.0)))) + 8
+        steps = hold_s * (1.0 + clock.hold_jitter * rng.uniform(-1.0, 1.0, count))
+        sent = np.cumsum(steps) - steps[0] - rng.uniform(0.0, hold_s)
+        shown = sent[np.maximum(np.searchsorted(sent, rows_s + 1e-9, side="right") - 1, 0)]
     return np.maximum(shown - clock.delay_s - clock.offset_s - clock.drift_s_per_min * shown / 60.0, 0.0)
+
+
+def draw_wander(rng: np.random.Generator, at_s: Array, memory_s: float) -> Array:
+    """Unit-variance noise with a memory at times from 0 on, by 40 knots in a memory."""
+    step_s = memory_s / 40
+    knots = np.arange(0.0, float(at_s[-1]) + memory_s, step_s)
+    values: Array = np.interp(at_s, knots, draw_coloured(rng, len(knots), step_s, memory_s))
+    return values
 
 
 def freeze_times(at_s: Array, case: TruthCase, run: int, column: str) -> Array:
@@ -182,11 +160,6 @@ def draw_position_errors(case: TruthCase, run: int, time_s: Array, tool: Instrum
     return errors
 
 
-def draw_wander(rng: np.random.Generator, time_s: Array, memory_s: float) -> Array:
-    """Unit-variance noise with a memory at even times from 0 on."""
-    return draw_slow(rng, time_s, memory_s, float(time_s[-1]) + memory_s, 40)
-
-
 def record_run(
     case: TruthCase, run: int, signals: Signals, places: Array, headings_deg: Array, rows_s: Array, tool: Instruments,
     rng: np.random.Generator,
@@ -196,10 +169,9 @@ def record_run(
     `places` (k, 2) and `headings_deg` (k,) are what the receiver would say at every step without noise and delay.
     """
     time, clocks = signals.time_s, {name: case.columns.get(name, NO_CLOCK) for name in COLUMN_NAMES}
-    late, at = signals.follow(case, "gnss_latency", run) + tool.receiver_s, {}
+    late, at = signals.follow(case, "gnss_latency", run), {}
     for name, clock in clocks.items():
-        pace = tool.fast_pace_s if name.startswith("steering") else tool.pace_s
-        at[name] = freeze_times(time_messages(rows_s, pace, clock, tool, rng), case, run, name)
+        at[name] = freeze_times(time_messages(rows_s, clock, rng), case, run, name)
         if name in ("position", "heading"):
             at[name] = np.maximum(at[name] - np.interp(at[name], time, late), 0.0)
 

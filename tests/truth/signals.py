@@ -1,7 +1,6 @@
 """Noise with a memory, filters, last digits and faults of signals: formulas that references share."""
 
 import math
-from collections.abc import Iterable
 
 import numba
 import numpy as np
@@ -29,13 +28,6 @@ def draw_coloured(rng: np.random.Generator, count: int, step_s: float, memory_s:
     return colour_noise(rng.standard_normal(count), np.full(count, step_s), memory_s)
 
 
-def draw_slow(rng: np.random.Generator, at_s: Array, memory_s: float, end_s: float, steps: int) -> Array:
-    """Unit-variance noise at some times, drawn up to an end with `steps` knots in a memory."""
-    knots = np.arange(0.0, end_s, memory_s / steps)
-    values: Array = np.interp(at_s, knots, draw_coloured(rng, len(knots), memory_s / steps, memory_s))
-    return values
-
-
 @numba.njit(cache=True)
 def low_pass(values: Array, step_s: float, time_s: float) -> Array:
     """First-order low pass of values at even steps; 0 s leaves them as they are."""
@@ -61,13 +53,3 @@ def pick_held(values: Array, at_s: Array, step_s: float) -> Array:
 def is_within(fault: Fault, times: Array) -> npt.NDArray[np.bool_]:
     """The rows during which a fault lasts."""
     return (times >= fault.from_s) & (times < (math.inf if fault.to_s is None else fault.to_s))
-
-
-def mark_broken(faults: Iterable[Fault], run: int, time: Array) -> Array:
-    """Per row: whether commands no longer reach the valve, and the side to which it stays open."""
-    broken = np.zeros((len(time), 2))
-    for fault in faults:
-        if fault.run == run and fault.id in ("steering_loose", "steering_stuck"):
-            place = 0 if fault.id == "steering_loose" else 1
-            broken[is_within(fault, time), place] = fault.detail.get("side", 1.0) if place else 1.0
-    return broken

@@ -11,7 +11,6 @@ import pytest
 from tests.examples import draw_seed
 from tests.truth.cases import TruthCase
 from tests.truth.drives import default_programme, three_speeds_programme
-from tests.truth.fifth import make_fifth_logs
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
 from tests.truth.third import make_third_logs
@@ -22,14 +21,13 @@ MAKERS: dict[str, Callable[[int], list[pd.DataFrame]]] = {
     "first": lambda seed: make_logs({}, seed, default_programme()[:3]),
     "second": lambda seed: second_logs({}, seed, three_speeds_programme()[6:]),
     "third": lambda seed: make_third_logs(TruthCase("clean", seed, programme="one_sided")),
-    "fifth": lambda seed: make_fifth_logs(TruthCase("clean", seed, programme="right_only", rate_hz=4.0)),
 }
-SLOW = ("third", "fifth")
-"""References that take long to compile, and by which CI diagnoses nothing."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [pytest.param(one, marks=pytest.mark.matrix if one in SLOW else ()) for one in MAKERS])
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=pytest.mark.matrix if one == "third" else ()) for one in MAKERS]
+)
 def test_logs_are_decided_by_their_seed(name: str) -> None:
     seed = draw_seed()
     for one, two, three in zip(*(MAKERS[name](number) for number in (seed, seed, seed + 1)), strict=True):
@@ -49,5 +47,5 @@ def test_references_import_nothing_that_they_test() -> None:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             assert all(one.split(".")[0] in LIBRARIES or one.startswith("tests.truth") for one in names), path.name
-            if path.stem in ("second", "rolling") or path.stem.startswith(("third", "fifth")):
+            if path.stem in ("second", "rolling") or path.stem.startswith("third"):
                 assert not {f"tests.truth.{one}" for one in ("model", "body", "sensors")} & set(names), path.name

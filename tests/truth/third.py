@@ -127,15 +127,15 @@ class Third:
             law = Law(name, "over_minutes", {"start": 1.0, "per_minute": values["per_minute"]})
         elif law is None:
             law = Law(name, "constant", {"value": min(next(iter(values.values())), 1e6)})
-        return encode_law(law, BODY_EFFECTS.get(name, -1), index, PATCH_EDGE_M)
+        return encode_law(law, index, PATCH_EDGE_M)
 
     def _laws(self, index: int) -> Array:
         laws = np.array([self._law(name, index) for name in BODY_EFFECTS])
         oil = self.case.outside.get("oil_temperature")
         if oil is not None:
             cold = math.exp(-index * DAY_STEP_S / oil["warm_s"])
-            laws[P_LAG, 2] += oil["lag_s"] * cold
-            laws[P_RATE, 2] *= 1.0 - oil["rate_share"] * cold
+            laws[P_LAG, 1] += oil["lag_s"] * cold
+            laws[P_RATE, 1] *= 1.0 - oil["rate_share"] * cold
         return laws
 
     def _drive(self, drive: Drive, index: int, start: tuple[float, float, float]) -> Track:
@@ -148,7 +148,7 @@ class Third:
         state[body.EAST], state[body.NORTH], state[body.HEADING] = start
         signal, laws = drive.steering(time), self._laws(index)
         state[body.WHEEL] = 0.0 if drive.closed_loop else signal[0]
-        dead = float(self._law("steering_dead_time", index)[2])
+        dead = float(self._law("steering_dead_time", index)[1])
         old, old_heading, errors = self._see(index, time, rng)
         slope_to = math.radians(complete(self.case.effects)["cross_slope_drift"]["bearing_deg"])
         odd = make_odd(self.case.outside, index)._replace(slope_to=slope_to)
@@ -180,12 +180,12 @@ class Third:
 
     def _see(self, index: int, time: Array, rng: np.random.Generator) -> tuple[Rows, Rows, Array]:
         """Rows that the path follower gets position and heading from at each step, and the errors of the position."""
-        latency, rows = float(self._law("gnss_latency", index)[2]), []
+        latency, rows = float(self._law("gnss_latency", index)[1]), []
         for name in ("position", "heading"):
             # Where a value stands is not the receiver's stamp: the follower has it when it arrives.
             clock = replace(self.case.columns.get(name, NO_CLOCK), offset_s=0.0, drift_s_per_min=0.0)
             own = np.random.default_rng([self.case.seed, index, 34])
-            when = freeze_times(time_messages(time, 0.0, clock, self.sensors, own), self.case, index, name)
+            when = freeze_times(time_messages(time, clock, own), self.case, index, name)
             rows.append(np.maximum(((when - latency) / run.STEP_S).astype(np.int64), 0))
         errors = draw_position_errors(self.case, index, time, self.sensors)
         return rows[0], rows[1], errors + self.sensors.position_m * rng.standard_normal(errors.shape)

@@ -118,13 +118,6 @@ def test_every_value_has_a_source(values: dict[str, float]) -> None:
         assert (source[key] == "given") == (key in values), key
 
 
-def test_the_file_is_the_tractor(tmp_path: Any) -> None:
-    tractor = made(power_kw=174.0)
-    place = tmp_path / "one.toml"
-    place.write_text(format_tractor_toml(tractor), encoding="utf-8")
-    assert load_tractor(place) == tractor
-
-
 def test_missing_values_are_named_with_unit_and_usual_range() -> None:
     with pytest.raises(VehicleError) as refused:
         build_datasheet({"wheelbase_m": 2.78})

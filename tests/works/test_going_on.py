@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.pipeline.going_on import OTHERS_ERROR_M, go_on
 from planner.request.plan_request import PlanRequest
+from tests.drawn_fields import feature, ring, write_features
 from tests.works.conftest import TRACK_M, TRACKS, WIDTH_M, lonlat
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -26,10 +26,8 @@ DONE_M2 = TRACKS * TRACK_M * WIDTH_M
 def write_field(path: Path, west_m: float) -> str:
     """A field of 60 by 120 m, the tracks of the logs in it where `west_m` is -6."""
     east_m, south_m, north_m = west_m + 60.0, -10.0, 110.0
-    corners = np.array([[west_m, south_m], [east_m, south_m], [east_m, north_m], [west_m, north_m], [west_m, south_m]])
-    shape = {"type": "Polygon", "coordinates": [lonlat(corners).tolist()]}
-    path.write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": shape}), encoding="utf-8")
-    return str(path)
+    corners = np.array([[west_m, south_m], [east_m, south_m], [east_m, north_m], [west_m, north_m]])
+    return str(write_features(path, feature(ring(*lonlat(corners).tolist()))))
 
 
 def leave(field: str, done: Path) -> PlanningContext:

@@ -53,14 +53,6 @@ def test_two_sticks_with_logs_of_one_name(headland: Callable[..., Any], taskdata
     assert status == 0 and len(list((tmp_path / "runs").glob("*.csv"))) == 2
 
 
-def test_diagnosis_says_that_such_logs_lack_steering(
-    headland: Callable[..., Any], taskdata: Path, tmp_path: Path
-) -> None:
-    headland("logs", "import", taskdata, "-o", tmp_path / "runs")
-    status, out, err = headland("diagnose", tmp_path / "runs" / "*.csv")
-    assert status == 2 and out == "" and "has no column steering_command_deg or steering_deg" in err
-
-
 @pytest.mark.slow
 def test_learning_writes_where_it_is_told_to(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
     headland("logs", "import", taskdata, taskdata, taskdata, "-o", tmp_path / "runs")

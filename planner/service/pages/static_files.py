@@ -16,7 +16,7 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Redire
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
-from planner.day.input_file import read_example_day_text
+from planner.farm.settings import read_example_text
 from planner.errors import RequestError
 from planner.guide.guide_pages import list_pages, read_attachment, read_page, render_matches, render_page
 from planner.service.store.service_store import SUFFIXES_BY_KIND
@@ -68,7 +68,7 @@ def mount_pages(app: FastAPI) -> None:
         return FileResponse(STATIC_FOLDER / "index.html", headers=CACHE_HEADERS)
 
     async def show_example_day(_: Request) -> Response:
-        return Response(read_example_day_text(), media_type="text/plain; charset=utf-8", headers=CACHE_HEADERS)
+        return Response(read_example_text("day"), media_type="text/plain; charset=utf-8", headers=CACHE_HEADERS)
 
     async def send_accepted(_: Request) -> Response:
         accepted = {f"{kind}s": ",".join(suffixes) for kind, suffixes in SUFFIXES_BY_KIND.items()}

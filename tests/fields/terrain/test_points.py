@@ -16,6 +16,7 @@ from fields.terrain.elevation import read_elevation
 from fields.terrain.elevation_grid import ElevationGrid, NodeFrame
 from fields.terrain.point_files import read_height_points
 from fields.terrain.slopes import compute_gradients
+from tests.drawn_fields import feature, line, point, write_features
 from tests.fields.terrain.heights import (
     CRS,
     FIELD,
@@ -58,23 +59,15 @@ def write_csv_with_decimal_commas(folder: Path) -> Path:
 
 def write_geojson_points(folder: Path) -> Path:
     rows = [[*place, height] for place, height in zip(DEGREES.tolist(), HEIGHTS_M.tolist(), strict=True)]
-    features = [
-        {"type": "Feature", "properties": {}, "geometry": {"type": "Point", "coordinates": rows[0]}},
-        {"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": rows[1:]}},
-    ]
-    path = folder / "points.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return path
+    first = {"type": "Point", "coordinates": rows[0]}
+    return write_features(folder / "points.geojson", feature(first), feature(line(*rows[1:])))
 
 
 def write_geojson_properties(folder: Path) -> Path:
-    features = [
-        {"type": "Feature", "properties": {"elev_ft": z / 0.3048}, "geometry": {"type": "Point", "coordinates": place}}
-        for place, z in zip(DEGREES.tolist(), HEIGHTS_M.tolist(), strict=True)
-    ]
-    path = folder / "properties.json"
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    return path
+    rows = zip(DEGREES.tolist(), HEIGHTS_M.tolist(), strict=True)
+    return write_features(
+        folder / "properties.json", *(feature(point(*place), elev_ft=z / 0.3048) for place, z in rows)
+    )
 
 
 def write_kml(folder: Path) -> Path:
@@ -267,9 +260,7 @@ def test_points_that_say_no_heights_of_the_field_are_refused(
 def test_geojson_positions_that_are_no_numbers_are_left_out_and_told(tmp_path: Path, position: list[Any]) -> None:
     path = write_geojson_points(tmp_path)
     root = json.loads(path.read_text(encoding="utf-8"))
-    root["features"].append(
-        {"type": "Feature", "properties": {}, "geometry": {"type": "Point", "coordinates": position}}
-    )
+    root["features"].append(feature({"type": "Point", "coordinates": position}))
     path.write_text(json.dumps(root), encoding="utf-8")
     points = read_height_points(str(path))
     assert len(points.heights_m) == len(POINTS)

@@ -9,6 +9,7 @@ import pytest
 
 from fields.arrays import Flags, Floats
 from tests.identification.fault_logs import clean_frames
+from tests.identification.log_tables import held
 from tests.truth.drives import drive, stairs, straight, triangle
 from tests.truth.second import Second
 from vehicle.identification.diagnosis.corrections import (
@@ -191,17 +192,6 @@ def test_a_late_receiver_is_late_in_both_columns() -> None:
     assert [(one.column, one.delay_s) for one in told] == [("position", 0.25), ("heading", 0.25)]
 
 
-def hold(frame: pd.DataFrame, names: tuple[str, ...], rows: int, interpolated: bool = False) -> pd.DataFrame:
-    """The log with columns refreshed every so many rows, repeated or drawn straight in between."""
-    place, time = np.arange(len(frame)), frame.time_s.to_numpy()
-    out = frame.copy()
-    for name in names:
-        values = np.unwrap(frame[name].to_numpy(), period=360.0) if name == "heading_deg" else frame[name].to_numpy()
-        held = np.interp(time, time[::rows], values[::rows]) if interpolated else values[place // rows * rows]
-        out[name] = held % 360.0 if name == "heading_deg" else held
-    return out
-
-
 @pytest.mark.parametrize("interpolated", [False, True])
 @pytest.mark.parametrize(
     ("holds", "told_s"),
@@ -219,7 +209,7 @@ def test_each_held_column_of_the_receiver_is_told(
     for name in ("right", "left", "steps"):
         frame = clean_frames()[name]
         for what, rows in holds.items():
-            frame = hold(frame, columns[what], rows, interpolated)
+            frame = held(frame, rows, *columns[what], interpolated=interpolated)
         logs.append(build_log(frame, name))
     told = {one.column: one for one in describe_columns(mark_stale_columns_of_set(logs), [])}
     assert {name: one.hold_s for name, one in told.items()} == pytest.approx(told_s, rel=0.05)
@@ -231,10 +221,10 @@ def test_each_held_column_of_the_receiver_is_told(
 def test_how_often_a_column_is_read_is_told_by_the_logs_in_which_it_changes() -> None:
     """On lines a command hardly changes, which says little of how often it was read."""
     frames = clean_frames()
-    held = {name: hold(frame, ("steering_deg", "steering_command_deg"), 15) for name, frame in frames.items()}
-    for frame in held.values():
+    slow = {name: held(frame, 15, "steering_deg", "steering_command_deg") for name, frame in frames.items()}
+    for frame in slow.values():
         frame["steering_deg"] = frame["steering_deg"].round(0)
-    logs = mark_stale_columns_of_set([build_log(frame, name) for name, frame in held.items()])
+    logs = mark_stale_columns_of_set([build_log(frame, name) for name, frame in slow.items()])
     told = {one.column: one.hold_s for one in describe_columns(logs, [])}
     assert told["steering_command"] == pytest.approx(1.5, abs=0.2)
 

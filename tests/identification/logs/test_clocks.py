@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.diagnosis.mixups import shift_clock
 from tests.identification.log_tables import runs
 from tests.truth.drives import drive, stairs, triangle
 from tests.truth.second import Second
@@ -119,16 +120,6 @@ def test_stamps_in_whole_seconds_are_spread_where_positions_advance_evenly() -> 
 # --- Positions on a clock of their own are found by kinematics, and no controller in the loop looks like one ---
 
 
-def shift_clock(frame: pd.DataFrame, rate: float, names: tuple[str, ...]) -> pd.DataFrame:
-    """The log with some columns stamped by a clock that runs slower by `rate`."""
-    time = frame.time_s.to_numpy()
-    shown, late = time[0] + (time - time[0]) * (1.0 - rate), frame.copy()
-    for name in names:
-        values = np.unwrap(frame[name], period=360.0) if name == "heading_deg" else frame[name]
-        late[name] = np.interp(shown, time, values)
-    return late
-
-
 def read(frame: pd.DataFrame) -> Log:
     return build_log(frame, "run")
 
@@ -138,7 +129,7 @@ def read(frame: pd.DataFrame) -> Log:
 def test_clocks_that_drift_apart_are_told_and_joined(rate: float, with_heading: bool) -> None:
     frame = Second({}, 5).log(WEAVE)
     names = ("easting_m", "northing_m", *(("heading_deg",) if with_heading else ()))
-    late = shift_clock(frame, rate, names)
+    late = shift_clock(names, 0.0, 60.0 * rate)(frame)
     log = read(late)
     (told,) = [one for one in log.corrections if "clock" in one]
     what = "positions and headings get" if with_heading else "positions get"
@@ -153,9 +144,9 @@ def test_clocks_that_drift_apart_are_told_and_joined(rate: float, with_heading: 
 
 def test_a_heading_alone_shows_positions_that_drift() -> None:
     frame = Second({}, 5).log(drive("weave", 180.0, triangle(12.0, 14.0), 1.6))
-    late = shift_clock(frame, 0.005, ("easting_m", "northing_m"))
+    late = shift_clock(("easting_m", "northing_m"), 0.0, 0.3)(frame)
     assert "against the heading" in read(late).corrections[0]
-    both = shift_clock(frame, 0.005, ("easting_m", "northing_m", "heading_deg"))
+    both = shift_clock(("easting_m", "northing_m", "heading_deg"), 0.0, 0.3)(frame)
     assert read(both).corrections == (), "at one speed only the steering differs, and that is no evidence"
 
 

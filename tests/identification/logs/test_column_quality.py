@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.identification.analytic_drives import circle, log
-from tests.identification.log_tables import refusal
+from tests.identification.log_tables import held, refusal
 from vehicle.identification.logs.column_quality import (
     drop_columns_coarse_elsewhere,
     find_rounding_step,
@@ -29,19 +29,13 @@ def drive(curvature_per_m: float, seconds: float = 20.0) -> pd.DataFrame:
     return frame.assign(**{name: frame[name] + rng.normal(0.0, size, len(frame)) for name, size in noise.items()})
 
 
-def held(frame: pd.DataFrame, every: int, columns: list[str]) -> pd.DataFrame:
-    """A table in which some columns are new in one of so many rows."""
-    shown = np.arange(len(frame)) // every * every
-    return frame.assign(**{name: frame[name].to_numpy()[shown] for name in columns})
-
-
 def columns(frame: pd.DataFrame) -> dict[str, np.ndarray]:
     return {name: frame[name].to_numpy(dtype=np.float64) for name in frame}
 
 
 def test_positions_of_a_slower_receiver_are_measured_where_they_are_new() -> None:
     frame = drive(0.1)
-    told = interpolate_held_values(columns(held(frame, 5, PLACE)), "run")
+    told = interpolate_held_values(columns(held(frame, 5, *PLACE)), "run")
     assert told.fresh is not None and (np.flatnonzero(told.fresh) == np.arange(0, 200, 5)).all()
     for name in PLACE:
         one = frame[name].to_numpy()
@@ -54,7 +48,7 @@ def test_positions_of_a_slower_receiver_are_measured_where_they_are_new() -> Non
 
 @pytest.mark.parametrize("spoil", [
     lambda frame: frame,
-    lambda frame: held(frame, 200, PLACE).assign(easting_m=5.0, northing_m=7.0),
+    lambda frame: held(frame, 200, *PLACE).assign(easting_m=5.0, northing_m=7.0),
     lambda frame: frame.assign(easting_m=frame.easting_m.round(1), northing_m=frame.northing_m.round(1)),
     lambda frame: pd.concat([frame, frame]),
     lambda frame: frame.iloc[:8],
@@ -77,7 +71,7 @@ def test_where_the_tractor_stands_old_positions_are_as_good_as_new() -> None:
     time = np.arange(600) / 10.0
     way = np.interp(time, [0.0, 20.0, 40.0, 60.0], [0.0, 30.0, 30.0, 60.0])
     noise = np.where((time > 20.0) & (time < 40.0), 0.0, np.random.default_rng(3).normal(0.0, 2e-3, 600))
-    frame = held(pd.DataFrame({"time_s": time, "easting_m": way + noise, "northing_m": 0.3 * way}), 5, PLACE)
+    frame = held(pd.DataFrame({"time_s": time, "easting_m": way + noise, "northing_m": 0.3 * way}), 5, *PLACE)
     fresh = interpolate_held_values(columns(frame), "run").fresh
     assert fresh is not None
     standing = np.flatnonzero(fresh[200:400])
@@ -86,7 +80,7 @@ def test_where_the_tractor_stands_old_positions_are_as_good_as_new() -> None:
 
 def test_a_heading_of_its_own_pace_is_taken_where_it_is_new() -> None:
     frame = drive(0.1)
-    told = interpolate_held_values(columns(held(held(frame, 2, PLACE), 5, ["heading_deg"])), "run")
+    told = interpolate_held_values(columns(held(held(frame, 2, *PLACE), 5, "heading_deg")), "run")
     assert told.fresh is not None and (np.flatnonzero(told.fresh) == np.arange(0, 200, 5)).all(), "the slower counts"
     assert len(told.corrections) == 2 and told.corrections[1].startswith("heading_deg changes only every 0.5 s")
     off = (told.columns["heading_deg"] - frame.heading_deg.to_numpy() + 180.0) % 360.0 - 180.0
@@ -95,14 +89,14 @@ def test_a_heading_of_its_own_pace_is_taken_where_it_is_new() -> None:
 
 def test_what_is_measured_too_rarely_is_refused_or_left_out() -> None:
     frame = drive(0.05, seconds=100.0)
-    told = refusal(lambda: build_log(held(frame, 30, PLACE), "run"))
+    told = refusal(lambda: build_log(held(frame, 30, *PLACE), "run"))
     assert told == "run: its positions change only every 3 s; log them at 1 Hz or faster."
-    rare = interpolate_held_values(columns(held(frame, 30, ["heading_deg"])), "run")
+    rare = interpolate_held_values(columns(held(frame, 30, "heading_deg")), "run")
     assert "heading_deg" not in rare.columns and rare.fresh is None and "column is ignored" in rare.corrections[0]
 
 
 def test_steering_is_read_in_all_rows_and_positions_in_the_new_ones() -> None:
-    frame = held(drive(0.0), 5, PLACE)
+    frame = held(drive(0.0), 5, *PLACE)
     steps = np.where(np.arange(200) < 92, 4.0, -8.0)
     (one,) = build_dataset([log(frame, steering_deg=steps, steering_command_deg=steps)]).segments
     assert one.rows == 40 and one.time == pytest.approx(np.arange(40) * 0.5)
@@ -112,7 +106,7 @@ def test_steering_is_read_in_all_rows_and_positions_in_the_new_ones() -> None:
 
 
 def test_logs_that_say_the_same_are_told_together() -> None:
-    runs = [build_log(held(drive(0.1), 5, PLACE), name) for name in "abcde"]
+    runs = [build_log(held(drive(0.1), 5, *PLACE), name) for name in "abcde"]
     same = list_remarks(runs[0])[0].removeprefix("a: ")
     assert list_shared_remarks(runs) == [f"a, b, c, d, e: {same}"]
     assert list_shared_remarks(runs[:4]) == [f"a, b, c, d: {same}"]
@@ -156,10 +150,10 @@ def test_the_last_digits_of_degrees_are_no_slow_receiver() -> None:
 
 def test_one_bad_row_hides_no_slow_instrument() -> None:
     frame = drive(0.1)
-    stalled = held(frame, 5, PLACE).assign(time_s=frame.time_s.replace(frame.time_s[103], frame.time_s[102]))
+    stalled = held(frame, 5, *PLACE).assign(time_s=frame.time_s.replace(frame.time_s[103], frame.time_s[102]))
     told = interpolate_held_values(columns(stalled), "run")
     assert told.fresh is not None and (np.flatnonzero(told.fresh) == np.arange(0, 200, 5)).all()
-    slow = held(frame, 5, ["heading_deg"])
+    slow = held(frame, 5, "heading_deg")
     turning = columns(slow.assign(heading_deg=slow.heading_deg.where(slow.index != 37)))
     told = interpolate_held_values(turning, "run")
     assert told.fresh is not None and (np.flatnonzero(told.fresh) == np.arange(0, 200, 5)).all()

@@ -10,7 +10,7 @@ import pytest
 from fields.arrays import Flags
 from tests.identification.analytic_drives import backwards, circle, joined, log
 from tests.identification.fault_logs import clean_frames
-from tests.identification.log_tables import refusal
+from tests.identification.log_tables import held, refusal
 from tests.truth.cases import TruthCase
 from tests.truth.second import second_logs
 from tests.truth.third import make_third_logs
@@ -220,17 +220,12 @@ def move(frame: pd.DataFrame, column: str, rows: int) -> pd.DataFrame:
     return frame.assign(**{column: frame[column].shift(rows).bfill().ffill()})
 
 
-def hold(frame: pd.DataFrame, column: str, rows: int) -> pd.DataFrame:
-    """The frame with a column that is read once in so many rows."""
-    return frame.assign(**{column: frame[column].to_numpy()[np.arange(len(frame)) // rows * rows]})
-
-
 @pytest.mark.parametrize(
     "change",
     [
-        lambda frame: move(frame, COMMAND, 5), lambda frame: hold(move(frame, COMMAND, 5), WHEEL, 10),
-        lambda frame: move(frame, WHEEL, -5), lambda frame: hold(frame, WHEEL, 20),
-        lambda frame: hold(frame, COMMAND, 20),
+        lambda frame: move(frame, COMMAND, 5), lambda frame: held(move(frame, COMMAND, 5), 10, WHEEL),
+        lambda frame: move(frame, WHEEL, -5), lambda frame: held(frame, 20, WHEEL),
+        lambda frame: held(frame, 20, COMMAND),
     ],
 )  # fmt: skip
 def test_late_and_sparse_columns_are_no_swap(change: Callable[[pd.DataFrame], pd.DataFrame]) -> None:

@@ -68,15 +68,6 @@ def test_every_row_says_where_it_comes_from() -> None:
     assert all(rule.spacing_m == 1.0 for rule in rules.values() if rule.unit == "m")
 
 
-def test_an_unknown_implement_and_a_depth_that_cannot_be_set_are_refused() -> None:
-    with pytest.raises(
-        VehicleError, match=r"The implement 'ploughs' is not in the table of drafts \(did you mean 'plough'\?\);"
-    ):
-        get_draft_rule("ploughs")
-    with pytest.raises(VehicleError, match="The draft of the drill holds for its whole depth"):
-        get_draft_rule("drill").set_depth(4.0)
-
-
 @given(st.sampled_from(sorted(load_draft_rules())), st.floats(0.1, 100.0))
 def test_draft_is_in_proportion_to_a_depth_of_the_range_and_others_are_refused(name: str, depth_cm: float) -> None:
     rule = get_draft_rule(name)

@@ -15,7 +15,6 @@ from vehicle.energy.fuel import DieselEngine, ElectricDrive, compute_diesel_lph
 from vehicle.energy.load import build_work_load
 from vehicle.energy.run_energy import BRAKING, CAUSES, DRAFT, GRADE, ROLLING, SLIP, RunEnergy, compute_run_energy
 from vehicle.energy.traction import compute_tractive_efficiency, solve_slip
-from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.soil import find_soil
@@ -157,11 +156,6 @@ def test_fuel_grows_with_draft(draft_n: float, more_n: float) -> None:
         for pull in (draft_n, draft_n + more_n)
     )
     assert energy.total > less.total and sum_work(energy, SLIP) > sum_work(less, SLIP)
-
-
-def test_without_the_power_of_an_engine_there_is_no_fuel() -> None:
-    with pytest.raises(VehicleError, match="The power of the engine is inf kW"):
-        compute_run_energy(make_straight_run(1.0), EG105, WorkLoad())
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.examples import seldom
-from vehicle.errors import VehicleError
 from vehicle.model.soil import find_soil, get_soil_rows, load_soils
 from vehicle.model.soil_water import (
     SoilWater,
@@ -87,8 +86,3 @@ def test_a_wet_week_leaves_field_capacity_and_what_fell_last_may_not_have_draine
     assert estimate.high_pct == pytest.approx(
         18.7 + 100.0 * 15.0 / (1000.0 * 0.10 * find_soil_water(rows).density), 1e-6
     )
-
-
-def test_a_soil_without_its_water_is_refused() -> None:
-    with pytest.raises(VehicleError, match="The soil 'firm' does not say how much water it holds"):
-        find_soil_water(get_soil_rows("firm"))
