@@ -16,8 +16,8 @@ from starlette.responses import FileResponse, HTMLResponse, JSONResponse, Redire
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
-from planner.farm.settings import read_example_text
 from planner.errors import RequestError
+from planner.farm.settings import read_example_text
 from planner.guide.guide_pages import list_pages, read_attachment, read_page, render_matches, render_page
 from planner.service.store.service_store import SUFFIXES_BY_KIND
 from reports.common.language import find_language, get_messages
