@@ -6,7 +6,6 @@ expat itself are used, so that no spelling of a declaration can hide it.
 
 from __future__ import annotations
 
-import math
 import re
 from typing import NoReturn
 from xml.etree import ElementTree
@@ -23,7 +22,7 @@ _FORBIDDEN_CHARACTERS = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000
 
 def check_xml_root(content: bytes, label: str, format_name: str, roots: tuple[str, ...]) -> None:
     """Raise FieldError for text that is not well-formed XML with one of these roots (names without namespaces)."""
-    root, error = _find_root_name(content, label, MAX_XML_DEPTH)
+    root, error = _find_root_name(content, label)
     if error is not None:
         raise FieldError(
             f"{label} cannot be read as {format_name} (it is not XML: {error}); save it again as {format_name}."
@@ -38,16 +37,16 @@ def parse_root(content: bytes, label: str) -> ElementTree.Element:
     """The root element of an XML text.
 
     Raises:
-        FieldError: it defines entities or is not XML.
+        FieldError: it defines entities, is nested too deeply or is not XML.
     """
-    _find_root_name(content, label, math.inf)
+    _find_root_name(content, label)
     try:
         return ElementTree.fromstring(content)
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise FieldError(f"{label} is not valid XML ({error}); save it again.") from None
 
 
-def _find_root_name(content: bytes, label: str, max_depth: float) -> tuple[str, Exception | None]:
+def _find_root_name(content: bytes, label: str) -> tuple[str, Exception | None]:
     """Parse a text without using it: the name of its root without namespace, and the error if it is not XML.
 
     Raises:
@@ -59,7 +58,7 @@ def _find_root_name(content: bytes, label: str, max_depth: float) -> tuple[str, 
     def enter_element(name: str, _attributes: dict[str, str]) -> None:
         nonlocal root, depth
         root, depth = root or name.rpartition("}")[2], depth + 1
-        if depth > max_depth:
+        if depth > MAX_XML_DEPTH:
             raise FieldError(f"{label} is XML nested too deeply; save it again.")
 
     def leave_element(_name: str) -> None:
