@@ -25,6 +25,7 @@ from planner.cli.common.outputs import (
 )
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
+from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.day.input_file import DayFile
@@ -147,7 +148,7 @@ def _list_day_results(result: DayResult, html: Path | None, png: Path | None, ma
 add_example_commands(
     day,
     "day",
-    lambda file: f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.",
+    lambda file: mark_text(f"An example was written to {file}. Adapt it, then plan the day with headland day {file}."),
 )
 
 

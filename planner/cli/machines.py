@@ -19,6 +19,7 @@ from planner.cli.common.terminal import (
     warm_up,
 )
 from planner.errors import RequestError, mark_parameter
+from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from vehicle.datasheet.sheet import DatasheetQuantity
@@ -127,7 +128,6 @@ def new(
 
     Example: headland tractor new my.toml --name "Fendt 724" --wheelbase 2.78 --width 2.55 --turning-radius 5.5
     """
-    from reports.common.language import mark_text
     from reports.trials.report import build_trials_table
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
     from vehicle.datasheet.sheet import build_datasheet
@@ -231,7 +231,9 @@ farm = create_group("The farm file: tractors, implements, prices, times.\n\nExam
 add_example_commands(
     farm,
     "farm",
-    lambda file: f"An example was written to {file}. Adapt it, then check it with headland farm check {file}.",
+    lambda file: mark_text(
+        f"An example was written to {file}. Adapt it, then check it with headland farm check {file}."
+    ),
 )
 
 

@@ -22,6 +22,7 @@ from planner.farm.settings import (
     parse_settings,
     read_example_text,
 )
+from reports.common.language import mark_text
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
 
@@ -114,7 +115,9 @@ def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
             "it, also in the keys of [[learned]].",
             parameter="farm",
         )
-    farm = parse_settings(text, FarmFile, f"farm file {label}", r"\b(tractors|implements)\.(\d+)(?=\.)", "farm")
+    farm = parse_settings(
+        text, FarmFile, mark_text(f"farm file {label}"), r"\b(tractors|implements)\.(\d+)(?=\.)", "farm"
+    )
     if "tractors" not in farm.model_fields_set:
         return farm
     tractors = []

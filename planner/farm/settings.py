@@ -36,8 +36,10 @@ class FileSection(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-def parse_settings(text: str, model: type[Section], file: str, entries: str, parameter: str | None = None) -> Section:
-    """The settings of a text (TOML); `file` is what it is and its name, as messages have them.
+def parse_settings(
+    text: str, model: type[Section], subject: str, entries: str, parameter: str | None = None
+) -> Section:
+    """The settings of a text (TOML); `subject` is what it is and its name, as messages have them.
 
     Raises RequestError with all faults in one sentence; `entries` is a pattern of kind and number of entries of lists
     in it, which are called by their names if they have any.
@@ -54,9 +56,9 @@ def parse_settings(text: str, model: type[Section], file: str, entries: str, par
         return model.model_validate(values)
     except ValidationError as error:
         faults = re.sub(entries, name_entry, describe_validation_errors(error, model, MAX_FAULTS))
-        raise RequestError(f"The {file} cannot be used: {faults}.", parameter=parameter) from None
+        raise RequestError(f"The {subject} cannot be used: {faults}.", parameter=parameter) from None
     except (ValueError, RecursionError) as error:
-        raise RequestError(f"The {file} is not TOML: {explain_parse_error(error)}.", parameter=parameter) from None
+        raise RequestError(f"The {subject} is not TOML: {explain_parse_error(error)}.", parameter=parameter) from None
 
 
 def read_example_text(kind: str) -> str:
