@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -45,6 +44,16 @@ class FarmFile(FileSection):
     uncertainty: UncertaintySettings = UncertaintySettings()
     yard: Yard = Yard()
     learned: tuple[LearnedValue, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _check_sections(cls, values: Any) -> Any:
+        if OLD_UNCERTAINTY_SECTION in values:
+            raise ValueError(
+                f"the section [{OLD_UNCERTAINTY_SECTION}] is now [uncertainty]; rename it, also in the keys of "
+                "[[learned]]"
+            )
+        return values
 
     @field_validator("tractors", "implements", "learned", mode="before")
     @classmethod
@@ -109,12 +118,6 @@ def load_farm(path: str | Path) -> FarmFile:
 
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
-    if re.search(rf"^\s*\[\s*{OLD_UNCERTAINTY_SECTION}\s*\]", text, re.MULTILINE):
-        raise RequestError(
-            f"The farm file {label} has a section [{OLD_UNCERTAINTY_SECTION}], which is now [uncertainty]; rename "
-            "it, also in the keys of [[learned]].",
-            parameter="farm",
-        )
     farm = parse_settings(
         text, FarmFile, mark_text(f"farm file {label}"), r"\b(tractors|implements)\.(\d+)(?=\.)", "farm"
     )

@@ -338,18 +338,18 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "elevation": None if physics.elevation is None else physics.elevation.source,
         "soil": None if physics.soil is None else physics.soil.name,
         "moisture_pct": None if physics.soil is None else physics.soil.moisture_pct,
-        "assumed": {} if context.cost_terms else _pick_usual_machines(request),
+        "defaults": {} if context.cost_terms else _pick_default_machines(request),
         **implement,
         **estimated,
     }
 
 
-def _pick_usual_machines(request: PlanRequest) -> dict[str, Any]:
-    """Tractor, width and speed by their options, where they are those that are planned with unless others are named."""
-    usual = {option.name: option for option in PLAN_OPTIONS if option.parameter in ("tractor", "width_m", "speed_mps")}
+def _pick_default_machines(request: PlanRequest) -> dict[str, Any]:
+    """Tractor, width and speed by their options, where they are the defaults."""
+    machines = (option for option in PLAN_OPTIONS if option.parameter in ("tractor", "width_m", "speed_mps"))
     return {
-        name: option.default
-        for name, option in usual.items()
+        option.name: option.default
+        for option in machines
         if getattr(request, option.parameter) == getattr(PlanRequest, option.parameter)
     }
 

@@ -113,6 +113,7 @@ def draw_road_map(result: DayResult) -> Figure | None:
         f"{bar_m / 1000.0:g} km" if bar_m >= 1000.0 else f"{bar_m:g} m", (x + 0.5 * bar_m, y), (0, 4),
         textcoords="offset points", ha="center", fontsize=8, color=ink,
     )  # fmt: skip
+    figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=ink, va="center")
     return figure
 
 

@@ -136,7 +136,9 @@ def build_many_fields_table(records: Sequence[ComparisonRow]) -> RenderableType:
     if lacking:
         parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
     if without:
-        title = translate("Without a plan: {count} of {all}", count=len(without), all=len(records))
+        title = translate(
+            "Without a plan: {count} of {all}", count=sum(record.best is None for record in records), all=len(records)
+        )
         parts += [Text(""), format_title(title), *map(format_sentence, without)]
     return Group(*parts)
 
@@ -162,7 +164,6 @@ def list_records_without_plan(records: Sequence[ComparisonRow], *, names_file: b
     widths: dict[tuple[str, str], list[str]] = {}
     for record in records:
         if record.best is None:
-            name = record.requested_field if names_file else PurePath(record.requested_field).name
             reason = translate_sentence(record.refusal or "")
             if record.ranking is not None:
                 reasons = [translate_sentence(plan.reason) for plan in record.ranking.plans if plan.reason]
@@ -171,8 +172,11 @@ def list_records_without_plan(records: Sequence[ComparisonRow], *, names_file: b
                     count=len(reasons),
                     reason=reasons[0],
                 )
-            widths.setdefault((name, reason), []).append(format_width(record.way.width_m))
-    return [_describe_field(name, join_list(each), reason) for (name, reason), each in widths.items()]
+            widths.setdefault((record.requested_field, reason), []).append(format_width(record.way.width_m))
+    return [
+        _describe_field(field if names_file else PurePath(field).name, join_list(each), reason)
+        for (field, reason), each in widths.items()
+    ]
 
 
 def list_shortfalls(records: Sequence[ComparisonRow]) -> list[str]:

@@ -65,10 +65,10 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
         hints = [translate("Add --explain (why and how), --html plan.html (map), --save plan.json (drive).")]
         if not ranking.samples and not ranking.start:
             hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
-        if usual := ranking.scenario.get("assumed"):
-            texts = {name: value if isinstance(value, str) else f"{value:g}" for name, value in usual.items()}
+        if defaults := ranking.scenario.get("defaults"):
+            texts = {name: value if isinstance(value, str) else f"{value:g}" for name, value in defaults.items()}
             options = " ".join(f"--{name.replace('_', '-')} {text}" for name, text in texts.items())
-            hints.append(translate("Assumed: {options}.", options=options))
+            hints.append(translate("Planned with the defaults {options}.", options=options))
     if with_next:
         parts += [] if plans else [Text("")]
         parts += [format_sentence(text, style="dim") for text in hints]

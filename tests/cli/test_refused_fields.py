@@ -107,7 +107,7 @@ def test_a_margin_is_to_blame_where_no_plan_works() -> None:
 
 @pytest.mark.slow
 def test_a_margin_that_takes_much_of_the_field_is_told(headland: Run, folder: Path) -> None:
-    """A pole at the end of 100 m x 60 m with a margin of 40 m; where it takes more than half nothing is planned."""
+    """A pole at the end of 100 m x 60 m with a margin of 40 m."""
     pole = feature(point(0, 30), role="obstacle", kind="pole")
     options = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     told = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "40", *options)

@@ -28,7 +28,12 @@ from reports.plan.headland_report import (
     format_headland_json,
     render_headland_page,
 )
-from reports.plan.many_fields import build_many_fields_table, render_many_fields_page, sum_over_fields
+from reports.plan.many_fields import (
+    build_many_fields_screen,
+    build_many_fields_table,
+    render_many_fields_page,
+    sum_over_fields,
+)
 from reports.plan.map_data import build_small_map
 from tests.browsers import BROWSER, open_browser
 from tests.printing import print_text
@@ -287,6 +292,20 @@ def test_totals_of_fields_leave_out_what_has_no_plan(records: list[ComparisonRow
     assert total.worked_pct == pytest.approx(98.0)
     (row,) = [line.split() for line in print_table(build_many_fields_table(records), 120) if line.startswith("Total ")]
     assert row == ["Total", "3.00", "3", "2:30:00", "98.0", "90"]
+
+
+def test_a_reason_stands_once_for_all_widths_of_a_field_and_fields_of_one_name_stay_apart() -> None:
+    wide = replace(SQUARE, width_m=4.0)
+    records = [
+        ComparisonRow(f"{folder}/north.geojson", way, refusal="It is too small.")
+        for folder in ("a", "b")
+        for way in (SQUARE, wide)
+    ]
+    told = print_table(build_many_fields_table(records), 120)
+    assert "Without a plan: 4 of 4" in told
+    assert told[-2:] == [f"{folder}/north.geojson at 3 m and 4 m: It is too small." for folder in ("a", "b")]
+    on_screen = " ".join(print_table(build_many_fields_screen(records), 120))
+    assert on_screen.count("north.geojson at 3 m and 4 m: It is too small.") == 2
 
 
 @pytest.fixture(scope="module")

@@ -25,6 +25,7 @@ from planner.cli import main
 from planner.service.errors import BusyError, DatabaseError, NotFoundError, ResultPlaceError, VersionError
 from planner.service.jobs import job_runs, workers
 from planner.service.jobs.workers import WorkerSupervisor, run_and_store_job
+from planner.service.kept_process import LOOK_PERIOD_S
 from planner.service.settings import ServiceSettings
 from planner.service.store.carried_bytes import ResultPlace, check_result_place
 from planner.service.store.job_queue import RemoteStore
@@ -434,6 +435,28 @@ def test_workers_are_replaced_and_end_with_their_supervisor(kept: Store) -> None
     assert (store.get_job(left.id).status, store.get_job(left.id).tries) == ("queued", 0)
     assert pids and list_pids(supervisor) == []
     store.close()
+
+
+@pytest.mark.slow
+def test_workers_that_end_while_their_supervisor_stops_leave_no_job(kept: Store) -> None:
+    """A service manager ends the workers at the same time as the supervisor."""
+    supervisor = WorkerSupervisor(replace(kept.settings, workers=2), kept)
+    supervisor.start()
+    jobs = [kept.add_job("tiny", name, {"number": 1, "step_s": 30}) for name in ("one", "other")]
+    wait_until(lambda: all(kept.get_job(job.id).words == "At work" for job in jobs))
+    first, last = supervisor._slots
+    process, stop_first = last.process, first.stop
+
+    def end_last_and_stop() -> None:
+        assert process is not None
+        process.kill()
+        time.sleep(3.0 * LOOK_PERIOD_S)
+        stop_first()
+
+    with patch.object(first, "stop", end_last_and_stop):
+        supervisor.stop()
+    assert [(kept.get_job(job.id).status, kept.get_job(job.id).tries) for job in jobs] == [("queued", 0)] * 2
+    assert last.starts == 1
 
 
 @pytest.mark.slow

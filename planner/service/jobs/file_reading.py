@@ -185,7 +185,7 @@ class FileReader:
             if future is None or not is_shared:
                 future = self._queue.submit_work(client, work)
                 self._share_read(key, client, future)
-        future.add_done_callback(lambda done: self._forget_failed(key, done))
+        future.add_done_callback(lambda done: self._keep_result(key, client, done))
         return await asyncio.shield(asyncio.wrap_future(future))
 
     def _share_read(self, key: str, client: str, future: Future[Any]) -> None:
@@ -196,11 +196,15 @@ class FileReader:
                 del self._shared_reads[each]
         self._shared_reads[key] = client, future
 
-    def _forget_failed(self, key: str, future: Future[Any]) -> None:
-        if future.cancelled() or future.exception() is not None:
-            with self._lock:
-                if self._shared_reads.get(key, ("", None))[1] is future:
-                    del self._shared_reads[key]
+    def _keep_result(self, key: str, client: str, future: Future[Any]) -> None:
+        """Let others have what a reading came to, though another of the same may wait; forget one that failed."""
+        has_failed = future.cancelled() or future.exception() is not None
+        with self._lock:
+            _, shared = self._shared_reads.get(key, ("", future))
+            if has_failed and shared is future:
+                self._shared_reads.pop(key, None)
+            elif not has_failed and not shared.done():
+                self._shared_reads[key] = client, future
 
     def _read_in_folder(
         self, reading: str, inputs: Mapping[str, str], arguments: list[Any], options: dict[str, Any]

@@ -238,6 +238,8 @@ class WorkerSupervisor:
 
     def stop(self) -> None:
         """End all workers; their jobs go back into the queue without counting a try."""
+        for slot in self._slots:
+            slot.is_stopping.set()
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
