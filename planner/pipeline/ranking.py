@@ -44,6 +44,7 @@ from reports.common.wording import round_up_to_minute
 from strategies.names import STRATEGY_NAMES
 from strategies.registry import get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
+from vehicle.model.tractor import load_tractor
 
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
@@ -338,20 +339,21 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "elevation": None if physics.elevation is None else physics.elevation.source,
         "soil": None if physics.soil is None else physics.soil.name,
         "moisture_pct": None if physics.soil is None else physics.soil.moisture_pct,
-        "defaults": {} if context.cost_terms else _pick_default_machines(request),
+        "defaults": {} if context.cost_terms else _pick_default_machines(context),
         **implement,
         **estimated,
     }
 
 
-def _pick_default_machines(request: PlanRequest) -> dict[str, Any]:
+def _pick_default_machines(context: PlanningContext) -> dict[str, Any]:
     """Tractor, width and speed by their options, where they are the defaults."""
-    machines = (option for option in PLAN_OPTIONS if option.parameter in ("tractor", "width_m", "speed_mps"))
-    return {
-        option.name: option.default
-        for option in machines
-        if getattr(request, option.parameter) == getattr(PlanRequest, option.parameter)
+    request, usual = context.request, PlanRequest
+    is_default = {
+        "tractor": context.bare_tractor == load_tractor(usual.tractor),
+        "width": request.width_m == usual.width_m,
+        "speed_kmh": request.speed_mps == usual.speed_mps,
     }
+    return {option.name: option.default for option in PLAN_OPTIONS if is_default.get(option.name)}
 
 
 def _describe_headland(context: PlanningContext) -> str:

@@ -146,7 +146,7 @@ def test_all_faults_are_told_at_once() -> None:
             "take the whole shift",
         ),
         ('[times]\nshift_start = "25:00"', "is not a time of day"),
-        ("[chances]\nspeed_cv = 0.1", "which is now [uncertainty]; rename it"),
+        ("[chances]\nspeed_cv = 0.1", "is now [uncertainty]; rename it"),
         ("prizes = 3", "did you mean 'prices'?"),
         ('[prices]\ncurrency = ""', "prices.currency = '': give a text that is not empty"),
         ('[prices]\ncurrency = "pounds sterling"', "give a text of at most 12 characters"),

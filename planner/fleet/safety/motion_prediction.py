@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from fields.arrays import Floats
+from fields.geometry.overlays import unite
 from planner.fleet.model.rules import FleetRules
 from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
 from strategies.path_planning.machine_body import MachineBody, MachineBox
@@ -157,7 +157,7 @@ def list_boxes(model: AnyArray) -> tuple[MachineBox, ...]:
 def place_outlines(model: AnyArray, poses: Floats) -> npt.NDArray[np.object_]:
     """The outlines of the machine of a compiled record at poses (n, 3) of its centre of mass."""
     boxes = MachineBody(list_boxes(model), 0.0).place_boxes(poses)
-    return np.asarray(shapely.union_all(boxes.reshape(len(poses), -1), axis=1))
+    return np.array([unite(of_one) for of_one in boxes.reshape(len(poses), -1)], dtype=np.object_)
 
 
 @dataclass(frozen=True)
