@@ -1,6 +1,6 @@
 """A day as an optimisation problem: costs of routes, and insertion of fields into them.
 
-All times are integer working seconds (`planner.day.formulation.DayFrame`). A fleet leaves the depot, works its fields
+All times are integer working seconds (`planner.day.formulation.DayHours`). A fleet leaves the depot, works its fields
 in order, each without interruption within one of its windows, and returns. Costs never fall with later work, so a
 fleet starts everything as early as it can.
 """
