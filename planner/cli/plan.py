@@ -231,7 +231,7 @@ def plan(
         raise typer.Exit(0 if is_complete else NO_RESULT_STATUS)
     input_files = list_input_files({**options, "field": request.field})
     input_files |= {source.rpartition("@")[0] or source: "what is done" for source in done or ()}
-    check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
+    check_output_paths((png, ".png"), (html, ".html"), (save, ".json"), input_files=input_files)
     order = given.build_order(request)
     result = simulate_plans(order, executor_choice, pictures=html is not None)
     values = result.ranking.scenario.get("learned", ())

@@ -123,7 +123,7 @@ def sweep(
     if (save is not None or pick is not None) and len(question.fields) > 1:
         raise RequestError(f"--save and --pick are for one field, and {len(question.fields)} are given; give one.")
     check_output_paths(
-        (html, ".html"), (png, ".png"), (parquet, ".parquet"), (save, ""), input_files=question.list_files()
+        (html, ".html"), (png, ".png"), (parquet, ".parquet"), (save, ".json"), input_files=question.list_files()
     )
     swept = question.build_sweep(question.build_link(service))
     with _show_what_is_done(swept, form):

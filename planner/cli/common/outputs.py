@@ -85,18 +85,18 @@ def check_output_paths(
     ignore case.
     """
     requested = [(path, suffix) for path, suffix in outputs if path is not None]
-    for path, suffix in requested:
+    for path, _ in requested:
         if os.path.isdir(path):
             raise RequestError(f"{path} is a folder; give the name of a file in it.")
-        if suffix and path.suffix.lower() != suffix:
-            named = _format_path(path.with_suffix(suffix))
-            raise RequestError(f"{_format_path(path)} does not end in {suffix}; name the file {named}.")
     ignores_case = {path: _check_writable_place(path) for path, _ in requested}
     occupied = [(Path(path), description) for path, description in (input_files or {}).items() if os.path.exists(path)]
-    for path, _ in requested:
+    for path, suffix in requested:
         for occupied_path, description in occupied:
             if _is_same_file(path, occupied_path, ignores_case[path]):
                 raise RequestError(f"{path} would overwrite {description}; choose another file.")
+        if suffix and path.suffix.lower() != suffix:
+            named = _format_path(path.with_suffix(suffix))
+            raise RequestError(f"{_format_path(path)} does not end in {suffix}; name the file {named}.")
         occupied.append((path, "another result"))
         refuse_overwrite(path, force)
 
