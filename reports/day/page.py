@@ -72,10 +72,10 @@ def draw_gantt(result: DayResult) -> Figure:
     return figure
 
 
-def draw_road_map(result: DayResult) -> Figure | None:
+def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
     """Fields, yard and the roads driven, north up, in metres; None where fewer than two places are known.
 
-    Roads are straight arrows in the colour of the machine, with their kilometres.
+    Roads are straight arrows in the colour of the machine, with their kilometres; `has_title` adds a title.
     """
     if len(result.places) < 2:
         return None
@@ -113,7 +113,8 @@ def draw_road_map(result: DayResult) -> Figure | None:
         f"{bar_m / 1000.0:g} km" if bar_m >= 1000.0 else f"{bar_m:g} m", (x + 0.5 * bar_m, y), (0, 4),
         textcoords="offset points", ha="center", fontsize=8, color=ink,
     )  # fmt: skip
-    figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=ink, va="center")
+    if has_title:
+        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=ink, va="center")
     return figure
 
 
@@ -212,7 +213,7 @@ def _draw_roads(axes: Axes, result: DayResult) -> None:
 
 def render_day_page(result: DayResult) -> str:
     """The page as HTML text."""
-    road_map = draw_road_map(result)
+    road_map = draw_road_map(result, has_title=False)
     facts = [
         ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
         ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
