@@ -154,3 +154,9 @@ def test_a_day_without_anything_has_a_picture_and_no_map(result: DayResult) -> N
     assert "Fields and roads" not in render_day_page(nothing)
     one_place = replace(result, places=(MapPlace("a", 5.0, 5.0), MapPlace("b", 5.0, 5.0)))
     assert draw_road_map(one_place) is not None
+
+
+def test_a_map_of_roads_has_a_title_unless_the_page_has_one(result: DayResult) -> None:
+    drawn, plain = draw_road_map(result), draw_road_map(result, has_title=False)
+    assert drawn is not None and [one.get_text() for one in drawn.texts] == ["Fields and roads"]
+    assert plain is not None and not plain.texts
