@@ -335,7 +335,7 @@ def test_bad_input_is_one_sentence(headland: Run, folder: Path, old: str, new: s
         (("day.toml", "--json", "--csv"), "choose one"),
         (("day.toml", "--samples", "0"), "--samples is 0"),
         (("day.toml", "--cache", "farm.toml"), "is a file"),
-        (("day.toml", "--html", "day.toml"), "name the file day.html"),
+        (("day.toml", "--html", "day.toml"), "day.toml would overwrite the day file"),
         (("day.toml", "--png", "day.html"), "name the file day.png"),
         (("day.toml", "--farm", "none.toml"), "There is no file"),
         (("day.toml", "--processes", "0"), "--processes is 0"),
