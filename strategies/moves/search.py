@@ -2,7 +2,8 @@
 
 From every pose short arcs to either side and a short straight lead on, forwards and in reverse. Poses keep their exact
 place and heading; one per cell, sector of headings and gear is followed further. The way that remains is measured over
-the grid of the ground, so that the search goes round obstacles at once. A closed form that is not charged ends it as
+the grid of the ground, so that the search goes round obstacles at once, and with what turning into it takes, so that it
+turns before it drives. A closed form that is not charged ends it as
 soon as one has room.
 
 Source: D. Dolgov, S. Thrun, M. Montemerlo, J. Diebel, "Practical search techniques in path planning for autonomous
@@ -85,15 +86,23 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
 
 
 @compile_function
-def _get_remaining_m(x, y, remaining, frame) -> float:  # type: ignore[no-untyped-def]
-    """The least of the remaining metres about a place: close to an edge its own cell may have no room."""
+def _expect_m(x, y, heading, b, radius, max_reverse, remaining, frame) -> float:  # type: ignore[no-untyped-def]
+    """The metres that a move is expected to take from a pose to pose b, infinite where no way remains.
+
+    Close to an edge its own cell may have no room: the least about it counts. A way farther than it may back up is
+    driven forwards: turning into it by an angle t drives an arc of `radius` t and comes no more than `radius` sin t on.
+    """
     cell = COARSE * frame[2]
     j, i = int((y - frame[1]) / cell), int((x - frame[0]) / cell)
-    least = np.inf
+    left, towards = np.inf, 0.0
     for q in range(max(0, j - 1), min(remaining.shape[0], j + 2)):
         for p in range(max(0, i - 1), min(remaining.shape[1], i + 2)):
-            least = min(least, remaining[q, p])
-    return least
+            if remaining[q, p] < left:
+                left = remaining[q, p]
+                towards = math.atan2(frame[1] + (q + 0.5) * cell - y, frame[0] + (p + 0.5) * cell - x)
+    turn = abs((heading - towards + math.pi) % TAU - math.pi) if left > max_reverse else 0.0
+    off = abs((heading - b[2] + math.pi) % TAU - math.pi)
+    return max(left + radius * (turn - math.sin(turn)), 0.5 * (left + radius * off))  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -188,8 +197,8 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
                 if room < margin:
                     continue
                 u, v, after = advance_pose(x, y, heading, step_m, bend, gear)
-                left_m = _get_remaining_m(u, v, remaining, frame)
-                if left_m == np.inf:
+                expected_m = _expect_m(u, v, after, b, radius, max_reverse, remaining, frame)
+                if expected_m == np.inf:
                     continue
                 tightness = TIGHT_FACTOR if room < margin + AMPLE_M else 1.0
                 before_s = spent_s[node] + _charge_wheels(poses[node], step, kept)
@@ -201,8 +210,7 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
                 poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after
                 spent_s[count], came[count] = seconds, node
                 bends[count], ways[count], backed[count] = bend, gear, behind
-                off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
-                heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / costs[0], count))
+                heapq.heappush(heap, (seconds + GREED * expected_m / costs[0], count))
                 count += 1
     return _trace_rows(last_node, came, bends, ways, last_link, step_m)
 
