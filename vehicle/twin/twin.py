@@ -13,6 +13,7 @@ from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import DT_S
+from vehicle.sim.effect_terms import compute_ground_speed
 from vehicle.twin.correction import MAX_LATENESS_STEPS, PredictionCorrector, StateAtFix, ThesisCorrector
 from vehicle.twin.kalman_filter import PoseFilter, build_monitor_parameters, build_tracker_parameters
 from vehicle.twin.mismatch import MismatchTest, ModelMismatch, PositionJump
@@ -191,10 +192,11 @@ class Twin:
         )
 
     def _update_speed_mismatch(self, fix: PoseFix) -> None:
-        before, model = self._measured_speed_mps, self._arrays.models[0]
+        before, (_, commanded_mps, working) = self._measured_speed_mps, self._last_command
         # Speed over ground as a share of the commanded speed, by the slip in the tractor's file.
-        speed_share = float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._last_command[2]))
-        if abs(fix.speed_mps - self._last_command[1] * speed_share) <= SPEED_MISMATCH_MPS:
+        direction = math.copysign(1.0, commanded_mps)
+        speed_share = direction * compute_ground_speed(direction, working, self._arrays.models[0])
+        if abs(fix.speed_mps - commanded_mps * speed_share) <= SPEED_MISMATCH_MPS:
             self._mismatch_since_s, self._measured_speed_mps = None, None
         elif self._mismatch_since_s is None:
             self._mismatch_since_s = fix.time_s
