@@ -192,7 +192,7 @@ def _draw_into_corners(site: Site, headland_pass: HeadlandPass, side: HeadlandPa
     turns = (side.start_turn_rad, side.end_turn_rad)
     if not headland_pass.is_closed:
         return extend_line(side.points, half_m, half_m)
-    return extend_line(side.points, *(half_m * min(MOST_MITRE, math.tan(0.5 * min(abs(t), 3.0))) for t in turns))
+    return extend_line(side.points, *(half_m * min(MOST_MITRE, math.tan(0.5 * abs(t))) for t in turns))
 
 
 def _cut_to_room(site: Site, draft: LineDraft) -> Iterator[WorkLine]:
