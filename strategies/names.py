@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 ENTRY_POINT_GROUP = "headland.strategies"
 FIRST_OFFERED = ("row-by-row", "row-by-row-optimised", "col-by-col", "split-field")
-"""All others follow by the alphabet. The first of a request stands for all of them with one tractor alone."""
+"""All others follow by the alphabet. The first of a request is tried with one tractor alone (differs_alone)."""
 
 
 def read_descriptions(folder: Path) -> dict[str, str]:

@@ -104,6 +104,8 @@ def _check_deal(deal: Any, lines: Sequence[DealtLine], rules: DrivingRules, trac
         raise TypeError(f"it gives a {type(deal).__name__} in place of a LineDeal")
     if deal.allowed.shape != (tractors, len(lines)):
         raise ValueError(f"allowed has the shape {deal.allowed.shape} in place of {(tractors, len(lines))}")
+    if deal.places is not None and len(deal.places) != len(lines):
+        raise ValueError(f"places are {len(deal.places)} in place of {len(lines)}, one for each line")
 
 
 def _check_gates(gates: Any, *_: Any) -> None:

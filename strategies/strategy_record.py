@@ -14,8 +14,10 @@ class Strategy:
 
     `description` says what the tractors do, for forms and the guide. `deal` says which work lines each tractor may
     have, and a search puts them in order for all at once. Tractors of a `formation` keep beside one another, and its
-    rule says how they turn; one tractor alone has all lines. `beside`: they work neighbouring swaths at a time. Both
-    raise StrategyError if the field cannot be worked this way with this fleet.
+    rule says how they turn; one tractor alone has all lines. `beside`: they work neighbouring swaths at a time.
+    `differs_alone`: the deal gives one tractor alone places of its own or not all lines; else its plan is that of
+    any other strategy and is made once for all. Both raise StrategyError if the field cannot be worked this way with
+    this fleet.
     """
 
     name: str
@@ -23,6 +25,7 @@ class Strategy:
     deal: DealLines | None = None
     formation: FormationRule | None = None
     beside: bool = False
+    differs_alone: bool = False
 
     def __post_init__(self) -> None:
         """Check that there is either `deal` or `formation`; a formation works beside one another."""

@@ -159,7 +159,7 @@ class _Watch:
 
 
 def parse_types(text: str) -> tuple[Any, ...]:
-    """The argument types that a row of the list names."""
+    """The argument types that a row of the list names; raises ImportError, AttributeError or KeyError for old ones."""
     return tuple(_iter_types(iter(re.findall(r"[\w.:]*\(|[\w.:]+|\)", text))))
 
 
@@ -177,7 +177,10 @@ def _build_tuple(name: str, members: list[Any]) -> Any:
     if not name:
         return numba.types.Tuple(members)
     module, _, class_name = name.rpartition(".")
-    return numba.types.BaseTuple.from_types(members, getattr(import_module(module), class_name))
+    kind = getattr(import_module(module), class_name)
+    if len(kind._fields) != len(members):
+        raise KeyError(name)
+    return numba.types.BaseTuple.from_types(members, kind)
 
 
 def _parse_type(word: str) -> Any:

@@ -137,16 +137,16 @@ def _format_minutes(seconds: float) -> str:
 def list_candidates(request: PlanRequest) -> list[Candidate]:
     """Every combination worth simulating.
 
-    One tractor alone does the same by all strategies of Headland, so the first of them is tried. Where something is
-    wanted of single lines, those are tried that deal lines out, if any is asked for.
+    One tractor alone does the same by all strategies of Headland that do not say otherwise, so the first of these is
+    tried. Where something is wanted of single lines, those are tried that deal lines out, if any is asked for.
     """
-    foreign = [name for name in request.strategies if name not in STRATEGY_NAMES]
-    own = [name for name in STRATEGY_NAMES if name in request.strategies]
+    alike = [name for name in STRATEGY_NAMES if name in request.strategies and not get_strategy(name).differs_alone]
+    others = [name for name in request.strategies if name not in STRATEGY_NAMES or get_strategy(name).differs_alone]
     dealing = [name for name in request.strategies if not request.line_wishes or get_strategy(name).formation is None]
     return [
         Candidate(name, tractors)
         for tractors in request.tractors
-        for name in (dealing or request.strategies if tractors > 1 else [*own[:1], *foreign])
+        for name in (dealing or request.strategies if tractors > 1 else [*alike[:1], *others])
     ]
 
 

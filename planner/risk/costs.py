@@ -218,11 +218,11 @@ class DrivenTimes:
 
 def measure_driven_times(run: SimulationRun) -> DrivenTimes:
     """The times of a run."""
-    shares = run.compute_time_shares()
-    turn_s = float(shares["turning"].sum() + shares["reversing"].sum())
+    seconds = run.sum_seconds_by_status()
+    turn_s = float(seconds["turning"].sum() + seconds["reversing"].sum())
     resting = run.plan.resting
     paid_s = np.delete(np.asarray(run.finish_s), [number - 1 for number in resting])
-    return DrivenTimes(paid_s, float(shares["working"].sum()), turn_s, len(resting))
+    return DrivenTimes(paid_s, float(seconds["working"].sum()), turn_s, len(resting))
 
 
 def compute_driven_cost(times: DrivenTimes, terms: CostTerms, energy: float | None = None) -> float:

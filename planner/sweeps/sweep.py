@@ -1,5 +1,7 @@
-"""A sweep: every combination of some options estimated on any executor, what is known kept for the next time; in Python
-from a request and the values of some of its parameters to a table of plans.
+"""A sweep: a plan is estimated for every combination of some options, on any executor.
+
+Combinations that share a layout are a task, which lays the ground out once; answers are cached by task. `Sweep` is what
+commands and the service run, `sweep` what programs call.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""A ranking for a terminal: its first screen (the answer, a short table, what to type next), then all of its plans; and
-tables of the study. Plain text survives a pipe and an ASCII console.
+"""A ranking for a terminal: its first screen (the answer, a short table, what to type next), then all of its plans.
+Plain text survives a pipe and an ASCII console.
 
 At 80 columns the first screen has at most 20 lines below its title, of which at most five stand before the table.
 """

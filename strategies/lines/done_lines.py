@@ -16,7 +16,7 @@ import shapely
 
 from fields.arrays import Floats, find_true_spans, measure_along
 from fields.layout.headland_passes import MIN_OPEN_AREA
-from strategies.lines.lay_lines import MIN_OWN_SHARE, MIN_PIECE_M, Span, keep_uncovered
+from strategies.lines.lay_lines import MIN_OWN_SHARE, MIN_PIECE_M, Span, keep_uncovered, measure_bar_shares
 from strategies.lines.work_line import (
     MOST_OFF_SHARE,
     SHARPEST_RAD,
@@ -117,11 +117,7 @@ def _measure_due_shares(bar: Floats, stations: Floats, width_m: float, done: sha
     ahead = locate_at(bar, along, np.minimum(stations + PATH_STEP_M, along[-1])) - locate_at(
         bar, along, np.maximum(stations - PATH_STEP_M, 0.0)
     )
-    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]]) / np.hypot(*ahead.T)[:, None]
-    across_m = width_m * ((np.arange(BAR_POINTS) + 0.5) / BAR_POINTS - 0.5)
-    places = (middle[:, None, :] + across_m[None, :, None] * aside[:, None, :]).reshape(-1, 2)
-    shares: Floats = 1.0 - shapely.contains_xy(done, places).reshape(len(stations), BAR_POINTS).mean(axis=1)
-    return shares
+    return 1.0 - measure_bar_shares(middle, ahead / np.hypot(*ahead.T)[:, None], width_m, done, BAR_POINTS)
 
 
 def build_round_corners(legs: Iterable[Leg], radius_m: float, width_m: float) -> list[shapely.Geometry]:

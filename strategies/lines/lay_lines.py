@@ -142,14 +142,23 @@ def _list_obstacle_rings(site: Site, left: shapely.Geometry) -> Iterator[LineDra
 def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry) -> float:
     """How far a line is drawn out beyond its last point: to the last place where it covers enough that is uncovered."""
     ahead = (points[-1] - points[-2]) / math.dist(points[-1], points[-2])
-    aside = np.array([-ahead[1], ahead[0]])
     steps_m = np.arange(0.5 * CELL_M, MOST_EXTENSION_WIDTHS * site.width_m, CELL_M)
-    across_m = site.width_m * (np.arange(BAR_POINTS) + 0.5 - 0.5 * BAR_POINTS) / BAR_POINTS
-    places = points[-1] + steps_m[:, None, None] * ahead + across_m[None, :, None] * aside
-    shares = shapely.contains_xy(uncovered, places.reshape(-1, 2)).reshape(len(steps_m), BAR_POINTS).mean(axis=1)
+    shares = measure_bar_shares(points[-1] + steps_m[:, None] * ahead, ahead[None], site.width_m, uncovered, BAR_POINTS)
     worth = np.flatnonzero(shares >= WORTH_SHARE)
     ends = worth[(np.cumsum(shares)[worth] / (worth + 1.0)) >= WORTH_SHARE]
     return float(CELL_M * (ends[-1] + 1)) if len(ends) else 0.0
+
+
+def measure_bar_shares(middles: Floats, ahead: Floats, width_m: float, ground: shapely.Geometry, points: int) -> Floats:
+    """The share (n,) of an implement's bar over a ground, by so many points of the bar.
+
+    `middles` are those of the bar (n, 2), `ahead` unit vectors (n, 2) or (1, 2) along its path.
+    """
+    aside = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    across_m = width_m * ((np.arange(points) + 0.5) / points - 0.5)
+    places = (middles[:, None, :] + across_m[None, :, None] * aside[:, None, :]).reshape(-1, 2)
+    shares: Floats = shapely.contains_xy(ground, places).reshape(len(middles), points).mean(axis=1)
+    return shares
 
 
 def _list_leftover(site: Site, left: shapely.Geometry, lines: Sequence[WorkLine]) -> Iterator[LineDraft]:
@@ -183,7 +192,7 @@ def _draw_into_corners(site: Site, headland_pass: HeadlandPass, side: HeadlandPa
     turns = (side.start_turn_rad, side.end_turn_rad)
     if not headland_pass.is_closed:
         return extend_line(side.points, half_m, half_m)
-    return extend_line(side.points, *(half_m * min(MOST_MITRE, math.tan(0.5 * min(abs(t), 3.0))) for t in turns))
+    return extend_line(side.points, *(half_m * min(MOST_MITRE, math.tan(0.5 * abs(t))) for t in turns))
 
 
 def _cut_to_room(site: Site, draft: LineDraft) -> Iterator[WorkLine]:

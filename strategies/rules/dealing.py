@@ -34,7 +34,7 @@ class LineDeal:
         allowed: (tractors, lines) whether a tractor may work a line.
         stagger_m: each begins when the one before has worked so far; 0 where all begin at once.
         places: (lines,) by which every tractor works its lines, the lowest first, unless only another order can be
-            driven; None where any order will do.
+            driven; None where any order will do. Whether headland or swaths come first is settled before that.
     """
 
     allowed: Flags

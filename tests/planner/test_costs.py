@@ -122,10 +122,10 @@ class TestFuel:
     """Two tractors: an hour of work, half an hour of turns, a quarter of an hour of waiting."""
 
     def run(self) -> Any:
-        shares = {"working": [2000.0, 1600.0], "turning": [900.0, 600.0], "reversing": [200.0, 100.0]}
-        arrays = {name: np.array(values) for name, values in shares.items()}
+        seconds = {"working": [2000.0, 1600.0], "turning": [900.0, 600.0], "reversing": [200.0, 100.0]}
+        arrays = {name: np.array(values) for name, values in seconds.items()}
         plan = SimpleNamespace(resting=())
-        return SimpleNamespace(compute_time_shares=lambda: arrays, finish_s=np.array([3500.0, 2800.0]), plan=plan)
+        return SimpleNamespace(sum_seconds_by_status=lambda: arrays, finish_s=np.array([3500.0, 2800.0]), plan=plan)
 
     def test_litres_are_power_by_load(self) -> None:
         prices = but(FarmPrices(), work_load=0.6, turn_load=0.3, fuel_l_per_kwh=0.25)

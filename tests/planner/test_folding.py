@@ -179,8 +179,8 @@ def test_the_driver_reads_where_to_fold(folding: PlanningResult) -> None:
     assert [step.seconds for step in stands] == pytest.approx([FOLD_S] * len(stands), abs=0.2)
     assert "refill" not in {step.kind for step in steps}
     assert describe_leg(stands[0]) == "fold the implement"
-    shares_s = sum(float(seconds[0]) for seconds in run.compute_time_shares().values())
-    assert shares_s == pytest.approx(run.duration_s, abs=1.0) and float(run.standing_s[0]) == 0.0
+    total_s = sum(float(seconds[0]) for seconds in run.sum_seconds_by_status().values())
+    assert total_s == pytest.approx(run.duration_s, abs=1.0) and float(run.standing_s[0]) == 0.0
 
 
 @pytest.mark.slow

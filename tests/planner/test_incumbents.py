@@ -97,7 +97,7 @@ def test_a_formation_is_sketched_as_it_is_driven(
     run, planned = driven_once(strategy).run, (round_site, STRATEGIES[strategy], 2)
     sketch = next(one for one in sketch_plans(*planned) if one.order == run.plan.notes.headland)
     # Tractors of a sketch wait for each other in formation, but give way to nobody.
-    moving_s = run.finish_s - run.compute_time_shares()["waiting"]
+    moving_s = run.finish_s - run.sum_seconds_by_status()["waiting"]
     assert 0.88 * float(moving_s.max()) <= max(sketch.tractor_s) <= 1.12 * run.duration_s
     assert max(sketch.compose().least_s) <= run.duration_s
 

@@ -48,6 +48,13 @@ def test_a_registered_strategy_is_planned_with(small_site: PlanningContext, toy:
     assert alone.time_s > length / small_site.driving_rules.work_speed_mps
 
 
+def test_one_that_differs_alone_is_tried_beside_that_of_all_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    request = PlanRequest(strategies=("split-field", "interleaved", "col-by-col"), tractors=(1,))
+    differing = replace(STRATEGIES["interleaved"], differs_alone=True)
+    monkeypatch.setitem(STRATEGIES, differing.name, differing)
+    assert list_candidates(request) == [Candidate("col-by-col", 1), Candidate("interleaved", 1)]
+
+
 def test_an_unregistered_name_stays_unknown() -> None:
     with pytest.raises(Exception, match="'alone' is unknown"):
         PlanRequest(field="iwamizawa", strategies=("alone",))

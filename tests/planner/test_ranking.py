@@ -18,7 +18,7 @@ from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult
-from strategies.names import STRATEGY_NAMES
+from strategies.names import FIRST_OFFERED
 from tests.examples import count_examples
 
 QUICK = settings(max_examples=count_examples(60))
@@ -194,7 +194,7 @@ class TestCandidates:
     @pytest.mark.parametrize(
         ("asked", "tried"),
         [
-            (STRATEGY_NAMES, "row-by-row"),
+            (FIRST_OFFERED, "row-by-row"),
             (("interleaved", "split-field"), "split-field"),
             (("col-by-col", "row-by-row"), "row-by-row"),
             (("interleaved",), "interleaved"),

@@ -19,10 +19,12 @@ from strategies.lines.work_line import HOLE_PASS, WorkLine
 from strategies.path_planning.errors import StrategyError
 from strategies.programmes.stages import charge_furrows, charge_rounds, find_first_tasks, list_stages, stagger_starts
 from strategies.programmes.waiting_places import find_clashes, list_parts_m
+from strategies.registry import STRATEGIES
 from strategies.rules.dealing import cut_balanced_blocks
 from strategies.rules.driving_rules import DrivingRules
 from strategies.site.site import ORDER_S
 from strategies.split_field import deal_blocks
+from strategies.strategy_record import Strategy
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.sim.path_conflicts import PosePath
 
@@ -63,6 +65,13 @@ def test_every_nth_swath_in_turn() -> None:
     assert owners.tolist() == [0, 1, 2, 0, 1, 2, 0]
     assert (deal.allowed[:, 1:].sum(axis=0) == 1).all()
     assert deal.stagger_m == RULES.stagger_m
+
+
+@pytest.mark.parametrize("strategy", STRATEGIES.values(), ids=STRATEGIES)
+def test_one_tractor_alone_does_the_same_by_all_that_do_not_say_otherwise(strategy: Strategy) -> None:
+    """A plan of one of them stands for all, so another order or lines left out would never be tried."""
+    deal = strategy.deal and strategy.deal(draw_lines(7, 2), RULES, 1)
+    assert strategy.differs_alone or deal is None or (deal.allowed.all() and deal.places is None)
 
 
 def draw_ring(number: int, low: float, high: float, first: int) -> list[WorkLine]:

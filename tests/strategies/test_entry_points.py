@@ -169,6 +169,10 @@ def test_the_end_of_the_computing_time_is_no_fault_of_a_strategy(install: Instal
     [
         ("None", "TypeError: it gives a NoneType in place of a LineDeal"),
         ("LineDeal(free_other_lines(lines, 1))", r"ValueError: allowed has the shape \(1, 2\) in place of \(2, 2\)"),
+        (
+            "LineDeal(free_other_lines(lines, 2), places=[0])",
+            "ValueError: places are 1 in place of 2, one for each line",
+        ),
     ],
 )
 def test_what_is_no_deal_is_a_reason(install: Install, driving_rules: Any, body: str, words: str) -> None:

@@ -60,8 +60,8 @@ def test_a_fault_of_a_strategy_is_why_it_has_no_plan() -> None:
 
 @pytest.mark.parametrize("name", STRATEGY_NAMES)
 def test_descriptions_fit_a_sentence_of_a_help_text(name: str) -> None:
-    primitives = STRATEGIES[name].description
-    assert primitives and not primitives.endswith(".") and "\n" not in primitives and "  " not in primitives
+    text = STRATEGIES[name].description
+    assert text and not text.endswith(".") and "\n" not in text and "  " not in text
 
 
 def test_the_guide_says_the_same_in_the_same_order() -> None:

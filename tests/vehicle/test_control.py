@@ -36,7 +36,7 @@ def test_a_start_gate_opens_at_its_metre(build: Any, drive: Any, metre: float) -
     assert metre <= run.record[opened, 0, Y] <= metre + SPEED * 0.1 + 1e-6
     assert (run.record[:opened, 1, Y] == 0.0).all() and (run.record[:opened, 1, VELOCITY] == 0.0).all()
     assert run.outcome == "done"
-    assert run.compute_time_shares()["waiting"][1] == pytest.approx(0.1 * opened)
+    assert run.sum_seconds_by_status()["waiting"][1] == pytest.approx(0.1 * opened)
 
 
 @pytest.mark.parametrize("metre", [2.0, 24.0])
@@ -83,7 +83,7 @@ def test_tractors_that_wait_for_each_other_are_a_stall(build: Any, drive: Any) -
 def test_a_long_wait_for_a_moving_tractor_is_no_stall(build: Any, drive: Any) -> None:
     plan = build.plan([build.leg((0, 0), (0, 260))], [build.leg((9, 0), (9, 8), gates=(LegGate(0, 0, 255.0),))])
     run: SimulationRun = drive(plan)
-    assert run.outcome == "done" and run.compute_time_shares()["waiting"][1] > 150.0
+    assert run.outcome == "done" and run.sum_seconds_by_status()["waiting"][1] > 150.0
 
 
 @pytest.mark.parametrize("start", [-4.0, -7.0, -8.5])
@@ -151,14 +151,14 @@ def test_statuses_add_up_to_the_time(build: Any, drive: Any) -> None:
     gated = build.two_passes(3.0)
     gated[1] = gated[1].copy_with_gates([LegGate(0, 2, 10.0)])
     run: SimulationRun = drive(build.plan(build.two_passes(), gated))
-    shares = run.compute_time_shares()
-    total = sum(shares.values()) + run.sum_seconds(FINISHED)
+    seconds = run.sum_seconds_by_status()
+    total = sum(seconds.values()) + run.sum_seconds(FINISHED)
     assert total == pytest.approx(np.full(2, len(run.time_s) * 0.1))
-    assert (shares["reversing"] == 0.0).all()
-    assert shares["waiting"][0] == 0.0 and shares["waiting"][1] > 10.0
+    assert (seconds["reversing"] == 0.0).all()
+    assert seconds["waiting"][0] == 0.0 and seconds["waiting"][1] > 10.0
     # Two passes of 30 m at 5 km/h are 43.2 s; starting and stopping cost some 1.5 s each, the gate as much again.
-    assert (shares["working"] > 43.2).all() and (shares["working"] < 43.2 + 5.0).all()
-    assert shares["turning"][0] == pytest.approx(np.pi * 4.5 / SPEED, abs=3.0)
+    assert (seconds["working"] > 43.2).all() and (seconds["working"] < 43.2 + 5.0).all()
+    assert seconds["turning"][0] == pytest.approx(np.pi * 4.5 / SPEED, abs=3.0)
     legs = run.record[:, 0, LEG]
     assert (np.diff(legs) >= 0).all() and set(legs) == {0.0, 1.0, 2.0}
     assert set(run.record[:, 0, STATUS]) == {WORKING, TURNING, FINISHED}

@@ -29,7 +29,7 @@ def summary(run: SimulationRun) -> dict[str, Any]:
     return {
         "outcome": run.outcome,
         "finish_s": [round(float(time), 1) for time in run.finish_s],
-        "waiting_s": [round(float(time), 1) for time in run.compute_time_shares()["waiting"]],
+        "waiting_s": [round(float(time), 1) for time in run.sum_seconds_by_status()["waiting"]],
         "contacts": [(round(time, 3), first, second) for time, first, second in run.contacts],
         "min_clearance_m": round(run.min_clearance_m, 3),
         "poses": [[round(float(value), 3) for value in row[:3]] for row in run.record[-1]],

@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, Integers, Records, find_true_spans
+from fields.arrays import Flags, Floats, Integers, find_true_spans
 from vehicle.missions.plan import DRIVE_IN, ENTER, HEADLAND_PASS, LEAVE, ROUTE, SWATH, TURN, Leg, LegTask, Plan
 from vehicle.records import (
     FINISHED,
@@ -184,11 +184,11 @@ class SimulationRun:
         rows = self.get_leg_numbers(tractor)[self.get_statuses(tractor) == WAITING]
         return self.step_s * np.bincount(rows, minlength=len(self.plan.missions[tractor].legs)).astype(np.float64)
 
-    def compute_time_shares(self) -> dict[str, Records]:
-        """Seconds per tractor of working, turning with what folding takes, waiting and reversing."""
+    def sum_seconds_by_status(self) -> dict[str, Floats]:
+        """Seconds (tractors,) of working, turning with what folding takes, waiting and reversing."""
         statuses = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
-        shares = {name: self.sum_seconds(status) for name, status in statuses.items()}
-        return shares | {"turning": shares["turning"] + self.folding_s}
+        seconds = {name: self.sum_seconds(status) for name, status in statuses.items()}
+        return seconds | {"turning": seconds["turning"] + self.folding_s}
 
 
 @dataclass(frozen=True)

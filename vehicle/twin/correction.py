@@ -28,9 +28,11 @@ NO_ADAPTATION = np.zeros(2)
 class StateAtFix:
     """The twin as it was at the last fix, with tracker and monitor; it is never ahead of now."""
 
-    def __init__(self, rolled: PropagatedTractor, tracker: PoseFilter, monitor: PoseFilter, test: MismatchTest) -> None:
-        self.rolled, self.tracker, self.monitor, self.test = rolled, tracker, monitor, test
-        self._carried = np.zeros(2)
+    def __init__(
+        self, propagated: PropagatedTractor, tracker: PoseFilter, monitor: PoseFilter, test: MismatchTest
+    ) -> None:
+        self.propagated, self.tracker, self.monitor, self.test = propagated, tracker, monitor, test
+        self._carried = np.zeros(2)  # turning rate and uncertainty of the speed from the last piece on
         self._outliers = 0
         self.rejected_count = 0
         self.jump_detector = JumpDetector()
@@ -43,17 +45,17 @@ class StateAtFix:
 
     def propagate_to(self, step: int, commands: CommandBuffer) -> None:
         """Drive on to a step."""
-        rolled, tracker, monitor = self.rolled, self.tracker, self.monitor
-        if step <= rolled.step:
+        propagated, tracker, monitor = self.propagated, self.tracker, self.monitor
+        if step <= propagated.step:
             return
         commands.hold_until(step)
         propagate_with_filters(
-            step - rolled.step, rolled.step, DT_S, rolled.state, rolled.body, commands.ring,
-            *rolled.compiled_loop_arguments, self._carried, *tracker.arrays, *monitor.arrays,
+            step - propagated.step, propagated.step, DT_S, propagated.state, propagated.body, commands.ring,
+            *propagated.compiled_loop_arguments, self._carried, *tracker.arrays, *monitor.arrays,
             self.test.shifts, self.test.sizes,
         )  # fmt: skip
-        rolled.step = step
-        tracker.estimate[:3] = rolled.body[:3]
+        propagated.step = step
+        tracker.estimate[:3] = propagated.body[:3]
 
     def correct_by_fix(self, fix: Floats, time_s: float, is_conclusive: bool = True) -> Floats:
         """Correct by a fix (4,) of this step; returns measured less predicted (3,): ahead, right (m), turned (rad).
@@ -61,9 +63,9 @@ class StateAtFix:
         A fix that is not `is_conclusive`, because too little is known of the commands before it, is no evidence about
         the tractor's file: the monitor restarts at its place.
         """
-        rolled, tracker = self.rolled, self.tracker
-        pose, turned = rolled.body[:3].copy(), fix[2] - rolled.body[2]
-        offset = _compute_offset(rolled, fix, math.atan2(math.sin(turned), math.cos(turned)))
+        propagated, tracker = self.propagated, self.tracker
+        pose, turned = propagated.body[:3].copy(), fix[2] - propagated.body[2]
+        offset = _compute_offset(propagated, fix, math.atan2(math.sin(turned), math.cos(turned)))
         before = tracker.estimate.copy(), tracker.covariance.copy()
         if not self._update_tracker(fix):
             self._handle_outlier(fix, time_s, offset)
@@ -74,7 +76,7 @@ class StateAtFix:
             tracker.add_position_uncertainty(RESTART_SIGMA_M)
             self._update_tracker(fix)
         moved = tracker.estimate[:3] - pose
-        rolled.shift(float(moved[0]), float(moved[1]), float(moved[2]))
+        propagated.shift(float(moved[0]), float(moved[1]), float(moved[2]))
         if not is_conclusive:
             self.monitor.reset(tracker.estimate[:3])
             self.test.shifts[:] = 0.0
@@ -84,7 +86,7 @@ class StateAtFix:
         """Correct the tracker; returns False, unchanged, for an outlier."""
         no_shifts = np.zeros((0, STATE_SIZE)), np.zeros(0)
         return update_by_fix(
-            *self.tracker.arrays, fix, *self.rolled.instrument_motion, self._carried[1],
+            *self.tracker.arrays, fix, *self.propagated.instrument_motion, self._carried[1],
             *no_shifts, OUTLIER_SIGMAS, np.zeros(4), self.empty_means,
         )  # fmt: skip
 
@@ -108,7 +110,7 @@ class StateAtFix:
     def _update_monitor(self, fix: Floats, whitened: Floats, means: Floats) -> None:
         """Correct the monitor and the shifts by effects; writes `whitened` and `means`."""
         update_by_fix(
-            *self.monitor.arrays, fix, *self.rolled.instrument_motion, -1.0,
+            *self.monitor.arrays, fix, *self.propagated.instrument_motion, -1.0,
             self.test.shifts, self.test.sizes, math.inf, whitened, means,
         )  # fmt: skip
 
@@ -121,19 +123,19 @@ class StateAtFix:
         if self._outliers < MAX_OUTLIERS:
             return
         self._outliers = 0
-        body = self.rolled.body
-        x, y = self.rolled.arrays.locate_antenna(np.array([0.0, 0.0, fix[2]]))
+        body = self.propagated.body
+        x, y = self.propagated.arrays.locate_antenna(np.array([0.0, 0.0, fix[2]]))
         turned = math.remainder(fix[2] - body[2], 2.0 * math.pi)
-        self.rolled.shift(fix[0] - x - body[0], fix[1] - y - body[1], turned)
+        self.propagated.shift(fix[0] - x - body[0], fix[1] - y - body[1], turned)
         for pose_filter in (self.tracker, self.monitor):
             pose_filter.reset(body[:3])
         self.test.shifts[:] = 0.0
 
 
-def _compute_offset(rolled: PropagatedTractor, fix: Floats, turned_rad: float) -> Floats:
+def _compute_offset(propagated: PropagatedTractor, fix: Floats, turned_rad: float) -> Floats:
     """How far a fix is ahead and to the right of the antenna (m), and the turn (rad) that is given."""
-    x, y = rolled.compute_antenna()
-    east, north, angle = fix[0] - x, fix[1] - y, rolled.body[2]
+    x, y = propagated.compute_antenna()
+    east, north, angle = fix[0] - x, fix[1] - y, propagated.body[2]
     cosine, sine = math.cos(angle), math.sin(angle)
     return np.array([east * cosine + north * sine, east * sine - north * cosine, turned_rad])
 
@@ -143,12 +145,12 @@ class PredictionCorrector:
 
     def __init__(self, state_at_fix: StateAtFix, commands: CommandBuffer) -> None:
         self.state_at_fix, self.commands = state_at_fix, commands
-        self.rolled = state_at_fix.rolled.copy()
+        self.propagated = state_at_fix.propagated.copy()
         self._stale = False
 
     def add_command(self, step: int, command: Floats) -> None:
         """Add a command from a step on; later steps are driven again."""
-        self._stale = self._stale or step < self.rolled.step
+        self._stale = self._stale or step < self.propagated.step
 
     def note_correction(self, step: int, fix: Floats) -> None:
         """Note that the state at the last fix has changed."""
@@ -157,8 +159,8 @@ class PredictionCorrector:
     def propagate_to(self, step: int) -> None:
         """Drive on to a step."""
         if self._stale:
-            self.rolled, self._stale = self.state_at_fix.rolled.copy(), False
-        self.rolled.propagate_to(step, self.commands, self.state_at_fix.adaptation)
+            self.propagated, self._stale = self.state_at_fix.propagated.copy(), False
+        self.propagated.propagate_to(step, self.commands, self.state_at_fix.adaptation)
 
     @property
     def adaptation(self) -> Floats:
@@ -169,8 +171,8 @@ class PredictionCorrector:
 class ThesisCorrector:
     """The thesis's method: commands apply when they arrive, and once a second the twin moves to the last fix."""
 
-    def __init__(self, anchor: StateAtFix, commands: CommandBuffer) -> None:
-        self.rolled = anchor.rolled.copy()
+    def __init__(self, state_at_fix: StateAtFix, commands: CommandBuffer) -> None:
+        self.propagated = state_at_fix.propagated.copy()
         self.adaptation = NO_ADAPTATION
         self.commands = CommandBuffer(float(commands.held_command[0]), float(commands.held_command[1]))
         self.applied: list[tuple[int, Floats]] = []
@@ -179,7 +181,7 @@ class ThesisCorrector:
 
     def add_command(self, step: int, command: Floats) -> None:
         """Add a command that has arrived now."""
-        self.commands.set_command(self.rolled.step, command)
+        self.commands.set_command(self.propagated.step, command)
 
     def note_correction(self, step: int, fix: Floats) -> None:
         """Note a fix that has arrived."""
@@ -187,23 +189,23 @@ class ThesisCorrector:
 
     def propagate_to(self, step: int) -> None:
         """Drive on to a step, with the corrections that are due before it."""
-        while self.rolled.step < step:
-            now = self.rolled.step
+        while self.propagated.step < step:
+            now = self.propagated.step
             if now % CORRECTION_STEPS == 0 and now > 0 and self._fix is not None:
                 self._start_correction()
             until = min(step, now + 1 if self._remaining_steps else (now // CORRECTION_STEPS + 1) * CORRECTION_STEPS)
-            self.rolled.propagate_to(until, self.commands, NO_ADAPTATION)
+            self.propagated.propagate_to(until, self.commands, NO_ADAPTATION)
             if self._remaining_steps:
                 self._remaining_steps -= 1
-                self.rolled.shift(*(float(value) for value in self._shift))
+                self.propagated.shift(*(float(value) for value in self._shift))
 
     def _start_correction(self) -> None:
         """Begin to move the twin to the last fix."""
-        fix, body = self._fix, self.rolled.body
+        fix, body = self._fix, self.propagated.body
         assert fix is not None
         turned = math.remainder(float(fix[2]) - float(body[2]), 2.0 * math.pi)
-        x, y = self.rolled.arrays.locate_antenna(np.array([body[0], body[1], body[2] + turned]))
+        x, y = self.propagated.arrays.locate_antenna(np.array([body[0], body[1], body[2] + turned]))
         self._shift = np.array([fix[0] - x, fix[1] - y, turned]) / BLEND_STEPS
         self._remaining_steps = BLEND_STEPS
-        self.applied.append((self.rolled.step, _compute_offset(self.rolled, fix, turned)))
+        self.applied.append((self.propagated.step, _compute_offset(self.propagated, fix, turned)))
         self._fix = None

@@ -29,8 +29,8 @@ class TractorNoise:
     """Standard deviations of noise.
 
     White noise and slow drift (memory 60 s) of position (m) and heading (rad), white noise of speed (m/s), turning by
-    the soil (rad per m driven, memory 0.5 s) and scatter of the distance (m per root second). The values are those of
-    the logs of `headland diagnose --demo`: RTK with two antennas, ordinary soil.
+    the soil (rad per m driven, memory 0.5 s) and scatter of the distance (m per root second). The values are chosen, of
+    RTK with two antennas on ordinary soil.
     """
 
     position_m: float = 0.010

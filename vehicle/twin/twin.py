@@ -13,6 +13,7 @@ from vehicle.errors import VehicleError
 from vehicle.model.ground import find_ground_index
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import DT_S
+from vehicle.sim.effect_terms import compute_ground_speed
 from vehicle.twin.correction import MAX_LATENESS_STEPS, PredictionCorrector, StateAtFix, ThesisCorrector
 from vehicle.twin.kalman_filter import PoseFilter, build_monitor_parameters, build_tracker_parameters
 from vehicle.twin.mismatch import MismatchTest, ModelMismatch, PositionJump
@@ -83,14 +84,16 @@ class Twin:
         angle = start.heading_rad - machine.bias_rad
         x, y = machine.locate_antenna(np.array([0.0, 0.0, angle]))
         body = create_body(start.x_m - x, start.y_m - y, angle, start.speed_mps)
-        rolled = PropagatedTractor(machine, find_ground_index("soil"), create_state(0.0, start.speed_mps), body, 0)
+        propagated = PropagatedTractor(machine, find_ground_index("soil"), create_state(0.0, start.speed_mps), body, 0)
         self._arrays = machine
         self._commands = CommandBuffer(0.0, start.speed_mps)
         self._test = MismatchTest(tractor, start.time_s)
         tracker, monitor = build_tracker_parameters(TractorNoise()), build_monitor_parameters(TractorNoise())
-        self._anchor = StateAtFix(rolled, PoseFilter(tracker, body[:3]), PoseFilter(monitor, body[:3]), self._test)
+        self._state_at_fix = StateAtFix(
+            propagated, PoseFilter(tracker, body[:3]), PoseFilter(monitor, body[:3]), self._test
+        )
         kind = PredictionCorrector if method == PREDICT else ThesisCorrector
-        self._corrector: PredictionCorrector | ThesisCorrector = kind(self._anchor, self._commands)
+        self._corrector: PredictionCorrector | ThesisCorrector = kind(self._state_at_fix, self._commands)
         self._step = 0
         self._pending_fixes: list[PoseFix] = []
         self._seen_s, self._last_command = start.time_s, (0.0, start.speed_mps, 0.0)
@@ -159,19 +162,19 @@ class Twin:
     def _advance_to(self, step: int) -> None:
         if step > self._step:
             self._commands.hold_until(step)
-            self._anchor.propagate_to(step - MAX_LATENESS_STEPS, self._commands)
+            self._state_at_fix.propagate_to(step - MAX_LATENESS_STEPS, self._commands)
             self._corrector.propagate_to(step)
             self._step = step
 
     def _process_arrived_fix(self, fix: PoseFix) -> None:
         seen_s = fix.time_s - self._arrays.latency_s
         step = min(math.floor((seen_s - self._start_s) / DT_S + 1e-6), self._step)
-        if step < self._anchor.rolled.step:
+        if step < self._state_at_fix.propagated.step:
             self.late_count += 1
             return
-        self._anchor.propagate_to(step, self._commands)
+        self._state_at_fix.propagate_to(step, self._commands)
         row = self._shift_fix_to_step(fix, seen_s - self._start_s - step * DT_S)
-        offset = self._anchor.correct_by_fix(row, fix.time_s, self._unseen_s <= MAX_COMMAND_GAP_S)
+        offset = self._state_at_fix.correct_by_fix(row, fix.time_s, self._unseen_s <= MAX_COMMAND_GAP_S)
         self._update_speed_mismatch(fix)
         self._corrector.note_correction(step, row)
         if isinstance(self._corrector, ThesisCorrector):
@@ -183,7 +186,7 @@ class Twin:
 
     def _shift_fix_to_step(self, fix: PoseFix, late_s: float) -> Floats:
         """The fix as it would have been at the step before its time, without the known bias of the heading."""
-        angle, body = fix.heading_rad - self._arrays.bias_rad, self._anchor.rolled.body
+        angle, body = fix.heading_rad - self._arrays.bias_rad, self._state_at_fix.propagated.body
         angle -= float(body[5]) * late_s
         distance_m = fix.speed_mps * late_s
         return np.array(
@@ -191,10 +194,11 @@ class Twin:
         )
 
     def _update_speed_mismatch(self, fix: PoseFix) -> None:
-        before, model = self._measured_speed_mps, self._arrays.models[0]
+        before, (_, commanded_mps, working) = self._measured_speed_mps, self._last_command
         # Speed over ground as a share of the commanded speed, by the slip in the tractor's file.
-        speed_share = float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._last_command[2]))
-        if abs(fix.speed_mps - self._last_command[1] * speed_share) <= SPEED_MISMATCH_MPS:
+        direction = math.copysign(1.0, commanded_mps)
+        speed_share = direction * compute_ground_speed(direction, working, self._arrays.models[0])
+        if abs(fix.speed_mps - commanded_mps * speed_share) <= SPEED_MISMATCH_MPS:
             self._mismatch_since_s, self._measured_speed_mps = None, None
         elif self._mismatch_since_s is None:
             self._mismatch_since_s = fix.time_s
@@ -210,16 +214,16 @@ class Twin:
     @property
     def state(self) -> TwinState:
         """The twin now."""
-        rolled = self._corrector.rolled
-        speed_mps = rolled.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
-        time_s, heading_rad = self._start_s + self._step * DT_S, float(rolled.body[2])
-        return TwinState(time_s, *rolled.compute_antenna(), heading_rad, speed_mps)
+        propagated = self._corrector.propagated
+        speed_mps = propagated.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
+        time_s, heading_rad = self._start_s + self._step * DT_S, float(propagated.body[2])
+        return TwinState(time_s, *propagated.compute_antenna(), heading_rad, speed_mps)
 
     def predict_path(self, seconds: float) -> Floats:
         """The predicted path (n, 3) under the held command: antenna east and north (m), heading (rad), every 0.1 s
         from now on."""
         pieces = max(0, round(seconds / (PIECE_STEPS * DT_S)))
-        poses = self._corrector.rolled.predict_path(pieces, self._commands, self._corrector.adaptation)
+        poses = self._corrector.propagated.predict_path(pieces, self._commands, self._corrector.adaptation)
         angle, machine = poses[:, 2], self._arrays
         poses[:, 0] += machine.ahead_m * np.cos(angle) + machine.right_m * np.sin(angle)
         poses[:, 1] += machine.ahead_m * np.sin(angle) - machine.right_m * np.cos(angle)
@@ -253,12 +257,12 @@ class Twin:
     @property
     def jumps(self) -> tuple[PositionJump, ...]:
         """Jumps of the fix, which are no evidence against the tractor's file (vehicle.twin.mismatch)."""
-        return tuple(self._anchor.jump_detector.jumps)
+        return tuple(self._state_at_fix.jump_detector.jumps)
 
     @property
     def rejected_count(self) -> int:
         """Number of outliers: fixes more than 8 standard deviations from the prediction."""
-        return self._anchor.rejected_count
+        return self._state_at_fix.rejected_count
 
 
 def _check_fix(fix: PoseFix) -> None:

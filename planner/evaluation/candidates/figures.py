@@ -71,7 +71,7 @@ def measure_candidate(
             collisions=len(run.contacts),
             faults=candidate_run.faults,
         )
-    shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
+    seconds, swept = run.sum_seconds_by_status(), compute_swept_area(run, context)
     operation, spoilt_m2 = context.request.operation, None
     is_kept = keeps_ground(operation, context.request.find_draft_rule())
     traffic = measure_finished_ground_traffic(run, context, swept) if is_shown or is_kept else None
@@ -96,8 +96,8 @@ def measure_candidate(
         spoilt_m2=spoilt_m2,
         outside_m=None if overhang is None else overhang.farthest_m,
         outside_along_m=None if overhang is None else overhang.beyond_m,
-        turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
-        waiting_s=float(shares["waiting"].sum()),
+        turning_s=float(seconds["turning"].sum() + seconds["reversing"].sum()),
+        waiting_s=float(seconds["waiting"].sum()),
         reversals=count_reversals(run),
         min_clearance_m=run.min_clearance_m if math.isfinite(run.min_clearance_m) else None,
         keeps_clearance=run.min_clearance_m >= context.request.clearance_m,

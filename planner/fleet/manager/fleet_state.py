@@ -57,7 +57,7 @@ class ObstacleMap:
             raise FleetManagerError(
                 f"There are {MOST_OBSTACLES} obstacles already, the most allowed; clear those that are gone first."
             )
-        if sum(block.who == who for block in self.items.values()) >= MOST_PER_REPORTER:
+        if sum(obstacle.who == who for obstacle in self.items.values()) >= MOST_PER_REPORTER:
             raise FleetManagerError(
                 f"{who.capitalize()} has reported {MOST_PER_REPORTER} obstacles not cleared yet, the most allowed; "
                 "clear those that are gone first."
@@ -73,18 +73,20 @@ class ObstacleMap:
                 parameter="polygon_m",
             )
         self._last += 1
-        block = FleetObstacle(self._last, name, who, ring, shape)
-        self.items[block.id] = block
+        obstacle = FleetObstacle(self._last, name, who, ring, shape)
+        self.items[obstacle.id] = obstacle
         self.version += 1
-        return block
+        return obstacle
 
     def find_containing_obstacle(self, ring: Ring, who: str) -> FleetObstacle | None:
         """An obstacle of the same reporter that contains this outline, up to SAME_PLACE_M; None if there is none."""
         shape = _build_valid_polygon(ring)
         if shape is None:
             return None
-        own = (block for block in self.items.values() if block.who == who)
-        return next((block for block in own if shapely.buffer(block.shape, SAME_PLACE_M).contains(shape)), None)
+        own = (obstacle for obstacle in self.items.values() if obstacle.who == who)
+        return next(
+            (obstacle for obstacle in own if shapely.buffer(obstacle.shape, SAME_PLACE_M).contains(shape)), None
+        )
 
     def remove_obstacle(self, number: int) -> None:
         """Remove an obstacle. Raises FleetManagerError if there is none of this number."""
@@ -95,9 +97,9 @@ class ObstacleMap:
     def find_blocked_legs(self, mission: TimedMission) -> dict[int, str]:
         """Legs that an obstacle blocks, with its name."""
         names: dict[int, str] = {}
-        for block in self.items.values():
-            for leg in np.flatnonzero(shapely.dwithin(mission.lines, block.shape, self.reach_m)).tolist():
-                names.setdefault(leg, block.name)
+        for obstacle in self.items.values():
+            for leg in np.flatnonzero(shapely.dwithin(mission.lines, obstacle.shape, self.reach_m)).tolist():
+                names.setdefault(leg, obstacle.name)
         return names
 
     def is_on_base(self, state: TractorState, leg_m: float) -> bool:
@@ -108,7 +110,7 @@ class ObstacleMap:
         distances_m = np.append(np.arange(0.0, remaining_m, 0.5), remaining_m)
         points = state.mission.sample_poses(state.leg, leg_m, distances_m, state.base_end)[:, :2]
         line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
-        return any(shapely.dwithin(line, block.shape, self.reach_m) for block in self.items.values())
+        return any(shapely.dwithin(line, obstacle.shape, self.reach_m) for obstacle in self.items.values())
 
 
 def _build_valid_polygon(ring: Ring) -> shapely.Polygon | None:
@@ -149,8 +151,8 @@ class FleetState:
 
     @property
     def scene_version(self) -> int:
-        """Another number once the plan or the obstacles are others."""
-        return self.version * 1000 + self.obstacles.version
+        """Another number once the plan or the obstacles are others, whose versions only grow."""
+        return self.version + self.obstacles.version
 
     def take_outputs(self) -> tuple[list[TractorOrder], list[FleetEvent]]:
         """Orders and events since the last call."""
@@ -293,7 +295,7 @@ class FleetState:
         """Why a remote command would do harm; None if it does not."""
         if abs(speed_mps) < MOVING_MPS:
             return None
-        shapes = [block.shape for block in self.obstacles.items.values()]
+        shapes = [obstacle.shape for obstacle in self.obstacles.items.values()]
         neighbours = self.neighbours.find_nearby_tractors()
         return self.guard.find_command_harm(number, speed_mps, steering_rad, self.states, shapes, neighbours)
 

@@ -116,9 +116,9 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
     worked = {leg.task for mission in run.plan.missions for leg in mission.legs if leg.task.is_work}
     measures = measure_steps(run, context.tractor, context.physics)
     steps = list_steps(run, context.layout.width_m, measures, operation=context.request.operation)
-    shares = run.compute_time_shares() | ({} if context.supply is None else {SERVICE_STATE: run.standing_s})
+    seconds = run.sum_seconds_by_status() | ({} if context.supply is None else {SERVICE_STATE: run.standing_s})
     if run.folding_s.any():
-        shares |= {"turning": shares["turning"] - run.folding_s, FOLDING_STATE: run.folding_s}
+        seconds |= {"turning": seconds["turning"] - run.folding_s, FOLDING_STATE: run.folding_s}
     return replace(
         build_field_picture(context, title, [line for line in get_site_moves(context).lines if line.task in worked]),
         step_s=float(run.time_s[1] - run.time_s[0]),
@@ -128,7 +128,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
             for tractor in range(run.plan.tractors)
         ),
         finish_s=tuple(float(t) for t in run.finish_s),
-        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()},
+        seconds={name: tuple(float(v) for v in values) for name, values in seconds.items()},
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
         missed_m2=result.due_missed_m2,

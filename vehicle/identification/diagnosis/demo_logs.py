@@ -106,10 +106,11 @@ def simulate_demo_logs(
             grid = np.arange(len(states)) * DT_S
             poses: dict[str, Any] = {key: np.interp(drive.time, grid, values) for key, values in shown.items()}
             drive = replace(drive, grids=drive.grids | shown, **poses)
-        assert drive.command is not None
+        assert drive.command is not None and drive.target is not None
         rough = add_soil_noise(DEMO_NOISE, states, rng)
         measured, wheel, speed = add_instrument_noise(rig, DEMO_NOISE, drive, rough, settings, rng)
-        speed = speed + DEMO_NOISE.speed_mps * rng.standard_normal(drive.rows)
+        shuttle = np.where(drive.target < 0.0, -1, 1)
+        speed = shuttle * (speed + DEMO_NOISE.speed_mps * rng.standard_normal(drive.rows))
         frame = pd.DataFrame(
             {
                 "time_s": drive.time,
@@ -117,7 +118,8 @@ def simulate_demo_logs(
                 "northing_m": np.round(measured.north, 3),
                 "heading_deg": np.round(np.mod(90.0 - np.degrees(measured.heading), 360.0), 2),
                 "speed_mps": np.round(np.maximum(speed, 0.0), 2),
-                "speed_command_mps": drive.target,
+                "speed_command_mps": np.abs(drive.target),
+                "shuttle": shuttle,
                 "steering_command_deg": np.round(np.degrees(drive.command), 3),
                 "steering_deg": np.round(np.degrees(wheel) / WHEEL_DIGIT_DEG) * WHEEL_DIGIT_DEG,
                 "implement": drive.working.astype(int),
