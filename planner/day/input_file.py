@@ -17,12 +17,13 @@ from fields.units import DAY_S
 from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FROM_TIMES, FileSection, Yard, check_by, define_number, define_value, parse_settings
+from planner.farm.settings import FROM_TIMES, FileSection, Yard, check_by, define_number, define_value
 from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
 from planner.request.option_texts import MAX_TRACTORS, format_clock, parse_clock, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from reports.common.language import mark_text
 from strategies.names import STRATEGY_NAMES, list_strategy_names
+from vehicle.model.validation_messages import parse_settings
 
 EXAMPLE = "example"
 SUN = "sun"
@@ -210,7 +211,7 @@ def parse_day(
     certainty_pct: float | None = None,
 ) -> tuple[DayFile, FarmFile]:
     """The day of a text and its farm; `label` is its name in messages."""
-    day = parse_settings(text, DayFile, mark_text(f"day file {label}"), r"\b(fields|fleets|roads)\.(\d+)(?=[.:])")
+    day = parse_settings(text, DayFile, mark_text(f"day file {label}"), RequestError)
     overrides = {"farm": farm, "rain": rain, "certainty_pct": certainty_pct}
     given_overrides = {key: value for key, value in overrides.items() if value is not None}
     day = _resolve_paths(day, folder).model_copy(update=given_overrides)

@@ -18,12 +18,12 @@ from planner.farm.settings import (
     FileSection,
     LearnedValue,
     Yard,
-    parse_settings,
     read_example_text,
 )
 from reports.common.language import mark_text
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
+from vehicle.model.validation_messages import parse_settings
 
 Machine = TypeVar("Machine", FarmTractor, FarmImplement)
 OLD_UNCERTAINTY_SECTION = "chances"
@@ -118,9 +118,7 @@ def load_farm(path: str | Path) -> FarmFile:
 
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
-    farm = parse_settings(
-        text, FarmFile, mark_text(f"farm file {label}"), r"\b(tractors|implements)\.(\d+)(?=\.)", "farm"
-    )
+    farm = parse_settings(text, FarmFile, mark_text(f"farm file {label}"), RequestError, "farm")
     if "tractors" not in farm.model_fields_set:
         return farm
     tractors = []

@@ -21,7 +21,6 @@ from pydantic import BaseModel, ValidationError
 
 from fields.geometry.field import Field
 from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error
 from planner.errors import FieldError, HeadlandError, RequestError, attach_parameter, render_refusal
 from planner.request.option_texts import convert_time_to_text
 
@@ -230,8 +229,8 @@ def _read_form(text: str, changes: Sequence[Mapping[str, Any]], model: type[Base
     """Text, values and faults of a file, after changes."""
     try:
         parse_toml(text)
-    except (ValueError, RecursionError) as error:
-        sentence = f"This is not TOML: {explain_parse_error(error)}."
+    except ValueError as error:
+        sentence = f"This is not TOML: {error}."
         if changes:
             raise RequestError(f"{sentence} Correct the text first.", parameter="text") from None
         return {"text": text, "values": {}, "faults": [{"path": [], "sentence": sentence}], "contradictions": []}
