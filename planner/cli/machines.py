@@ -238,8 +238,12 @@ add_example_commands(
 
 
 @farm.command("check")
-def check_farm(file: Annotated[str, typer.Argument(help="A farm file.")], json: AsJson = False) -> None:
-    """Show every value in use of a farm file: given, or the default with its source.
+def check_farm(
+    file: Annotated[str, typer.Argument(help="A farm file.")],
+    explain: Annotated[bool, typer.Option("--explain", help="Print every value with its source.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Check a farm file, and show its machines and how much of it is given; the rest are defaults with sources.
 
     Example: headland farm check farm.toml
     """
@@ -250,5 +254,5 @@ def check_farm(file: Annotated[str, typer.Argument(help="A farm file.")], json: 
     AnswerForm(json).print_answer(
         load_farm(file),
         json=format_farm_json,
-        screen=lambda shown: build_trials_table((build_farm_sheet(shown, file),)),
+        screen=lambda shown: build_trials_table((build_farm_sheet(shown, file, with_values=explain),)),
     )

@@ -20,6 +20,7 @@ from planner.farm.settings import (
     Yard,
     read_example_text,
 )
+from planner.farm.workday import Workday
 from reports.common.language import mark_text
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
@@ -119,6 +120,8 @@ def load_farm(path: str | Path) -> FarmFile:
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
     farm = parse_settings(text, FarmFile, mark_text(f"farm file {label}"), RequestError, "farm")
+    start_s = farm.times.shift_span_s[0]
+    Workday(start_s or 0, breaks_s=farm.times.break_spans_s, shift_s=farm.times.shift_span_s)  # refuses idle ones
     if "tractors" not in farm.model_fields_set:
         return farm
     tractors = []

@@ -5,7 +5,6 @@ All prices are in one currency; defaults are euros of about 2025.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from importlib import resources
 from typing import Annotated, Any
@@ -13,7 +12,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from fields.units import DAY_S
-from planner.request.option_texts import convert_time_to_text, parse_clock
+from planner.request.option_texts import convert_time_to_text, parse_clock, parse_hours
 from planner.request.plan_request import MAX_PRICE
 
 SOURCE_KEY = "source"
@@ -188,10 +187,7 @@ class FarmPrices(FileSection):
 
 def _parse_break(text: str) -> tuple[int, int]:
     """ "12:00-12:30" as seconds of the day (from, to); an end past midnight is above a day."""
-    match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
-    if not match:
-        raise ValueError(f"{text!r} is not a break; write for instance '12:00-12:30'")
-    start, end = (parse_clock(part, "the break") for part in match.groups())
+    start, end = parse_hours(text)
     length_s = (end - start) % DAY_S or DAY_S
     if length_s > MAX_BREAK_S:
         raise ValueError(
@@ -224,21 +220,6 @@ class FarmTimes(FileSection):
     road_factor: float = define_number(
         1.3, 1.0, 10.0, "length of road over straight line", "usual for rural roads: 1.2 to 1.4"
     )
-
-    @model_validator(mode="after")
-    def _check_breaks(self) -> FarmTimes:
-        start, end = self.shift_span_s
-        begin = start or 0
-        until = begin + DAY_S if end is None else end + DAY_S * (end <= begin)
-        repeated_breaks = sorted((a + day, b + day) for a, b in self.break_spans_s for day in (-DAY_S, 0, DAY_S))
-        free_from = begin
-        for first, last in repeated_breaks:
-            if first > free_from:
-                break
-            free_from = max(free_from, last)
-        if free_from >= until:
-            raise ValueError("the breaks take the whole shift; shorten them")
-        return self
 
     def drop_folding(self, folds: bool) -> FarmTimes:
         """The times of an implement that folds or not."""

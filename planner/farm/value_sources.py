@@ -87,8 +87,8 @@ def _describe_machine(machine: Tractor) -> dict[str, float]:
     }
 
 
-def build_farm_sheet(farm: FarmFile, label: str) -> ExperimentSheet:
-    """The farm as a page: a description, and all values with their sources."""
+def build_farm_sheet(farm: FarmFile, label: str, *, with_values: bool = True) -> ExperimentSheet:
+    """The farm as a page: a description, and how many values each section gives, or all with their sources."""
     sentences, values = list[str](), list_values(farm)
     for tractor in farm.tractors:
         facts = _describe_machine(tractor.build_tractor())
@@ -103,12 +103,23 @@ def build_farm_sheet(farm: FarmFile, label: str) -> ExperimentSheet:
         sentences.append(f"{implement.name}: {implement.width_m:g} m{load_text}{tractors_text}.")
     given_count = sum(value.source == GIVEN for value in values)
     sentences.append(f"{given_count} of {len(values)} values are given; the others are defaults.")
-    tables = []
-    for section in dict.fromkeys(value.section for value in values):
-        own = [value for value in values if value.section == section]
-        rows = tuple((f"{v.key}, {v.description}", format_value(v.value), v.source) for v in own)
-        tables.append(TextTable(f"[{section}]", ("Key", "Value", "Source"), rows))
-    return ExperimentSheet("farm", f"The farm of {label}", tuple(sentences), (), (), tuple(tables))
+    by_section: dict[str, list[FarmValue]] = {}
+    for value in values:
+        by_section.setdefault(value.section, []).append(value)
+    if with_values:
+        tables = tuple(
+            TextTable(
+                f"[{section}]",
+                ("Key", "Value", "Source"),
+                tuple((f"{v.key}, {v.description}", format_value(v.value), v.source) for v in own),
+            )
+            for section, own in by_section.items()
+        )
+    else:
+        defaults = {section: sum(v.source != GIVEN for v in own) for section, own in by_section.items()}
+        rows = tuple((f"[{name}]", str(len(by_section[name]) - count), str(count)) for name, count in defaults.items())
+        tables = (TextTable("Values (--explain lists them)", ("Section", "Given", "Defaults"), rows),)
+    return ExperimentSheet("farm", f"The farm of {label}", tuple(sentences), (), (), tables)
 
 
 def format_value(value: Any) -> str:

@@ -4,7 +4,7 @@ is wanted of single tracks and headland passes."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import date, time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -61,6 +61,14 @@ def parse_clock(text: str, parameter: str) -> int:
             f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance {example}."
         )
     return hours * 3600 + minutes * 60
+
+
+def parse_hours(text: str) -> tuple[int, int]:
+    """ "08:00-12:00" as seconds of the day (from, to); raises RequestError."""
+    begin, dash, end = (part.strip() for part in text.partition("-"))
+    if not (begin and dash and end):
+        raise RequestError(f"{text!r} is not a range of hours; write for instance '08:00-12:00'.")
+    return parse_clock(begin, "the time"), parse_clock(end, "the time")
 
 
 def write_clock(value: Any, parameter: str) -> str:
@@ -131,8 +139,11 @@ def parse_counts(text: str) -> tuple[int, ...]:
     return tuple(sorted(counts))
 
 
-def parse_widths(text: str) -> tuple[float, ...]:
-    """ "3" or "3,6" as widths in metres, each once, in the order given; raises RequestError."""
+def parse_widths(text: str, show_remark: Callable[[str], None] = lambda remark: None) -> tuple[float, ...]:
+    """ "3" or "3,6" as widths in metres, each once, in the order given; raises RequestError.
+
+    `show_remark` is called with a sentence on what may be one number with a decimal comma.
+    """
     widths: dict[float, None] = {}
     for part in text.split(","):
         if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MAX_DIGITS}}}(\.\d*)?|\.\d+)(e[-+]?\d{{1,3}})?\s*", part, re.I):
@@ -140,7 +151,17 @@ def parse_widths(text: str) -> tuple[float, ...]:
                 f"{mark_parameter('width_m')} {shorten_value(text)} is not a width; write metres, such as 3 or 3,6."
             )
         widths[float(part)] = None
+    if remark := _question_comma(text):
+        show_remark(remark)
     return tuple(widths)
+
+
+def _question_comma(text: str) -> str:
+    """A sentence on a list of two whole numbers, which may be one with a decimal comma; "" for any other."""
+    if not re.fullmatch(r"\d+,\d+", text):
+        return ""
+    first, second = text.split(",")
+    return f"{text} are two widths, {first} m and {second} m; write {first}.{second} for one."
 
 
 def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
@@ -21,7 +20,6 @@ from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.option_texts import parse_widths
 from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
-from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
@@ -224,10 +222,6 @@ def expand_fields(fields: Sequence[str], options: Mapping[str, Any]) -> tuple[st
 
 def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
     """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
-    names, width = expand_fields(fields or (), given.values), given.values["width"]
-    widths_m = parse_widths(width)
-    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
-    if re.fullmatch(r"\d+,\d+", width):
-        first, second = width.split(",")
-        print_remarks([mark_text(f"{width} are two widths, {first} m and {second} m; write {first}.{second} for one.")])
-    return requests
+    names = expand_fields(fields or (), given.values)
+    widths_m = parse_widths(given.values["width"], lambda remark: print_remarks([remark]))
+    return [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
