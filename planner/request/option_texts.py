@@ -9,7 +9,7 @@ from datetime import date, time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from fields.units import DAY_S, MINUTE_S
+from fields.units import DAY_S, FOOT_M, HOUR_S, KILO, KMH_PER_MPS, MILE_KM, MINUTE_S
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
 from strategies.names import STRATEGY_NAMES
 
@@ -20,6 +20,16 @@ MAX_TRACTORS = 50
 MAX_DIGITS = 40  # nobody types a longer number on purpose
 MOST_NAMED = 10_000
 MOST_KEPT = 8  # wishes that are read: one request asks for its own many times
+_UNITS = {
+    "mm": ("m", 0.001), "cm": ("m", 0.01), "centimetres": ("m", 0.01), "m": ("m", 1.0), "metres": ("m", 1.0),
+    "km": ("m", KILO), "ft": ("m", FOOT_M), "km/h": ("km/h", 1.0), "kmh": ("km/h", 1.0), "m/s": ("km/h", KMH_PER_MPS),
+    "mph": ("km/h", MILE_KM), "kg": ("kg", 1.0), "t": ("kg", KILO), "kw": ("kW", 1.0), "°": ("degrees", 1.0),
+    "deg": ("degrees", 1.0), "degrees": ("degrees", 1.0), "%": ("percent", 1.0), "percent": ("percent", 1.0),
+    "percentage": ("percent", 1.0), "s": ("s", 1.0), "seconds": ("s", 1.0), "min": ("s", MINUTE_S),
+    "minutes": ("s", MINUTE_S), "h": ("s", HOUR_S),
+}  # fmt: skip
+"""Units as people write them and as the help of options does: what they measure, and how much each is of its unit."""
+_NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?)\s*(\S*)\s*")
 _LINE_NAMES = re.compile(
     r"(?P<ring>R)?(?P<first>\d{1,5})(?:-(?(ring)R?)(?P<last>\d{1,5})|(?P<piece>[a-z]{1,2})|\.(?P<side>\d{1,4}))?"
 )
@@ -139,6 +149,21 @@ def parse_counts(text: str) -> tuple[int, ...]:
     return tuple(sorted(counts))
 
 
+def suggest_number(text: str, option_help: str) -> str:
+    """ " (write it in metres: 0.3)" for "30cm" where a help has metres, " (write 4.5)" for "4,5"; "" for no number."""
+    found = _NUMBER_WITH_UNIT.fullmatch(text)
+    if found is None:
+        return ""
+    number, unit = float(found[1].replace(",", ".")), found[2].lower()
+    if not unit:
+        return f" (write {number:g})"
+    wanted = next((word for word in re.split(r"[\s,;.]+", option_help) if word in _UNITS and len(word) > 1), "")
+    measured, size = _UNITS.get(unit, ("", 0.0))
+    if not wanted or measured != _UNITS[wanted][0]:
+        return ""
+    return f" (write it in {wanted}: {number * size / _UNITS[wanted][1]:g})"
+
+
 def parse_widths(text: str, show_remark: Callable[[str], None] = lambda remark: None) -> tuple[float, ...]:
     """ "3" or "3,6" as widths in metres, each once, in the order given; raises RequestError.
 
@@ -148,7 +173,8 @@ def parse_widths(text: str, show_remark: Callable[[str], None] = lambda remark: 
     for part in text.split(","):
         if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MAX_DIGITS}}}(\.\d*)?|\.\d+)(e[-+]?\d{{1,3}})?\s*", part, re.I):
             raise RequestError(
-                f"{mark_parameter('width_m')} {shorten_value(text)} is not a width; write metres, such as 3 or 3,6."
+                f"{mark_parameter('width_m')} {shorten_value(text)} is not a width{suggest_number(part, 'metres')}; "
+                "write metres, such as 3 or 3,6."
             )
         widths[float(part)] = None
     if remark := _question_comma(text):

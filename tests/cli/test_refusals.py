@@ -21,6 +21,11 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 90", ("90 m", "59.5 m or less")),
     ("--width 0.2", ("0.2 m", "0.5 to 100 m")),
     ("--width 1e-9", ("1e-09 m", "0.5 to 100 m")),
+    ("--width 3m", ("'3m' is not a ", "(write it in metres: 3)")),
+    ("--width 6 12", ("'12' stands alone after --width 6", "--width 6,12")),
+    ("--margin 30cm", ("'--margin': '30cm' is not a number (write it in metres: 0.3)",)),
+    ("--margin 0,5", ("'--margin': '0,5' is not a number (write 0.5)",)),
+    ("--margin 5kg", ("'--margin': '5kg' is not a number; headland",)),
     ("--headland 0", ("--headland",)),
     ("--headland 1e308", ("1e+308 m", "at most 1000 m")),
     ("--bearing nan", ("bearing", "nan")),
@@ -57,6 +62,7 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--samples 0 --rain 17:00 --start 8:00", ("--samples is 0", "--rain")),
     ("--headland-passes x", ("'--headland-passes': 'x' is not a whole number", "--help")),
     ("--bearing=x1", ("'--bearing': 'x1' is not a number",)),
+    ("--speed-kmh 2m/s", ("'2m/s' is not a number (write it in km/h: 7.2)",)),
     ("--samples -1", ("--samples is -1", "0 to 1,000,000")),
     ("--start 13:00 --deadline 7pm", ("--deadline '7pm'",)),
     ("--price-per-tractor -0.5", ("--price-per-tractor is -0.5",)),
@@ -131,7 +137,7 @@ def test_a_folder_without_permission(headland: Run, folder: Path) -> None:
 )
 def test_misuse_ends_with_2_and_names_the_word(headland: Run, folder: Path, arguments: tuple[str, ...]) -> None:
     outcome = headland("plan", "good.geojson", "--local", *arguments)
-    assert_refused(outcome, arguments[0], "--help lists the options")
+    assert_refused(outcome, arguments[0], "; headland plan --help lists the options")
 
 
 def test_an_unknown_command(headland: Run, folder: Path) -> None:

@@ -62,6 +62,11 @@ MISUSES = (
     mark_text("'{value}' is not a whole number"),
     mark_text("'{value}' is not a number"),
     mark_text("'{value}' is not a number (write {number})"),
+    mark_text("'{value}' is not a number (write it in {unit}: {number})"),
+    mark_text("metres"),
+    mark_text("degrees"),
+    mark_text("percent"),
+    mark_text("seconds"),
     mark_text("Got unexpected extra argument ({argument})"),
 )
 """Sentences of typer on arguments that it cannot use, for the catalogues."""
@@ -143,6 +148,11 @@ def _translate_command(command: Any) -> None:
             described.rich_help_panel = translate(panel)
     for subcommand in getattr(command, "commands", {}).values():
         _translate_command(subcommand)
+
+
+def get_english_help(described: Any) -> str:
+    """The help of an option as the code has it."""
+    return str(getattr(described, "english_texts", (described.help,))[0] or "")
 
 
 def split_paragraphs(text: str) -> list[str]:
