@@ -334,7 +334,7 @@ def test_bad_input_is_one_sentence(headland: Run, folder: Path, old: str, new: s
     ("arguments", "words"),
     [
         (("none.toml",), "There is no file 'none.toml'"),
-        (("empty.toml",), "it lacks fields (one [[fields]] each), fleets"),
+        (("empty.toml",), "'empty.toml' is empty; give a day file (TOML)"),
         (("lists.toml",), "fields: write the heading of each with double brackets"),
         (("bare.toml",), "fields is empty"),
         (("open.toml",), "The day has no start"),

@@ -58,7 +58,9 @@ HeadlandOrderOption = Annotated[
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
 PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
 RunsArgument = Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+FORCE_HELP = "Overwrite files that are no earlier pages, pictures or plans of Headland."
+ForceOption = Annotated[bool, typer.Option("--force", help=FORCE_HELP)]
+ForceOutputOption = Annotated[bool, in_output("--force", help=FORCE_HELP)]
 Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
