@@ -31,7 +31,7 @@ _BETWEEN_KEYS = re.compile(r"[=,\[\]{}\n]")
 _NON_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _BRACKET_STEPS = np.zeros(256, dtype=np.int8)
 _BRACKET_STEPS[list(b"[{")], _BRACKET_STEPS[list(b"]}")] = 1, -1
-_PARSER_PLACE = re.compile(r"\(at line (\d+), column (\d+)\)")
+_PARSER_PLACE = re.compile(r"line (\d+), column (\d+)")
 _PLAIN_WORDS = (
     ("Expected '='", "a key is not followed by = and its value"),
     ("Expected newline", "a value goes on after its end: write texts in quotes, and decimals with a point"),
@@ -42,13 +42,13 @@ _PLAIN_WORDS = (
     ("Cannot", "there is a key or [heading] a second time"),
     ("Expecting ','", "a comma or a closing bracket is missing"),
     ("Expecting ':'", "a name is not followed by a colon"),
-    ("Expecting property name", "there is no name in double quotes"),
+    ("Expecting property", "there is no name in double quotes"),
     ("Expecting value", "a value is missing or is no number, true, false, null or text in double quotes"),
     ("Extra data", "there is more after the end"),
-    ("Illegal trailing comma", "there is a comma before a closing bracket"),
+    ("Illegal trailing", "there is a comma before a closing bracket"),
     ("Unterminated string", "a text has no closing quote"),
     ('Expected "', "a text has no closing quote"),
-    ("Invalid control character", "a text has a line break or a tab in it"),
+    ("Invalid control", "a text has a line break or a tab in it"),
     ("Illegal character", "a text has a line break in it"),
     ("", "something is not written as it should be"),
 )
@@ -57,19 +57,19 @@ _PLAIN_WORDS = (
 
 @dataclass(frozen=True)
 class SettingsKind:
-    """A kind of TOML files that Headland reads: its name, keys that no other kind has, and how it is used."""
+    """A kind of TOML files that Headland reads: its name, keys that no other kind has, and what `headland` reads it."""
 
-    name: str
+    label: str
     keys: frozenset[str]
-    use: str
+    command: str
 
 
 _FARM_KEYS = ("tractors", "implements", "prices", "times", "uncertainty")
 _TRACTOR_KEYS = ("mass_kg", "steering", "guidance", "radius")
 SETTINGS_KINDS = (
-    SettingsKind("day file", frozenset(("fields", "fleets", "roads")), "headland day FILE"),
-    SettingsKind("farm file", frozenset(_FARM_KEYS), "headland plan --farm FILE"),
-    SettingsKind("tractor file", frozenset(_TRACTOR_KEYS), "headland plan --tractor FILE"),
+    SettingsKind("day file", frozenset(("fields", "fleets", "roads")), "day"),
+    SettingsKind("farm file", frozenset(_FARM_KEYS), "plan --farm"),
+    SettingsKind("tractor file", frozenset(_TRACTOR_KEYS), "plan --tractor"),
 )
 
 
@@ -113,7 +113,7 @@ def _explain_parse_error(error: BaseException, text: str, line: int = 0, column:
     """Why a text is not JSON or TOML, in plain words; `line` and `column` count from 1, 0 is the end of the text."""
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
-    if "integer string conversion" in str(error):
+    if "string conversion" in str(error):
         return "it contains an integer with thousands of digits"
     fault = next(words for begin, words in _PLAIN_WORDS if str(error).startswith(begin))
     if not line:

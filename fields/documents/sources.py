@@ -173,7 +173,10 @@ def _explain_foreign_file(place: str) -> str:
         )
     kind = _find_settings_kind(place)
     if kind is not None:
-        return f"{quote_path(place)} is a {kind.name}, which {kind.use} reads; name a field file ({names}) or a sample."
+        return (
+            f"{quote_path(place)} is a {kind.label}, which headland {kind.command} FILE reads; name a field file "
+            f"({names}) or a sample."
+        )
     foreign = FOREIGN_EXTENSIONS.get(Path(place).suffix.lower(), "in an unknown format")
     return (
         f"{quote_path(place)} is {foreign}, but fields are read from {names}; name one of these, or convert it, "

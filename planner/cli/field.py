@@ -111,7 +111,7 @@ def write_heights(
         contents = render_raster(grid, crs, output)
     print_remarks(grid.remarks)
     with write_before_printing(*zip(files, contents, strict=True)):
-        print_renderable(format_sentence(f"{grid.source}."))
+        print_renderable(format_sentence(f"The heights are {grid.source}."))
 
 
 heights_command = typer.Typer(add_completion=False, rich_markup_mode="markdown")

@@ -35,10 +35,10 @@ def parse_settings(
         return model.model_validate(values)
     except ValidationError as error:
         kind = find_settings_kind(values)
-        if kind is not None and not subject.startswith(kind.name):
+        if kind is not None and not subject.startswith(kind.label):
             raise error_type(
-                f"The {subject} is rather a {kind.name} (it has {', '.join(sorted(kind.keys & values.keys()))}), which "
-                f"{kind.use} reads; name another file.",
+                f"The {subject} is rather a {kind.label} (it has {', '.join(sorted(kind.keys & values.keys()))}), "
+                f"which headland {kind.command} FILE reads; name another file.",
                 parameter=parameter,
             ) from None
         faults = describe_validation_errors(error, model, MAX_FAULTS)

@@ -70,6 +70,10 @@ MISUSES = (
     mark_text("Got unexpected extra argument ({argument})"),
 )
 """Sentences of typer on arguments that it cannot use, for the catalogues."""
+SETTINGS = (
+    mark_text("tractor file {label}"), mark_text("tractor file"), mark_text("farm file"), mark_text("day file")
+)  # fmt: skip
+"""What files of settings are called in refusals, for the catalogues."""
 RANGES = (
     mark_text("The {label} ({option}) is {value}; use {low} to {high}."),
     mark_text("The {label} ({option}) is {value}; use more than {low} and at most {high}."),
