@@ -21,7 +21,7 @@ TELLING_MODULES = (
     "fields/layout/swaths.py", "fields/nested_text.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
     "planner/evaluation/candidates/figures.py",
-    "strategies/formations/compose.py",
+    "strategies/formations/compose.py", "strategies/path_planning/errors.py",
     "planner/evaluation/candidates/fleet_drive.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",

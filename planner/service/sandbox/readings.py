@@ -130,9 +130,9 @@ def summarize_log(file_path: str) -> dict[str, Any]:
     """
     from vehicle.identification.errors import ColumnError
     from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
-    from vehicle.identification.logs.table import extract_columns, read_table
+    from vehicle.identification.logs.table import extract_columns, read_log_table
 
-    frame = read_table(resolve_log_path(file_path))
+    frame = read_log_table(resolve_log_path(file_path))
     try:
         extract_columns(frame, Path(file_path).stem)
     except ColumnError as refusal:

@@ -39,7 +39,7 @@ SHOWN_HEADER_CHARS = 1000  # of a refusal, which has to leave room for the mappi
 _EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a", "inf", "-inf", "<na>")
 
 
-def read_table(path: Path) -> pd.DataFrame:
+def read_log_table(path: Path) -> pd.DataFrame:
     """Read the table of a CSV or Parquet file, cells of a CSV as text; raises LogError."""
     if path.is_dir():
         raise LogError(f"{path} is a directory, not a log; name its files, for example {path}/*.csv.")
