@@ -171,11 +171,11 @@ def _explain_foreign_file(place: str) -> str:
             f"{quote_path(place)} is {kind} without a field file such as TASKDATA.XML, Field.txt or a .shp; supported "
             f"are {names}, so name {kind} that contains one of these, or the file itself."
         )
-    kind = _find_settings_kind(place)
-    if kind is not None:
+    settings = _find_settings_kind(place)
+    if settings is not None:
         return (
-            f"{quote_path(place)} is a {kind.label}, which headland {kind.command} FILE reads; name a field file "
-            f"({names}) or a sample."
+            f"{quote_path(place)} is a {settings.label}, which headland {settings.command} FILE reads; name a field "
+            f"file ({names}) or a sample."
         )
     foreign = FOREIGN_EXTENSIONS.get(Path(place).suffix.lower(), "in an unknown format")
     return (
