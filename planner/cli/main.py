@@ -257,7 +257,8 @@ def _describe_misuse(error: Any, group: CommandGroup) -> str:
     if several := re.fullmatch(r"(No such option: (\S+)) \(Possible options: (.+)\)", sentence):
         (nearest,) = difflib.get_close_matches(several[2], several[3].split(", "), n=1, cutoff=0.0)
         sentence = f"{several[1]} (did you mean {nearest}?)"
-    return f"{sentence}; {find_command_path(group, sys.argv[1:])} --help lists the options."
+    command = getattr(getattr(error, "ctx", None), "command_path", None) or find_command_path(group, sys.argv[1:])
+    return f"{sentence}; {command} --help lists the options."
 
 
 def find_command_path(group: Any, words: Sequence[str]) -> str:

@@ -224,6 +224,8 @@ def expand_fields(fields: Sequence[str], options: Mapping[str, Any]) -> tuple[st
 
 def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
     """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
-    names = expand_fields(fields or (), given.values)
-    widths_m = parse_widths(given.values["width"], lambda remark: print_remarks([remark]))
-    return [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    names, remarks = expand_fields(fields or (), given.values), list[str]()
+    widths_m = parse_widths(given.values["width"], remarks.append)
+    requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
+    print_remarks(remarks)
+    return requests
