@@ -75,10 +75,10 @@ def parse_clock(text: str, parameter: str) -> int:
 
 def parse_hours(text: str) -> tuple[int, int]:
     """ "08:00-12:00" as seconds of the day (from, to); raises RequestError."""
-    begin, dash, end = (part.strip() for part in text.partition("-"))
-    if not (begin and dash and end):
+    match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
+    if not match:
         raise RequestError(f"{text!r} is not a range of hours; write for instance '08:00-12:00'.")
-    return parse_clock(begin, "the time"), parse_clock(end, "the time")
+    return parse_clock(match[1], "the time"), parse_clock(match[2], "the time")
 
 
 def write_clock(value: Any, parameter: str) -> str:

@@ -151,7 +151,8 @@ def test_in_a_process_of_its_own(headland_process: Run) -> None:
 
 
 def test_an_earlier_result_stays_when_the_run_fails(headland: Run, folder: Path) -> None:
-    assert_refused(headland("plan", "bow.geojson", "--local", "--html", "old.html"), "crosses itself")
+    refused = headland("plan", "bow.geojson", "--local", "--html", "old.html", "--force")
+    assert_refused(refused, "crosses itself")
     assert (folder / "old.html").read_text() == "an earlier result"
 
 
