@@ -81,6 +81,11 @@ def suggest_name(name: str, known_names: Iterable[str]) -> str:
     return f" (did you mean {spellings[suggestions[0]]!r}?)" if suggestions else ""
 
 
+def measure_likeness(name: str, other: str) -> float:
+    """How much of two names is the same, 0 to 1; capitals do not count."""
+    return difflib.SequenceMatcher(None, name.lower(), other.lower()).ratio()
+
+
 def _is_typo(name: str, known_name: str) -> bool:
     """Whether most letters are the same, or all but one letter of a short word."""
     differs_by_one = (
@@ -123,6 +128,16 @@ def attach_parameter(parameter: str) -> Iterator[None]:
         yield
     except HeadlandError as refusal:
         refusal.parameter = refusal.parameter or parameter
+        raise
+
+
+@contextmanager
+def rename_parameters(rename: Callable[[str], str]) -> Iterator[None]:
+    """Call the parameters that refusals of the body mark by other names, such as those of the keys of a file."""
+    try:
+        yield
+    except HeadlandError as refusal:
+        refusal.args = (_MARKED.sub(lambda match: rename(match[1]), str(refusal.args[0])),)
         raise
 
 

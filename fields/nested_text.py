@@ -1,6 +1,7 @@
-"""TOML and JSON from outside: nesting is counted before parsing, because parsing deeply nested text may take minutes.
+"""TOML and JSON from outside, refused in plain words; and what kind of settings a TOML file holds.
 
-The time of the TOML parser grows with the square of the number of parts of one key.
+Nesting is counted before parsing, because parsing deeply nested text may take minutes. The time of the TOML parser
+grows with the square of the number of parts of one key.
 """
 
 from __future__ import annotations
@@ -8,11 +9,16 @@ from __future__ import annotations
 import json
 import re
 import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from fields.errors import shorten_value
+
 MAX_TOML_LEVELS = 20
+MAX_SHOWN_CHARS = 36  # of a line with a fault
 MAX_JSON_LEVELS = 50  # GeoJSON itself needs 12; properties of a feature may need a few more
 # An unclosed string matches up to the end of its line or text, so that no part of the text is scanned twice.
 _TOML_STRING_OR_COMMENT = re.compile(
@@ -25,21 +31,67 @@ _BETWEEN_KEYS = re.compile(r"[=,\[\]{}\n]")
 _NON_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _BRACKET_STEPS = np.zeros(256, dtype=np.int8)
 _BRACKET_STEPS[list(b"[{")], _BRACKET_STEPS[list(b"]}")] = 1, -1
+_PARSER_PLACE = re.compile(r"line (\d+), column (\d+)")
+_PLAIN_WORDS = (
+    ("Expected '='", "a key is not followed by = and its value"),
+    ("Expected newline", "a value goes on after its end: write texts in quotes, and decimals with a point"),
+    ("Invalid value", "there is a value that is no number, true, false, list or text in quotes"),
+    ("Invalid statement", "there is no key and no [heading]"),
+    ("Expected ']", "the bracket of a [heading] is not closed"),
+    ("Unclosed", "a bracket is not closed"),
+    ("Cannot", "there is a key or [heading] a second time"),
+    ("Expecting ','", "a comma or a closing bracket is missing"),
+    ("Expecting ':'", "a name is not followed by a colon"),
+    ("Expecting property", "there is no name in double quotes"),
+    ("Expecting value", "a value is missing or is no number, true, false, null or text in double quotes"),
+    ("Extra data", "there is more after the end"),
+    ("Illegal trailing", "there is a comma before a closing bracket"),
+    ("Unterminated string", "a text has no closing quote"),
+    ('Expected "', "a text has no closing quote"),
+    ("Invalid control", "a text has a line break or a tab in it"),
+    ("Illegal character", "a text has a line break in it"),
+    ("", "something is not written as it should be"),
+)
+"""How complaints of the parsers of TOML and JSON begin, and what they mean to people; the last is for all others."""
+
+
+@dataclass(frozen=True)
+class SettingsKind:
+    """A kind of TOML files that Headland reads: its name, keys that no other kind has, and what `headland` reads it."""
+
+    label: str
+    keys: frozenset[str]
+    command: str
+
+
+_FARM_KEYS = ("tractors", "implements", "prices", "times", "uncertainty")
+_TRACTOR_KEYS = ("mass_kg", "steering", "guidance", "radius")
+SETTINGS_KINDS = (
+    SettingsKind("day file", frozenset(("fields", "fleets", "roads")), "day"),
+    SettingsKind("farm file", frozenset(_FARM_KEYS), "plan --farm"),
+    SettingsKind("tractor file", frozenset(_TRACTOR_KEYS), "plan --tractor"),
+)
+
+
+def find_settings_kind(keys: Iterable[str]) -> SettingsKind | None:
+    """The kind of settings that most of these keys of a file belong to; None for keys of no kind."""
+    own = set(keys)
+    kind = max(SETTINGS_KINDS, key=lambda one: len(one.keys & own))
+    return kind if kind.keys & own else None
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The content of a TOML text.
-
-    Raises:
-        ValueError: the text is not TOML or nested too deeply.
-        RecursionError: the parser ran out of stack.
-    """
+    """The content of a TOML text; raises ValueError, in a few words, for what is not TOML or nested too deeply."""
     bare = _TOML_STRING_OR_COMMENT.sub("", text)
     parts = 1 + max(piece.count(".") for piece in _BETWEEN_KEYS.split(bare))
     if parts > MAX_TOML_LEVELS:
         raise ValueError(f"a key in it has {parts} parts between dots; at most {MAX_TOML_LEVELS} are allowed")
     _check_levels(bare, MAX_TOML_LEVELS)
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        place = _PARSER_PLACE.search(str(error))
+        raise ValueError(_explain_parse_error(error, text, *map(int, place.groups() if place else ()))) from None
 
 
 def parse_json(text: str) -> Any:
@@ -47,7 +99,28 @@ def parse_json(text: str) -> Any:
     # Brackets inside strings are excluded only when it matters: files are often large but rarely deep.
     if _count_levels(text) > MAX_JSON_LEVELS:
         _check_levels(_JSON_STRING.sub("", text), MAX_JSON_LEVELS)
-    return json.loads(text)
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        is_at_end = error.pos >= len(text.rstrip())
+        place = () if is_at_end else (error.lineno, error.colno)
+        raise ValueError(_explain_parse_error(error, text, *place)) from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(_explain_parse_error(error, text)) from None
+
+
+def _explain_parse_error(error: BaseException, text: str, line: int = 0, column: int = 0) -> str:
+    """Why a text is not JSON or TOML, in plain words; `line` and `column` count from 1, 0 is the end of the text."""
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if "string conversion" in str(error):
+        return "it contains an integer with thousands of digits"
+    fault = next(words for begin, words in _PLAIN_WORDS if str(error).startswith(begin))
+    if not line:
+        return f"{fault}, at its end"
+    shown = text.split("\n")[line - 1]
+    shown = shown if len(shown) <= MAX_SHOWN_CHARS else shown[max(0, column - MAX_SHOWN_CHARS // 2) :]
+    return f"{fault}, in line {line}: {shorten_value(shown.strip())}"
 
 
 def _check_levels(text: str, max_levels: int) -> None:

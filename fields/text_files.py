@@ -66,9 +66,11 @@ def read_text(path: str | Path, kind: str, error_type: type[HeadlandError]) -> s
         error_type: class of the exception.
 
     Raises:
-        error_type: the file does not exist, is a folder, cannot be read, is too large or is not text.
+        error_type: the file does not exist, is a folder, cannot be read, is empty, too large or not text.
     """
     content = read_bytes(path, kind, error_type)
+    if not content.strip():
+        raise error_type(f"{quote_path(path)} is empty; give {kind} with something in it.")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -128,15 +130,6 @@ def lower_first(sentence: str) -> str:
 def count_noun(count: int, noun: str) -> str:
     """A count with its noun: 1 ring, 2 rings."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
-def explain_parse_error(error: BaseException) -> str:
-    """Why a text is not JSON or TOML, in a few words: the parser's message, too deep nesting or too many digits."""
-    if isinstance(error, RecursionError):
-        return "it is nested too deeply"
-    if "integer string conversion" in str(error):
-        return "it contains an integer with thousands of digits"
-    return str(error)
 
 
 def decode_table(content: bytes) -> str:

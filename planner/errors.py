@@ -13,13 +13,14 @@ from fields.errors import (
     attach_parameter,
     make_one_line,
     mark_parameter,
+    rename_parameters,
     shorten_value,
     suggest_name,
 )
 
 __all__ = [
     "MAX_FAULTS", "FieldError", "HeadlandError", "RequestError", "WorkerError", "attach_parameter", "make_one_line",
-    "mark_parameter", "render_refusal", "shorten_value", "strip_unit", "suggest_name",
+    "mark_parameter", "rename_parameters", "render_refusal", "shorten_value", "strip_unit", "suggest_name",
 ]  # fmt: skip
 _OPTION_NAMES = {
     "mass_kg": "mass",

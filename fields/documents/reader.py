@@ -12,7 +12,16 @@ from shapely.geometry.polygon import orient
 
 from fields.documents.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
 from fields.documents.sources import FieldReference, parse_field_reference
-from fields.errors import MAX_LISTED, FieldError, join_first, mark_parameter, shorten_value
+from fields.errors import (
+    MAX_LISTED,
+    MAX_NAMED,
+    FieldError,
+    join_first,
+    mark_parameter,
+    measure_likeness,
+    shorten_value,
+    suggest_name,
+)
 from fields.formats.features import describe_unused_feature, replace_unprintable, summarise_counts
 from fields.geometry.arithmetic import NEAR_FIELD_M
 from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
@@ -263,7 +272,10 @@ def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label
         return matches[0]
     if key.isdecimal() and len(key) < 10 and int(key) < len(polygons):
         return polygons[int(key)]
-    raise FieldError(f"{label} has no field '{key}'; {_explain_polygon_choice(document, local)}.", parameter="field")
+    close = suggest_name(key, [raw.key for raw in polygons])
+    raise FieldError(
+        f"{label} has no field '{key}'{close}; {_explain_polygon_choice(document, local, key)}.", parameter="field"
+    )
 
 
 def _list_offered_fields(document: FieldDocument) -> list[int]:
@@ -272,10 +284,14 @@ def _list_offered_fields(document: FieldDocument) -> list[int]:
     return [position for position in range(len(document.polygons)) if position not in parents]
 
 
-def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
-    """Names and areas of the fields in a file, and how to pick one."""
+def _explain_polygon_choice(document: FieldDocument, local: bool, wanted: str = "") -> str:
+    """Names and areas of the fields in a file, of many the first or those most like a wanted one; how to pick one."""
     offered, rows = _list_offered_fields(document), []
-    for summary in (_summarise_field(document, number, local) for number in offered[:MAX_LISTED]):
+    shown = offered[:MAX_LISTED]
+    if wanted and len(offered) > MAX_LISTED:
+        likeness = {number: measure_likeness(wanted, document.polygons[number].key) for number in offered}
+        shown = sorted(offered, key=lambda number: -likeness[number])[:MAX_NAMED]
+    for summary in (_summarise_field(document, number, local) for number in shown):
         rows.append(f"{summary.key} ({'not usable' if summary.area_ha is None else f'{summary.area_ha:.2f} ha'})")
     remaining = len(offered) - len(rows)
     remainder = f" and {remaining} more ({mark_parameter('list_fields')} lists all)" if remaining else ""
@@ -284,7 +300,10 @@ def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
             "give one alone, such as frame.explode().iloc[[0]] of a GeoDataFrame or shape.geoms[0] of shapely: "
             f"{', '.join(rows)}{remainder}"
         )
-    return f"choose one by adding #ID or #position (from 0) to the file name: {', '.join(rows)}{remainder}"
+    return (
+        f"choose one of its {len(offered)} by adding #ID or #position (from 0) to the file name: {', '.join(rows)}"
+        f"{remainder}"
+    )
 
 
 def _read_outline(

@@ -27,7 +27,7 @@ from fields.formats.guidance import (
 )
 from fields.nested_text import parse_json
 from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument, FieldFormat
-from fields.text_files import explain_parse_error, read_text
+from fields.text_files import read_text
 
 HEADER_KEY = "headland"
 """Member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
@@ -45,8 +45,8 @@ def parse_geojson(content: str, label: str) -> FieldDocument:
     """
     try:
         root = parse_json(content)
-    except (ValueError, RecursionError) as error:
-        raise FieldError(f"{label} is not JSON ({explain_parse_error(error)}); give a GeoJSON file.") from error
+    except ValueError as error:
+        raise FieldError(f"{label} is not JSON ({error}); give a GeoJSON file.") from error
     if not isinstance(root, dict) or not isinstance(root.get("type"), str):
         members = join_first([shorten_value(name) for name in root]) if isinstance(root, dict) and root else "nothing"
         raise FieldError(

@@ -31,7 +31,6 @@ from fields.terrain.rasters import RASTER_SUFFIXES
 from fields.text_files import (
     count_noun,
     decode_table,
-    explain_parse_error,
     parse_number,
     quote_path,
     read_bytes,
@@ -165,14 +164,11 @@ def _parse_agopengps(lines: list[str], path: str) -> HeightPoints:
 
 
 def _read_geojson(path: str) -> HeightPoints:
+    text = read_text(path, "a GeoJSON file", ElevationError)
     try:
-        root = parse_json(read_text(path, "a GeoJSON file", ElevationError))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, ElevationError):
-            raise
-        raise ElevationError(
-            f"{quote_path(path)} is not JSON ({explain_parse_error(error)}); export it again."
-        ) from None
+        root = parse_json(text)
+    except ValueError as error:
+        raise ElevationError(f"{quote_path(path)} is not JSON ({error}); export it again.") from None
     if not isinstance(root, dict):
         raise ElevationError(f"{quote_path(path)} is JSON, but not GeoJSON; give a FeatureCollection.")
     listed = root.get("features")

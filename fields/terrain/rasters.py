@@ -22,7 +22,7 @@ from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
 from fields.geometry.arithmetic import PARALLEL_RAD
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid
 from fields.terrain.height_units import describe_unit, find_axis_units_m, find_unit_m
-from fields.text_files import quote_path, read_text
+from fields.text_files import quote_path, read_bytes, read_text
 
 GEOTIFF_SUFFIXES, ASCII_SUFFIXES = (".tif", ".tiff"), (".asc", ".agr")
 RASTER_SUFFIXES = (*GEOTIFF_SUFFIXES, *ASCII_SUFFIXES)
@@ -322,7 +322,7 @@ def _read_projection(path: str) -> str | None:
     if not beside:
         return None
     chosen = exact if exact in beside else min(beside)
-    return read_text(chosen, "a .prj file", ElevationError).strip() or None
+    return read_bytes(chosen, "a .prj file", ElevationError).decode("utf-8", "replace").strip() or None
 
 
 def list_raster_files(path: Path) -> tuple[Path, ...]:

@@ -20,6 +20,7 @@ from planner.cli.common.options import (
     ExecutorChoice,
     FieldArgument,
     FieldsArgument,
+    ForceOutputOption,
     HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
@@ -83,6 +84,7 @@ def compare_headlands(
         typer.Option(help="How often a field is worked in a year, for hours, fuel and cost.", rich_help_panel=COSTS),
     ] = 1,
     html: Annotated[Optional[Path], in_output(help="Write one page with a map of every plan.")] = None,
+    force: ForceOutputOption = False,
     json: JsonOption = False,
     csv: CsvOption = False,
     processes: ProcessesOption = None,
@@ -120,7 +122,7 @@ def compare_headlands(
     input_files: dict[str | Path, str] = {}
     for name in dict.fromkeys(request.field for request in requests):
         input_files |= list_input_files({"field": name, "farm": given.values["farm"]})
-    check_output_paths((html, ".html"), input_files=input_files)
+    check_output_paths((html, ".html"), input_files=input_files, force=force)
     compare = partial(compare_ways, with_maps=html is not None)
     comparison = replace(
         _compare(compare, orders, executor_choice, mark_text("Comparing headlands")),

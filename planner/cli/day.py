@@ -12,6 +12,7 @@ from planner.cli.common.options import (
     NO_RESULT_STATUS,
     AsJson,
     ExecutorChoice,
+    ForceOption,
     add_example_commands,
     create_group,
     inject_request_options,
@@ -73,6 +74,7 @@ def plan_day_file(
     html: Annotated[Optional[Path], typer.Option(help="Write one page with pictures and tables.")] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the chart of machines and fields over time.")] = None,
     map_png: Annotated[Optional[Path], typer.Option("--map", help="Write the map of fields and roads, PNG.")] = None,
+    force: ForceOption = False,
     explain: Annotated[
         bool, typer.Option("--explain", help="Print roads, fields, costs, and how each figure is made up as well.")
     ] = False,
@@ -109,7 +111,9 @@ def plan_day_file(
     if not field_minutes > 0.0:
         raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = load_day(file, farm=options["farm"], rain=options["rain"], certainty_pct=certainty)
-    check_output_paths((html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_day_files(file, day_file))
+    check_output_paths(
+        (html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_day_files(file, day_file), force=force
+    )
     prepared = prepare_day(day_file, farm_file)
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
     store = ResultCache(find_cache_folder() / "field-times" if cache is None else cache)
@@ -148,7 +152,7 @@ def _list_day_results(result: DayResult, html: Path | None, png: Path | None, ma
 add_example_commands(
     day,
     "day",
-    lambda file: mark_text(f"An example was written to {file}. Adapt it, then plan the day with headland day {file}."),
+    lambda file: mark_text(f"This is an example: adapt it, then plan the day with headland day {file}."),
 )
 
 

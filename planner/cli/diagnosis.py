@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import NO_RESULT_STATUS, AsJson, TractorOption
+from planner.cli.common.options import NO_RESULT_STATUS, AsJson, ForceOption, TractorOption
 from planner.cli.common.outputs import (
     Result,
     check_output_paths,
@@ -96,6 +96,7 @@ def diagnose(
     next_drive: Annotated[
         Optional[Path], typer.Option(help="Write the plan of the drive to do next, if the logs leave a doubt.")
     ] = None,
+    force: ForceOption = False,
     explain: Annotated[
         bool, typer.Option("--explain", help="Print every effect, every run and how to read them as well.")
     ] = False,
@@ -118,7 +119,7 @@ def diagnose(
     soil_table = None if soil_line is None else soil_line.path
     outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_table, ".csv")
     input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=logs or ())
-    check_output_paths(*outputs, input_files=input_files)
+    check_output_paths(*outputs, input_files=input_files, force=force, updated=(soil_table,))
     diagnosis, hidden = _run_diagnosis(
         logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights, columns
     )
@@ -249,6 +250,7 @@ def replay(
     crs: LogCrsOption = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the picture.")] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write the picture and the errors as one page.")] = None,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Simulate the commands of a measured run with the effects of the tractor file, and compare both.
@@ -263,7 +265,7 @@ def replay(
 
     heights, columns = _choose_heights(elevation, elevation_crs, crs, demo=False), _choose_mapping(mapping, column)
     input_files = list_input_files({"tractor": tractor, "elevation": elevation, "mapping": mapping}, logs=[log])
-    check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
+    check_output_paths((png, ".png"), (html, ".html"), input_files=input_files, force=force)
     result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, heights=heights)
     with write_before_printing(
         (png, lambda: render_png(draw_replay(result.replayed))),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from fields.errors import suggest_name
-from planner.cli.common.options import AsJson, Html, Png, TractorOption
+from planner.cli.common.options import AsJson, ForceOption, Html, Png, TractorOption
 from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, warm_up
 from planner.errors import RequestError
@@ -28,6 +28,7 @@ def design(
     tractor: TractorOption = "eg105",
     html: Html = None,
     png: Png = None,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Sweep tyres or the centre of mass: where the tractor is stable at 35 degrees, and how tightly it turns.
@@ -38,7 +39,7 @@ def design(
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.fixed_steering import build_mass_sheet, build_tyres_sheet
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}), force=force)
     if study not in STUDIES:
         close, known = suggest_name(study, STUDIES), ", ".join(STUDIES)
         raise VehicleError(f"The study {study!r} is unknown{close}; use one of: {known}.")
@@ -59,6 +60,7 @@ def drive(
     mass: Annotated[Optional[float], typer.Option(help="Centre of mass, metres behind the front axle.")] = None,
     html: Html = None,
     png: Png = None,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Drive with the wheels at a fixed angle on the tyres of chapter 4: radius, stability, side-slip.
@@ -73,7 +75,7 @@ def drive(
         run_steered_drive,
     )
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}))
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": tractor}), force=force)
     request = SteeredDriveRequest(steer, ground, model, seconds, speed_kmh, tractor, steering, mass)
     warm_up()
     result, path = run_steered_drive(request)
@@ -103,6 +105,7 @@ def validate(
     html: Html = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")] = None,
     seed: Annotated[int, typer.Option(help="Seed of the GNSS errors.")] = 1,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Repeat the experiments of chapters 3 to 5 of the thesis and print every number beside that of the thesis.
@@ -111,7 +114,7 @@ def validate(
     """
     from reports.trials.report import format_trials_json
 
-    check_output_paths((html, ".html"), (png, ".png"))
+    check_output_paths((html, ".html"), (png, ".png"), force=force)
     known = ", ".join(EXPERIMENTS)
     if experiment is not None and experiment not in EXPERIMENTS:
         close = suggest_name(experiment, EXPERIMENTS)

@@ -13,6 +13,7 @@ from planner.cli.common.options import (
     DEFAULT_FIELD,
     AsJson,
     FieldArgument,
+    ForceOption,
     RunsArgument,
     inject_request_options,
     read_given_options,
@@ -35,6 +36,7 @@ def field(
     context: typer.Context,
     field: FieldArgument = DEFAULT_FIELD,
     png: Annotated[Optional[Path], typer.Option(help="Write a map with tracks, headland passes and cells.")] = None,
+    force: ForceOption = False,
     list_only: Annotated[bool, typer.Option("--list", help="Only list the fields of the file.")] = False,
     json: AsJson = False,
     **options: Any,
@@ -59,7 +61,7 @@ def field(
     from reports.plan.map_figure import draw_plan_map, render_png
 
     given = read_given_options(context, options)
-    check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}))
+    check_output_paths((png, ".png"), input_files=list_input_files({**options, "field": field}), force=force)
     if list_only and png:
         raise RequestError("--png draws one field; leave it out with --list.")
     if list_only:
@@ -88,7 +90,7 @@ def write_heights(
     output: Annotated[
         Path, typer.Option("--out", "-o", help="The raster to write: .tif (GeoTIFF) or .asc (ASCII grid).")
     ],
-    force: Annotated[bool, typer.Option("--force", help="Overwrite a raster of the same name.")] = False,
+    force: ForceOption = False,
 ) -> None:
     """Write the heights in imported logs as a raster, for --elevation of plans.
 
@@ -109,7 +111,7 @@ def write_heights(
         contents = render_raster(grid, crs, output)
     print_remarks(grid.remarks)
     with write_before_printing(*zip(files, contents, strict=True)):
-        print_renderable(format_sentence(f"Written to {output}: {grid.source}."))
+        print_renderable(format_sentence(f"The heights are {grid.source}."))
 
 
 heights_command = typer.Typer(add_completion=False, rich_markup_mode="markdown")

@@ -60,6 +60,7 @@ def fit(
     output: Annotated[
         Optional[Path], typer.Option("--output", "-o", help="Write the table to this file instead of the screen.")
     ] = None,
+    force: ForceOption = False,
 ) -> None:
     """Make the table of errors from static fixes of a receiver (section 2.3.1 of the thesis).
 
@@ -67,13 +68,13 @@ def fit(
     """
     from vehicle.model.gnss import build_error_table, format_error_table, load_static_fixes
 
-    check_output_paths((output, ""), input_files={fixes: "the fixes"})
+    check_output_paths((output, ""), input_files={fixes: "the fixes"}, force=force)
     table = build_error_table(*load_static_fixes(fixes))
     if output is None:
         typer.echo(format_error_table(table), nl=False)
         return
     with write_before_printing((output, format_error_table(table))):
-        print_sentence(f"{int(table[-1, 3])} fixes in {len(table)} cells of a millimetre; written to {output}.")
+        print_sentence(f"{int(table[-1, 3])} fixes in {len(table)} cells of a millimetre.")
 
 
 @gnss.command()
@@ -184,6 +185,7 @@ def check(
     farm: FarmOption = None,
     html: Html = None,
     png: Png = None,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Drive circles, a straight track, a lane change and a turn, and compare them with the values of the file.
@@ -196,7 +198,8 @@ def check(
     from vehicle.model.tractor import load_tractor
     from vehicle.trials.sheets.tractor_check import check_tractor
 
-    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files({"tractor": file, "farm": farm}))
+    input_files = list_input_files({"tractor": file, "farm": farm})
+    check_output_paths((html, ".html"), (png, ".png"), input_files=input_files, force=force)
     machine = load_tractor(file) if farm is None else load_farm(farm).get_tractor(file).build_tractor()
     warm_up()
     with create_progress_callback("Driving the tractor"):
@@ -222,7 +225,7 @@ def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
         f"Test it with headland tractor check {file}; plan with headland plan --tractor {file}.",
     )
     table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), rows)
-    return ExperimentSheet("tractor", f"{machine.name}: written to {file}", sentences, (), (), (table,))
+    return ExperimentSheet("tractor", machine.name, sentences, (), (), (table,))
 
 
 farm = create_group("The farm file: tractors, implements, prices, times.\n\nExample: headland farm check farm.toml")
@@ -231,15 +234,17 @@ farm = create_group("The farm file: tractors, implements, prices, times.\n\nExam
 add_example_commands(
     farm,
     "farm",
-    lambda file: mark_text(
-        f"An example was written to {file}. Adapt it, then check it with headland farm check {file}."
-    ),
+    lambda file: mark_text(f"This is an example: adapt it, then check it with headland farm check {file}."),
 )
 
 
 @farm.command("check")
-def check_farm(file: Annotated[str, typer.Argument(help="A farm file.")], json: AsJson = False) -> None:
-    """Show every value in use of a farm file: given, or the default with its source.
+def check_farm(
+    file: Annotated[str, typer.Argument(help="A farm file.")],
+    explain: Annotated[bool, typer.Option("--explain", help="Print every value with its source.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Check a farm file, and show its machines and how much of it is given; the rest are defaults with sources.
 
     Example: headland farm check farm.toml
     """
@@ -250,5 +255,5 @@ def check_farm(file: Annotated[str, typer.Argument(help="A farm file.")], json: 
     AnswerForm(json).print_answer(
         load_farm(file),
         json=format_farm_json,
-        screen=lambda shown: build_trials_table((build_farm_sheet(shown, file),)),
+        screen=lambda shown: build_trials_table((build_farm_sheet(shown, file, with_values=explain),)),
     )

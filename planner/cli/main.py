@@ -16,14 +16,20 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Annotated, Any, NoReturn, Optional
 
 import typer
 from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
-from planner.cli.common.language_options import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
+from planner.cli.common.language_options import (
+    LANGUAGE_HELP,
+    UNITS_HELP,
+    choose_reader,
+    get_english_help,
+    translate_help,
+)
 from planner.cli.common.terminal import LOADING, compile_missing, print_renderable, print_sentence
 from planner.cli.comparisons import compare_bearings, compare_headlands
 from planner.cli.day import day
@@ -38,6 +44,7 @@ from planner.cli.server import backup, restore, serve, token, worker
 from planner.cli.sweep import sweep
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
+from planner.request.option_texts import suggest_number
 from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
@@ -45,6 +52,7 @@ HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the hel
 _NOT_A_NUMBER = re.compile(
     r"Invalid value for '(?P<option>--[\w-]+)': Input should be a valid (?P<kind>integer|number), unable to parse.*"
 )
+_NUMBERS = re.compile(r"\d[\d.,:-]*")  # one, several, or a range
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
 
 
@@ -113,24 +121,25 @@ class CommandGroup(TyperGroup):
         """As typer does, with usage errors converted and help in the language of the reader."""
         set_reader(FILES)
         set_reader(choose_reader(args, os.environ))
-        with use_reader(), _convert_usage_errors():
+        with use_reader(), _convert_usage_errors(self):
+            refuse_spaced_lists(args)
             translate_help(self)
             return super().make_context(info_name, args, *others, **options)
 
     def invoke(self, ctx: Any) -> Any:
         """As typer does, with usage errors converted."""
-        with _convert_usage_errors():
+        with _convert_usage_errors(self):
             return super().invoke(ctx)
 
 
 @contextlib.contextmanager
-def _convert_usage_errors() -> Iterator[None]:
+def _convert_usage_errors(group: CommandGroup) -> Iterator[None]:
     try:
         yield
     except Exception as error:
         if not hasattr(error, "format_message") or type(error).__name__ == HELP_SHOWN_ERROR:
             raise
-        raise MisuseError(_describe_misuse(error)) from None
+        raise MisuseError(_describe_misuse(error, group)) from None
 
 
 app = typer.Typer(
@@ -231,7 +240,7 @@ def _describe_error(error: Exception) -> tuple[str, int]:
     return f"A fault of Headland ({fault}); {written_note}{debug_hint}.", FAULT_STATUS
 
 
-def _describe_misuse(error: Any) -> str:
+def _describe_misuse(error: Any, group: CommandGroup) -> str:
     """The sentence for arguments that typer cannot use."""
 
     def name_bad_number(found: re.Match[str]) -> str:
@@ -240,8 +249,7 @@ def _describe_misuse(error: Any) -> str:
         words = [word.removeprefix(f"{option}=") for word in sys.argv]
         values = [after if word == option else word for word, after in zip(words, [*words[1:], ""], strict=True)]
         value = next((each for word, each in zip(sys.argv, values, strict=True) if word.split("=")[0] == option), "")
-        comma = re.fullmatch(r"(\d+),(\d+)", value)
-        hint = f" (write {comma[1]}.{comma[2]})" if comma and kind == "number" else ""
+        hint = suggest_number(value, get_english_help(error.param)) if kind == "number" else ""
         return f"Invalid value for '{option}': '{value}' is not a {kind}{hint}"
 
     sentence = _NOT_A_NUMBER.sub(name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
@@ -249,8 +257,29 @@ def _describe_misuse(error: Any) -> str:
     if several := re.fullmatch(r"(No such option: (\S+)) \(Possible options: (.+)\)", sentence):
         (nearest,) = difflib.get_close_matches(several[2], several[3].split(", "), n=1, cutoff=0.0)
         sentence = f"{several[1]} (did you mean {nearest}?)"
-    command = getattr(getattr(error, "ctx", None), "command_path", None) or "headland"
+    command = getattr(getattr(error, "ctx", None), "command_path", None) or find_command_path(group, sys.argv[1:])
     return f"{sentence}; {command} --help lists the options."
+
+
+def find_command_path(group: Any, words: Sequence[str]) -> str:
+    """The command that words name, with its groups: "headland farm new"."""
+    path = ["headland"]
+    for word in words:
+        if word in getattr(group, "commands", {}):
+            group = group.commands[word]
+            path.append(word)
+    return " ".join(path)
+
+
+def refuse_spaced_lists(words: Sequence[str]) -> None:
+    """Raise MisuseError for a number after the value of an option, which would be read as the name of a field."""
+    for option, value, extra in zip(words, words[1:], words[2:], strict=False):
+        numbers = (_NUMBERS.fullmatch(value), _NUMBERS.fullmatch(extra))
+        if option.startswith("--") and all(numbers) and not os.path.lexists(extra):
+            raise MisuseError(
+                f"'{extra}' stands alone after {option} {value}; leave it out, or write a list with commas and without "
+                f"spaces: {option} {value.rstrip(',')},{extra}."
+            )
 
 
 def _exit_interrupted(error: BaseException) -> None:

@@ -17,6 +17,7 @@ from planner.cli.common.options import (
     CsvOption,
     ExecutorChoice,
     FieldsArgument,
+    ForceOutputOption,
     JsonOption,
     ProcessesOption,
     build_requests,
@@ -32,7 +33,6 @@ from planner.cli.common.outputs import (
     check_output_paths,
     list_input_files,
     write_before_printing,
-    write_results,
 )
 from planner.cli.common.terminal import LOADING, AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
@@ -63,6 +63,7 @@ def plan_batch(
     checkpoint: Path | None,
     html: Path | None,
     form: AnswerForm,
+    force: bool,
 ) -> bool:
     """Print one table of every field at every width; whether each has a plan that meets the request.
 
@@ -82,6 +83,8 @@ def plan_batch(
     check_output_paths(
         (checkpoint, ".jsonl"),
         (html, ".html"),
+        force=force,
+        updated=(checkpoint,),
         input_files={name.rpartition("#")[0] or name: "a field" for name in (one.field for one in requests)},
     )
     earlier_lines = {} if checkpoint is None else read_answer_file(checkpoint)
@@ -93,12 +96,14 @@ def plan_batch(
     with open_stage_bar("Planning fields") as bar:
         show = _print_csv_rows if form.csv else lambda record: None
         records = _collect_records(orders, keys, executor_choice, checkpoint, earlier_lines, bar, show, with_maps)
-        if html is not None:
-            write_results([(html, render_many_fields_page(records))])
-        if not form.csv:
-            form.print_answer(
-                records, json=format_many_fields_json, screen=build_many_fields_screen, table=build_many_fields_table
-            )
+        with write_before_printing((html, lambda: render_many_fields_page(records))):
+            if not form.csv:
+                form.print_answer(
+                    records,
+                    json=format_many_fields_json,
+                    screen=build_many_fields_screen,
+                    table=build_many_fields_table,
+                )
     # Remarks on field files and machines, each once: with its field, unless it is said of several.
     fields_by_remark: dict[str, dict[str, None]] = {}
     for ranking in (record.ranking for record in records if record.ranking is not None):
@@ -202,6 +207,7 @@ def plan(
     ] = None,
     png: Annotated[Optional[Path], in_output(help="Write the map of the best plan.")] = None,
     save: Annotated[Optional[Path], in_output(help="Write the legs and gates of the best plan as JSON.")] = None,
+    force: ForceOutputOption = False,
     explain: Annotated[
         bool, in_output("--explain", help="Print all plans, remarks, reasons, and how each figure is made up as well.")
     ] = False,
@@ -227,11 +233,11 @@ def plan(
     request, *others = requests = build_requests(given, fields)
     if others or request.field != (fields or [request.field])[0] or checkpoint is not None:
         _check_batch_options(png, save, done, checkpoint)
-        is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form)
+        is_complete = plan_batch(requests, given, executor_choice, checkpoint, html, form, force)
         raise typer.Exit(0 if is_complete else NO_RESULT_STATUS)
     input_files = list_input_files({**options, "field": request.field})
     input_files |= {source.rpartition("@")[0] or source: "what is done" for source in done or ()}
-    check_output_paths((png, ".png"), (html, ".html"), (save, ".json"), input_files=input_files)
+    check_output_paths((png, ".png"), (html, ".html"), (save, ".json"), input_files=input_files, force=force)
     order = given.build_order(request)
     result = simulate_plans(order, executor_choice, pictures=html is not None)
     values = result.ranking.scenario.get("learned", ())
@@ -245,7 +251,9 @@ def plan(
             result.ranking,
             json=format_ranking_json,
             csv=format_ranking_csv,
-            screen=partial(build_first_screen, shows_all=order.simulates_all),
+            screen=partial(
+                build_first_screen, shows_all=order.simulates_all, has_page=html is not None, has_plan=save is not None
+            ),
             table=partial(build_ranking_table, most_plans=None if order.simulates_all else 20),
         )
     if not result.ranking.is_recommended:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, PlanArgument
+from planner.cli.common.options import AsJson, ForceOption, PlanArgument
 from planner.cli.common.outputs import check_output_paths, make_folders, refuse_overwrite, write_before_printing
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, warm_up
 from planner.errors import RequestError
@@ -34,7 +34,7 @@ def export(
     output: Annotated[Optional[Path], typer.Option("--out", "-o", help=OUTPUT_HELP)] = None,
     tractor: Annotated[Optional[int], typer.Option(help="Write only this tractor, counted from 1.")] = None,
     curves: Annotated[Optional[bool], typer.Option("--curves/--straight", help=CURVES_HELP)] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Write boundary, headland and guidance lines of a saved plan for terminals and maps, by tractor in driving order.
@@ -59,10 +59,12 @@ def export(
         raise RequestError(f"{target} cannot be written: the folder {target.parent} does not exist; make it first.")
     folders = {parent for path in paths for parent in path.parents if parent == target or target in parent.parents}
     with make_folders(*sorted(folders, key=lambda folder: len(folder.parts))):
-        check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"})
+        check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"}, force=force)
         with write_before_printing(*results):
             names = [str(path) for path in paths]
-            AnswerForm(json).print_answer(guidance, guidance_files, names, json=export_json, screen=build_export_table)
+            AnswerForm(json).print_answer(
+                guidance, guidance_files, names, json=export_json, screen=lambda *shown: build_export_table(*shown[:2])
+            )
 
 
 def _place_files(

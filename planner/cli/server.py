@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 import typer
 
 from planner.cli.common.options import ForceOption, create_group
-from planner.cli.common.outputs import check_output_paths
+from planner.cli.common.outputs import check_output_paths, print_written
 from planner.cli.common.terminal import compile_apart, limit_linear_algebra_threads
 from planner.pipeline.interrupts import stop_repeating
 
@@ -291,8 +291,10 @@ def backup(
     from planner.service.store.backup import back_up
 
     check_output_paths((file, ".zip"), force=force)
+    replaced = [file] if file.exists() else []
     with _open_store(data, database) as store:
         count = back_up(store, file)
+    print_written([file], replaced)
     typer.echo(f"{file} has the database and {count} files; unpack it into an empty folder to use that with --data.")
 
 

@@ -17,6 +17,7 @@ from planner.cli.common.options import (
     CsvOption,
     ExecutorChoice,
     FieldsArgument,
+    ForceOutputOption,
     HeadlandOrderOption,
     JsonOption,
     ProcessesOption,
@@ -91,6 +92,7 @@ def sweep(
         Optional[int],
         in_output(help="The row of the table to drive in full; with --save by default the one to take."),
     ] = None,
+    force: ForceOutputOption = False,
     json: JsonOption = False,
     csv: CsvOption = False,
     processes: ProcessesOption = None,
@@ -123,7 +125,12 @@ def sweep(
     if (save is not None or pick is not None) and len(question.fields) > 1:
         raise RequestError(f"--save and --pick are for one field, and {len(question.fields)} are given; give one.")
     check_output_paths(
-        (html, ".html"), (png, ".png"), (parquet, ".parquet"), (save, ".json"), input_files=question.list_files()
+        (html, ".html"),
+        (png, ".png"),
+        (parquet, ".parquet"),
+        (save, ".json"),
+        input_files=question.list_files(),
+        force=force,
     )
     swept = question.build_sweep(question.build_link(service))
     with _show_what_is_done(swept, form):

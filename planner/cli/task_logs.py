@@ -7,7 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from planner.cli.common.options import AsJson, Html, PlanArgument, Png, RunsArgument, create_group
+from planner.cli.common.options import AsJson, ForceOption, Html, PlanArgument, Png, RunsArgument, create_group
 from planner.cli.common.outputs import (
     check_output_paths,
     list_input_files,
@@ -18,7 +18,14 @@ from planner.cli.common.outputs import (
 from planner.cli.common.terminal import AnswerForm, create_progress_callback, print_remarks, print_renderable, warm_up
 
 
-def compare(plan: PlanArgument, runs: RunsArgument, html: Html = None, png: Png = None, json: AsJson = False) -> None:
+def compare(
+    plan: PlanArgument,
+    runs: RunsArgument,
+    html: Html = None,
+    png: Png = None,
+    force: ForceOption = False,
+    json: AsJson = False,
+) -> None:
     """Compare a plan with the logs of the work: time by activity, length, overlap, missed ground, largest differences.
 
     Runs in other fields are left out. The map shows planned and driven lines.
@@ -28,7 +35,7 @@ def compare(plan: PlanArgument, runs: RunsArgument, html: Html = None, png: Png 
     from planner.pipeline.plan_comparison import compare_plan_with_runs
 
     input_files = list_input_files({}, runs=runs) | {plan: "the plan"}
-    check_output_paths((html, ".html"), (png, ".png"), input_files=input_files)
+    check_output_paths((html, ".html"), (png, ".png"), input_files=input_files, force=force)
     warm_up()
     with create_progress_callback("Driving the plan again"):
         comparison = compare_plan_with_runs(plan, runs)
@@ -56,6 +63,7 @@ def learn(
         Optional[str], typer.Option(help="The implement of the logs; by default the one of their width.")
     ] = None,
     replace: Annotated[bool, typer.Option("--replace", help="Replace values that the file has already.")] = False,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Learn speeds, turn times, stops and the order of the headland from imported runs for the farm file.
@@ -72,14 +80,14 @@ def learn(
 
     input_files = list_input_files({}, runs=runs)
     if output is not None:
-        check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"}, force=False)
+        check_output_paths((output, ".toml"), input_files=input_files | {farm: "the farm file"}, force=force)
     warm_up()
     with create_progress_callback("Learning"):
         learned_farm = learn_farm_values(runs, farm, implement, replace)
     target = farm if output is None else output
     if output is not None:
         parse_farm(learned_farm.text, str(output), output.parent)  # paths of tractor files are relative to it
-    check_output_paths((target, ".toml"), input_files=input_files)
+    check_output_paths((target, ".toml"), input_files=input_files, force=force, updated=(farm,))
     with write_before_printing((target, learned_farm.text)):
         AnswerForm(json).print_answer(
             learned_farm.values, learned_farm.notes, json=format_learned_json, screen=build_learned_table
@@ -89,9 +97,7 @@ def learn(
         unchanged_count = sum(one.done.startswith("kept") for one in learned_farm.values)
         unchanged_text = f"; {unchanged_count} unchanged (--replace takes the learned ones)" if unchanged_count else ""
         print_renderable(
-            format_sentence(
-                f"Written to {target}: {len(learned_farm.values) - unchanged_count} values{unchanged_text}."
-            )
+            format_sentence(f"Values that are learned: {len(learned_farm.values) - unchanged_count}{unchanged_text}.")
         )
 
 
@@ -109,7 +115,7 @@ def import_logs(
         Optional[str],
         typer.Option(help="A TOML file that says which columns of a CSV file hold what ([columns] time = ...)."),
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite runs of the same name.")] = False,
+    force: ForceOption = False,
     json: AsJson = False,
 ) -> None:
     """Turn logs of terminals into log files (CSV) with position, course, speed and work state, and a table of runs.
@@ -124,7 +130,6 @@ def import_logs(
     Example: headland logs import TASKDATA -o runs
     """
     from planner.task_logs.log_import import import_runs
-    from reports.common.text_tables import format_sentence
     from reports.task_logs.report import build_runs_table, format_runs_json
 
     with create_progress_callback("Reading logs") as progress:
@@ -134,10 +139,6 @@ def import_logs(
     AnswerForm(json).print_answer(
         imported_runs.runs, imported_runs.notes, json=format_runs_json, screen=lambda runs, _: build_runs_table(runs)
     )
-    if not json:
-        print_renderable(
-            format_sentence(f"Written to {output}: {len(imported_runs.runs)} x log (CSV) and its data (JSON).")
-        )
 
 
 @logs.command()
@@ -145,6 +146,7 @@ def example(
     plan: PlanArgument,
     output: Annotated[Path, typer.Option("--out", "-o", help="The folder to make, such as TASKDATA.")],
     seed: Annotated[int, typer.Option(min=0, help="Seed of the stops.")] = 1,
+    force: ForceOption = False,
 ) -> None:
     """Write ISOXML time logs of a saved plan as a terminal would log them, to try imports without a machine.
 
@@ -156,13 +158,13 @@ def example(
     from reports.common.text_tables import format_sentence
 
     for name in ("TASKDATA.XML", "TLG00001.xml", "TLG00001.bin"):
-        refuse_overwrite(output / name, False)
+        refuse_overwrite(output / name, force)
     warm_up()
     with create_progress_callback("Driving the plan again"):
         task_data = simulate_task_data(plan, seed)
-    write_into_folder(output, task_data.files, input_files={plan: "the plan"})
+    write_into_folder(output, task_data.files, input_files={plan: "the plan"}, force=force)
     pace_text = f"driven at {100 * EXAMPLE_PACE:.0f} % of the plan's speed"
-    print_renderable(format_sentence(f"Written to {output}: {len(task_data.truths)} x time log, {pace_text}."))
+    print_renderable(format_sentence(f"Tractors with a time log: {len(task_data.truths)}, {pace_text}."))
     for number, truth in enumerate(task_data.truths, start=1):
         stops = ", ".join(f"{seconds:.0f} s" for seconds in truth.stops_s)
         print_renderable(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from datetime import date
 from pathlib import Path
@@ -14,15 +13,17 @@ from fields.geometry.chosen_places import parse_obstacle_place
 from fields.sample_fields import list_sample_names
 from fields.text_files import read_text
 from fields.units import DAY_S
-from planner.errors import RequestError, shorten_value, suggest_name
+from planner.errors import RequestError, mark_parameter, shorten_value, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
-from planner.farm.settings import FROM_TIMES, FileSection, Yard, check_by, define_number, define_value, parse_settings
+from planner.farm.settings import FROM_TIMES, FileSection, Yard, check_by, define_number, define_value
 from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
-from planner.request.option_texts import MAX_TRACTORS, format_clock, parse_clock, parse_number_pair
+from planner.request.option_texts import MAX_TRACTORS, format_clock, parse_clock, parse_hours, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
+from planner.risk.rain import parse_rain
 from reports.common.language import mark_text
 from strategies.names import STRATEGY_NAMES, list_strategy_names
+from vehicle.model.validation_messages import parse_settings
 
 EXAMPLE = "example"
 SUN = "sun"
@@ -40,15 +41,6 @@ def _check_date(text: str) -> None:
         date.fromisoformat(text)
     except ValueError:
         raise ValueError(f"{text!r} is not a date; write for instance '2026-05-01'") from None
-
-
-def parse_hours(text: str) -> tuple[int, int]:
-    """ "08:00-12:00" as seconds of the day; raises RequestError."""
-    match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
-    if not match:
-        raise RequestError(f"{text!r} is not a range of hours; write for instance '08:00-12:00'.")
-    start, end = (parse_clock(part, "the time") for part in match.groups())
-    return start, end
 
 
 def place_hours_in_day(text: str, start_s: int) -> tuple[int, int]:
@@ -188,6 +180,12 @@ class DayFile(FileSection):
         return value
 
 
+def name_day_key(parameter: str) -> str:
+    """What a parameter of refusals is called in a day file; others stay as they are marked."""
+    is_key = parameter in DayFile.model_fields or parameter in DayField.model_fields
+    return f"{parameter} in the day file" if is_key else mark_parameter(parameter)
+
+
 def load_day(
     path: str | Path, *, farm: str | None = None, rain: str | None = None, certainty_pct: float | None = None
 ) -> tuple[DayFile, FarmFile]:
@@ -210,7 +208,7 @@ def parse_day(
     certainty_pct: float | None = None,
 ) -> tuple[DayFile, FarmFile]:
     """The day of a text and its farm; `label` is its name in messages."""
-    day = parse_settings(text, DayFile, mark_text(f"day file {label}"), r"\b(fields|fleets|roads)\.(\d+)(?=[.:])")
+    day = parse_settings(text, DayFile, mark_text(f"day file {label}"), RequestError)
     overrides = {"farm": farm, "rain": rain, "certainty_pct": certainty_pct}
     given_overrides = {key: value for key, value in overrides.items() if value is not None}
     day = _resolve_paths(day, folder).model_copy(update=given_overrides)
@@ -218,6 +216,8 @@ def parse_day(
     faults = "; ".join(_find_day_contradictions(day, farm_file))
     if faults:
         raise RequestError(f"The day file {label} cannot be used: {faults}.")
+    if rain is not None:
+        parse_rain(rain, get_start_s(day, farm_file))
     return day, farm_file
 
 

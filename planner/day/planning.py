@@ -39,11 +39,11 @@ from planner.day.formulation import (
     get_field_uncertainty,
     sample_fleet_day,
 )
-from planner.day.input_file import DayField, DayFile, get_fleet_machines, load_day
+from planner.day.input_file import DayField, DayFile, get_fleet_machines, load_day, name_day_key
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, build_map_places, compute_road_km, locate_fields, locate_yard
-from planner.errors import RequestError, attach_parameter
+from planner.errors import RequestError, attach_parameter, rename_parameters
 from planner.evaluation.pull_check import compute_pull_figures
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.inventory import FarmFile
@@ -135,7 +135,12 @@ class _SolvedDay:
 
 
 def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
-    """Read the fields of a day and compute its roads and hours; raises HeadlandError."""
+    """Read the fields of a day and compute its roads and hours; raises HeadlandError, with the keys of a day file."""
+    with rename_parameters(name_day_key):
+        return _prepare_day(day, farm)
+
+
+def _prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
     with attach_parameter("field"):
         fields = tuple(_read_day_field(day_field) for day_field in day.fields)
     field_places = locate_fields(day, fields)

@@ -18,12 +18,13 @@ from planner.farm.settings import (
     FileSection,
     LearnedValue,
     Yard,
-    parse_settings,
     read_example_text,
 )
+from planner.farm.workday import Workday
 from reports.common.language import mark_text
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
+from vehicle.model.validation_messages import parse_settings
 
 Machine = TypeVar("Machine", FarmTractor, FarmImplement)
 OLD_UNCERTAINTY_SECTION = "chances"
@@ -118,9 +119,9 @@ def load_farm(path: str | Path) -> FarmFile:
 
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
-    farm = parse_settings(
-        text, FarmFile, mark_text(f"farm file {label}"), r"\b(tractors|implements)\.(\d+)(?=\.)", "farm"
-    )
+    farm = parse_settings(text, FarmFile, mark_text(f"farm file {label}"), RequestError, "farm")
+    start_s = farm.times.shift_span_s[0]
+    Workday(start_s or 0, breaks_s=farm.times.break_spans_s, shift_s=farm.times.shift_span_s)  # refuses idle ones
     if "tractors" not in farm.model_fields_set:
         return farm
     tractors = []

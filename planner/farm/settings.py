@@ -5,20 +5,15 @@ All prices are in one currency; defaults are euros of about 2025.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from importlib import resources
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error
 from fields.units import DAY_S
-from planner.errors import MAX_FAULTS, RequestError
-from planner.request.option_texts import convert_time_to_text, parse_clock
+from planner.request.option_texts import convert_time_to_text, parse_clock, parse_hours
 from planner.request.plan_request import MAX_PRICE
-from vehicle.model.validation_messages import describe_validation_errors
 
 SOURCE_KEY = "source"
 NONE_GIVEN = "no default"
@@ -27,38 +22,12 @@ MAX_DURATION_S = 7.0 * DAY_S
 MAX_BREAK_S = DAY_S // 2
 FROM_TIMES = BeforeValidator(convert_time_to_text)
 """Times and dates without quotes, as TOML has them."""
-Section = TypeVar("Section", bound="FileSection")
 
 
 class FileSection(BaseModel):
     """A frozen part of a farm file; unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-def parse_settings(
-    text: str, model: type[Section], subject: str, entries: str, parameter: str | None = None
-) -> Section:
-    """The settings of a text (TOML); `subject` is what it is and its name, as messages have them.
-
-    Raises RequestError with all faults in one sentence; `entries` is a pattern of kind and number of entries of lists
-    in it, which are called by their names if they have any.
-    """
-    values: dict[str, Any] = {}
-
-    def name_entry(match: re.Match[str]) -> str:
-        kind, number = match[1], int(match[2])
-        name = values[kind][number].get("name") if isinstance(values[kind][number], Mapping) else None
-        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
-
-    try:
-        values = parse_toml(text)
-        return model.model_validate(values)
-    except ValidationError as error:
-        faults = re.sub(entries, name_entry, describe_validation_errors(error, model, MAX_FAULTS))
-        raise RequestError(f"The {subject} cannot be used: {faults}.", parameter=parameter) from None
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"The {subject} is not TOML: {explain_parse_error(error)}.", parameter=parameter) from None
 
 
 def read_example_text(kind: str) -> str:
@@ -218,10 +187,7 @@ class FarmPrices(FileSection):
 
 def _parse_break(text: str) -> tuple[int, int]:
     """ "12:00-12:30" as seconds of the day (from, to); an end past midnight is above a day."""
-    match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
-    if not match:
-        raise ValueError(f"{text!r} is not a break; write for instance '12:00-12:30'")
-    start, end = (parse_clock(part, "the break") for part in match.groups())
+    start, end = parse_hours(text)
     length_s = (end - start) % DAY_S or DAY_S
     if length_s > MAX_BREAK_S:
         raise ValueError(
@@ -254,21 +220,6 @@ class FarmTimes(FileSection):
     road_factor: float = define_number(
         1.3, 1.0, 10.0, "length of road over straight line", "usual for rural roads: 1.2 to 1.4"
     )
-
-    @model_validator(mode="after")
-    def _check_breaks(self) -> FarmTimes:
-        start, end = self.shift_span_s
-        begin = start or 0
-        until = begin + DAY_S if end is None else end + DAY_S * (end <= begin)
-        repeated_breaks = sorted((a + day, b + day) for a, b in self.break_spans_s for day in (-DAY_S, 0, DAY_S))
-        free_from = begin
-        for first, last in repeated_breaks:
-            if first > free_from:
-                break
-            free_from = max(free_from, last)
-        if free_from >= until:
-            raise ValueError("the breaks take the whole shift; shorten them")
-        return self
 
     def drop_folding(self, folds: bool) -> FarmTimes:
         """The times of an implement that folds or not."""

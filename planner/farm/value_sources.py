@@ -12,7 +12,7 @@ from planner.farm.settings import FileSection, LearnedValue, get_default_source
 from vehicle.model.tractor import Tractor
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable
 
-GIVEN = "given"
+GIVEN, OWN_LOGS = "given", "own logs: "
 SECTIONS = ("prices", "times", "uncertainty", "yard")
 
 
@@ -25,6 +25,11 @@ class FarmValue:
     value: Any
     description: str
     source: str
+
+    @property
+    def is_given(self) -> bool:
+        """Whether the file has it, of its own or learned from logs."""
+        return self.source == GIVEN or self.source.startswith(OWN_LOGS)
 
 
 def list_values(farm: FarmFile) -> tuple[FarmValue, ...]:
@@ -61,7 +66,7 @@ def _iterate_values(
         source = GIVEN if is_given and key in section.model_fields_set else get_default_source(type(section), key)
         learned_value = learned_by_key.get(f"{name.replace(' ', '.', 1)}.{key}")
         if source == GIVEN and learned_value is not None and learned_value.value == getattr(section, key):
-            source = f"own logs: {learned_value.format_with_interval()}"
+            source = f"{OWN_LOGS}{learned_value.format_with_interval()}"
         yield FarmValue(name, key, getattr(section, key), info.description or "", source)
 
 
@@ -87,8 +92,8 @@ def _describe_machine(machine: Tractor) -> dict[str, float]:
     }
 
 
-def build_farm_sheet(farm: FarmFile, label: str) -> ExperimentSheet:
-    """The farm as a page: a description, and all values with their sources."""
+def build_farm_sheet(farm: FarmFile, label: str, *, with_values: bool = True) -> ExperimentSheet:
+    """The farm as a page: a description, and how many values each section gives, or all with their sources."""
     sentences, values = list[str](), list_values(farm)
     for tractor in farm.tractors:
         facts = _describe_machine(tractor.build_tractor())
@@ -101,14 +106,25 @@ def build_farm_sheet(farm: FarmFile, label: str) -> ExperimentSheet:
         load_text = "" if load is None else f", {load / 10_000.0:.3g} ha per load"
         tractors_text = f", for {', '.join(implement.tractors)}" if implement.tractors else ""
         sentences.append(f"{implement.name}: {implement.width_m:g} m{load_text}{tractors_text}.")
-    given_count = sum(value.source == GIVEN for value in values)
+    given_count = sum(value.is_given for value in values)
     sentences.append(f"{given_count} of {len(values)} values are given; the others are defaults.")
-    tables = []
-    for section in dict.fromkeys(value.section for value in values):
-        own = [value for value in values if value.section == section]
-        rows = tuple((f"{v.key}, {v.description}", format_value(v.value), v.source) for v in own)
-        tables.append(TextTable(f"[{section}]", ("Key", "Value", "Source"), rows))
-    return ExperimentSheet("farm", f"The farm of {label}", tuple(sentences), (), (), tuple(tables))
+    by_section: dict[str, list[FarmValue]] = {}
+    for value in values:
+        by_section.setdefault(value.section, []).append(value)
+    if with_values:
+        tables = tuple(
+            TextTable(
+                f"[{section}]",
+                ("Key", "Value", "Source"),
+                tuple((f"{v.key}, {v.description}", format_value(v.value), v.source) for v in own),
+            )
+            for section, own in by_section.items()
+        )
+    else:
+        defaults = {section: sum(not v.is_given for v in own) for section, own in by_section.items()}
+        rows = tuple((f"[{name}]", str(len(by_section[name]) - count), str(count)) for name, count in defaults.items())
+        tables = (TextTable("Values (--explain lists them)", ("Section", "Given", "Defaults"), rows),)
+    return ExperimentSheet("farm", f"The farm of {label}", tuple(sentences), (), (), tables)
 
 
 def format_value(value: Any) -> str:

@@ -115,11 +115,12 @@ def complete_request_by_farm(
             f"{mark_parameter('tractors')} asks for {requested}, and the farm has {farm_tractor.count} x "
             f"{farm_tractor.name}; ask for {farm_tractor.count} at most, or change its count in the farm file."
         )
-    farm_implement = _select_implement(farm, farm_tractor, implement_name)
+    operation = request.operation if "operation" in given_parameters else None
+    farm_implement = _select_implement(farm, farm_tractor, implement_name, operation)
     given_parameters = {*given_parameters, "start_s"} if request.start_s is not None else given_parameters
     if request.headland_order is not None or request.no_headland or "operation" in given_parameters:
         given_parameters = {*given_parameters, "headland_order"}
-    is_other_work = "operation" in given_parameters and request.operation != (farm_implement.operation or TILL)
+    is_other_work = operation not in (None, farm_implement.operation or TILL)
     if "draft" in given_parameters or is_other_work:  # another implement than the farm's
         given_parameters = {*given_parameters, "draft", "depth_cm"}
     farm_values = {
@@ -172,16 +173,27 @@ def _select_tractor(
     return next(each for each in farm.tractors if farm_implement is None or farm.is_compatible(each, farm_implement))
 
 
-def _select_implement(farm: FarmFile, farm_tractor: FarmTractor | None, implement_name: str | None) -> FarmImplement:
+def _select_implement(
+    farm: FarmFile, farm_tractor: FarmTractor | None, implement_name: str | None, operation: str | None
+) -> FarmImplement:
+    """The implement by its name, or the first that fits the tractor and, if one does, the operation."""
+    fitting = [each for each in farm.implements if farm_tractor is None or farm.is_compatible(farm_tractor, each)]
+    of_operation = [each for each in fitting if each.operation == operation] if operation is not None else []
     if implement_name is None:
-        return next(each for each in farm.implements if farm_tractor is None or farm.is_compatible(farm_tractor, each))
+        return (of_operation or fitting)[0]
     farm_implement = farm.get_implement(implement_name)
-    if farm_tractor is not None and not farm.is_compatible(farm_tractor, farm_implement):
-        fitting_names = [each.name for each in farm.implements if farm.is_compatible(farm_tractor, each)]
+    if farm_tractor is not None and farm_implement not in fitting:
         raise RequestError(
             f"The implement {farm_implement.name!r} does not fit the tractor {farm_tractor.name!r} by the farm file; "
             "use one of: "
-            f"{', '.join(fitting_names)}, or a tractor out of: {', '.join(farm_implement.tractors)}.",
+            f"{', '.join(each.name for each in fitting)}, or a tractor out of: {', '.join(farm_implement.tractors)}.",
+            parameter="implement",
+        )
+    if operation is not None and farm_implement.operation not in (None, operation):
+        others = f", or name {' or '.join(each.name for each in of_operation)}" if of_operation else ""
+        raise RequestError(
+            f"{mark_parameter('implement')} {farm_implement.name!r} is there to {farm_implement.operation}, and "
+            f"{mark_parameter('operation')} is {operation}; leave out {mark_parameter('operation')}{others}.",
             parameter="implement",
         )
     return farm_implement

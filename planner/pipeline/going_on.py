@@ -51,6 +51,7 @@ from planner.task_logs.runs.worked_ground import iter_worked_strips
 from reports.common.wording import round_up_to_minute
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
 from strategies.lines.work_line import cut_line
+from strategies.path_planning.errors import SOLITARY_STRATEGIES
 from strategies.registry import get_strategy
 from strategies.rules.supply import Supply
 from vehicle.errors import MissionError
@@ -248,7 +249,7 @@ def keep_continuing(context: PlanningContext, candidates: Sequence[Candidate]) -
     if not kept:
         raise RequestError(
             f"{stands} tractors stand on the field and cannot go on so: plan with {stands} tractors or more "
-            f"({mark_parameter('without')} leaves some out), each for itself (split-field, interleaved).",
+            f"({mark_parameter('without')} leaves some out), each for itself ({SOLITARY_STRATEGIES}).",
             parameter="tractors",
         )
     return kept

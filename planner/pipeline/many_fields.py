@@ -142,7 +142,7 @@ def read_answer_file(path: Path) -> dict[str, Record]:
 
     A truncated last line is skipped. Raises AnswerFileError for another kind of file or a changed record.
     """
-    if not path.exists():
+    if not path.exists() or not path.stat().st_size:
         return {}
     text = read_text(path, f"a file of answers ({mark_parameter('checkpoint')})", AnswerFileError)
     *lines, last_line = text.split("\n")

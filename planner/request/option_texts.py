@@ -4,12 +4,12 @@ is wanted of single tracks and headland passes."""
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import date, time
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from fields.units import DAY_S, MINUTE_S
+from fields.units import DAY_S, FOOT_M, HOUR_S, KILO, KMH_PER_MPS, MILE_KM, MINUTE_S
 from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
 from strategies.names import STRATEGY_NAMES
 
@@ -20,6 +20,16 @@ MAX_TRACTORS = 50
 MAX_DIGITS = 40  # nobody types a longer number on purpose
 MOST_NAMED = 10_000
 MOST_KEPT = 8  # wishes that are read: one request asks for its own many times
+_UNITS = {
+    "mm": ("m", 0.001), "cm": ("m", 0.01), "centimetres": ("m", 0.01), "m": ("m", 1.0), "metres": ("m", 1.0),
+    "km": ("m", KILO), "ft": ("m", FOOT_M), "km/h": ("km/h", 1.0), "kmh": ("km/h", 1.0), "m/s": ("km/h", KMH_PER_MPS),
+    "mph": ("km/h", MILE_KM), "kg": ("kg", 1.0), "t": ("kg", KILO), "kw": ("kW", 1.0), "°": ("degrees", 1.0),
+    "deg": ("degrees", 1.0), "degrees": ("degrees", 1.0), "%": ("percent", 1.0), "percent": ("percent", 1.0),
+    "percentage": ("percent", 1.0), "s": ("s", 1.0), "seconds": ("s", 1.0), "min": ("s", MINUTE_S),
+    "minutes": ("s", MINUTE_S), "h": ("s", HOUR_S),
+}  # fmt: skip
+"""Units as people write them and as the help of options does: what they measure, and how much each is of its unit."""
+_NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?\d+(?:[.,]\d+)?)\s*(\S*)\s*")
 _LINE_NAMES = re.compile(
     r"(?P<ring>R)?(?P<first>\d{1,5})(?:-(?(ring)R?)(?P<last>\d{1,5})|(?P<piece>[a-z]{1,2})|\.(?P<side>\d{1,4}))?"
 )
@@ -61,6 +71,14 @@ def parse_clock(text: str, parameter: str) -> int:
             f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance {example}."
         )
     return hours * 3600 + minutes * 60
+
+
+def parse_hours(text: str) -> tuple[int, int]:
+    """ "08:00-12:00" as seconds of the day (from, to); raises RequestError."""
+    match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
+    if not match:
+        raise RequestError(f"{text!r} is not a range of hours; write for instance '08:00-12:00'.")
+    return parse_clock(match[1], "the time"), parse_clock(match[2], "the time")
 
 
 def write_clock(value: Any, parameter: str) -> str:
@@ -131,16 +149,45 @@ def parse_counts(text: str) -> tuple[int, ...]:
     return tuple(sorted(counts))
 
 
-def parse_widths(text: str) -> tuple[float, ...]:
-    """ "3" or "3,6" as widths in metres, each once, in the order given; raises RequestError."""
+def suggest_number(text: str, option_help: str) -> str:
+    """ " (write it in metres: 0.3)" for "30cm" where a help has metres, " (write 4.5)" for "4,5"; "" for no number."""
+    found = _NUMBER_WITH_UNIT.fullmatch(text)
+    if found is None:
+        return ""
+    number, unit = float(found[1].replace(",", ".")), found[2].lower()
+    if not unit:
+        return f" (write {number:g})"
+    wanted = next((word for word in re.split(r"[\s,;.]+", option_help) if word in _UNITS and len(word) > 1), "")
+    measured, size = _UNITS.get(unit, ("", 0.0))
+    if not wanted or measured != _UNITS[wanted][0]:
+        return ""
+    return f" (write it in {wanted}: {number * size / _UNITS[wanted][1]:g})"
+
+
+def parse_widths(text: str, show_remark: Callable[[str], None] = lambda remark: None) -> tuple[float, ...]:
+    """ "3" or "3,6" as widths in metres, each once, in the order given; raises RequestError.
+
+    `show_remark` is called with a sentence on what may be one number with a decimal comma.
+    """
     widths: dict[float, None] = {}
     for part in text.split(","):
         if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MAX_DIGITS}}}(\.\d*)?|\.\d+)(e[-+]?\d{{1,3}})?\s*", part, re.I):
             raise RequestError(
-                f"{mark_parameter('width_m')} {shorten_value(text)} is not a width; write metres, such as 3 or 3,6."
+                f"{mark_parameter('width_m')} {shorten_value(text)} is not a width{suggest_number(part, 'metres')}; "
+                "write metres, such as 3 or 3,6."
             )
         widths[float(part)] = None
+    if remark := _question_comma(text):
+        show_remark(remark)
     return tuple(widths)
+
+
+def _question_comma(text: str) -> str:
+    """A sentence on a list of two whole numbers, which may be one with a decimal comma; "" for any other."""
+    if not re.fullmatch(r"\d+,\d+", text):
+        return ""
+    first, second = text.split(",")
+    return f"{text} are two widths, {first} m and {second} m; write {first}.{second} for one."
 
 
 def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from fields.geometry.arithmetic import ROUNDING
 from planner.errors import RequestError, mark_parameter, shorten_value
-from planner.request.option_texts import convert_time_to_text, write_clock
+from planner.request.option_texts import convert_time_to_text, suggest_number, write_clock
 from planner.request.options import PlanOption, list_options
 from planner.request.plan_request import WORK, PlanRequest
 from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
@@ -163,8 +163,8 @@ def _read_numbers(option: PlanOption, part: str) -> list[Any]:
         first, last, step = (float(option.type(found[name] or 1)) for name in ("first", "last", "step"))
     except ValueError:
         raise RequestError(
-            f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number; give numbers "
-            "(3,4.5,6) or a range (6:12:1, from, to and step).",
+            f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number"
+            f"{suggest_number(part, option.help)}; give numbers (3,4.5,6) or a range (6:12:1, from, to and step).",
             parameter=option.parameter,
         ) from None
     if not (step > 0.0 and last >= first and (last - first) / step < MOST_VALUES):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import TypeVar
 
-from fields.units import DAY_S, FOOT_M
+from fields.units import DAY_S, FOOT_M, MILE_KM
 from reports.common.language import US, get_units, mark_text, translate, translate_count
 from reports.common.plan_results import PlanRanking
 from vehicle.model.effects import EFFECTS_BY_ID
@@ -65,7 +65,7 @@ FIELD_AREA = Quantity("ha", "ac", ACRE_M2 / 10_000.0)
 SMALL_AREA = Quantity("m2", "ft2", FOOT_M**2)
 VOLUME = Quantity("l", "gal", 3.785411784)  # gallons of the United States
 LENGTH = Quantity("m", "ft", FOOT_M)
-SPEED = Quantity("km/h", "mph", 1.609344)
+SPEED = Quantity("km/h", "mph", MILE_KM)
 
 
 def format_width(metres: float) -> str:

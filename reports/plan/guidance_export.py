@@ -149,8 +149,8 @@ def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]
     return sentences
 
 
-def build_export_table(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> RenderableType:
-    """A table of lines by tractor, the files, and what was left out."""
+def build_export_table(guidance: PlanGuidance, written: GuidanceFiles) -> RenderableType:
+    """A table of lines by tractor, and what was left out."""
     columns = (
         *map(TableColumn, ("Tractor", "Lines", "Straight", "Curves")), TableColumn("Length (m)", "m", drop_order=1),
         TableColumn("From", is_text=True, drop_order=2), TableColumn("To", is_text=True, drop_order=2),
@@ -162,9 +162,7 @@ def build_export_table(guidance: PlanGuidance, written: GuidanceFiles, files: Se
         counts = (tractor.number, len(lines), straight_count, len(lines) - straight_count)
         ends = (lines[0].name, lines[-1].name) if lines else ("", "")
         rows.append((*map(str, counts), f"{sum(line.length_m for line in lines):.0f}", *ends))
-    named = ", ".join(files) if len(files) <= 4 else f"{', '.join(files[:3])} and {len(files) - 3} more"
-    sentences = [f"Written as {written.format.title}: {named}."]
-    sentences += [
+    sentences = [
         f"Not for older terminals: {_describe_content(one)}." for one in list_content_for_newer_terminals(written)
     ]
     sentences += [f"Left out: {_describe_content(one)}." for one in list_unwritten_content(guidance, written)]

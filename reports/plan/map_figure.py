@@ -281,7 +281,7 @@ def render_png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph .* missing from font", UserWarning)
-        figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": None})
+        figure.savefig(buffer, dpi=150, format="png", facecolor="white", metadata={"Software": "Headland"})
     return buffer.getvalue()
 
 

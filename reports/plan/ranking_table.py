@@ -41,11 +41,19 @@ _MORE_HINT = mark_text("a wider window or --explain shows more")
 _ALL_HINT = "a wider window or --json shows all"
 
 
-def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_next: bool = True) -> RenderableType:
+def build_first_screen(
+    ranking: PlanRanking,
+    *,
+    shows_all: bool = False,
+    with_next: bool = True,
+    has_page: bool = False,
+    has_plan: bool = False,
+) -> RenderableType:
     """What to do in a few lines, the plans to choose from in a table, and what to type next.
 
     The table holds the best plan, then the Pareto front, then others as they are ranked: few, or all with `shows_all`.
-    Without what is next it is the head of an explanation, and nothing is shortened.
+    Without what is next it is the head of an explanation, and nothing is shortened. A page and a plan that are written
+    anyhow are not suggested.
     """
     plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
     answer, name = write_answer(ranking), shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
@@ -59,10 +67,8 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     parts: list[RenderableType] = [lines]
     if plans:
         parts += [Text(""), build_answer_table(ranking, plans)]
-    if with_next and ranking.best is None:
-        hints = [translate("Add --explain (all reasons), --html plan.html (map of the places that fail).")]
-    elif with_next:
-        hints = [translate("Add --explain (why and how), --html plan.html (map), --save plan.json (drive).")]
+    hints = [_suggest_outputs(ranking.best is not None, has_page, has_plan)]
+    if ranking.best is not None:
         if not ranking.samples and not ranking.start:
             hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
         if defaults := ranking.scenario.get("defaults"):
@@ -73,6 +79,18 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
         parts += [] if plans else [Text("")]
         parts += [format_sentence(text, style="dim") for text in hints]
     return Group(*parts)
+
+
+def _suggest_outputs(is_feasible: bool, has_page: bool, has_plan: bool) -> str:
+    """Options that tell more, without those that were given."""
+    if not is_feasible:
+        parts = [translate("--explain (all reasons)")]
+        parts += [] if has_page else [translate("--html plan.html (map of the places that fail)")]
+    else:
+        parts = [translate("--explain (why and how)")]
+        parts += [] if has_page else [translate("--html plan.html (map)")]
+        parts += [] if has_plan else [translate("--save plan.json (drive)")]
+    return translate("Add {options}.", options=", ".join(parts))
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:

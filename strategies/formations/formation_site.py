@@ -33,7 +33,7 @@ from strategies.formations.rounds import (
 from strategies.formations.tours import FormationTour, share_lines, sketch_tours
 from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
-from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.errors import SOLITARY_STRATEGIES, StrategyError
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
@@ -45,7 +45,7 @@ from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 SETTLED_M = 4.0  # beyond the end of a move, on which a tractor is off its line
 LINE_STEP_M = 1.0  # between poses along the lines before the first round and after the last
 MOST_STEPS = 100  # between places that are tried
-ADVICE = "use fewer tractors, or split-field or interleaved"
+ADVICE = f"use fewer tractors, or {SOLITARY_STRATEGIES}"
 T = TypeVar("T")
 Dropped = frozenset[ColumnRound]
 

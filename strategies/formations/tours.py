@@ -15,7 +15,7 @@ import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
 from strategies.formations.round_order import DirectedRound
-from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.errors import SOLITARY_STRATEGIES, StrategyError
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_search import OrderProblem, count_clashes
@@ -160,7 +160,7 @@ def _expand_tours(pieces: _Pieces, found: list[list[int]]) -> list[FormationTour
     if not tours or not all(tour.rounds for tour in tours):
         raise StrategyError(
             f"No path leads {len(pieces.chains)} tractors to tracks they could work side by side; use fewer tractors, "
-            "or split-field or interleaved."
+            f"or {SOLITARY_STRATEGIES}."
         )
     return tours
 

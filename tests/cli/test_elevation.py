@@ -89,7 +89,11 @@ def test_heights_of_logs_become_a_raster_for_plans(headland: Run, field_file: Pa
     outcome = headland("field", "heights", folder, "-o", tmp_path / "heights.tif")
     assert outcome.status == 0, outcome.err
     text = " ".join(outcome.out.split())
-    assert "heights.tif" in text.replace(" ", "") and "smoothed over" in text and "points scatter" in text
+    assert (
+        outcome.sentences[-1] == f"Wrote {tmp_path / 'heights.tif'}."
+        and "smoothed over" in text
+        and "points scatter" in text
+    )
     facts = json.loads(
         headland("field", field_file, "--elevation", tmp_path / "heights.tif", "--no-headland", "--json").out
     )

@@ -63,8 +63,10 @@ def test_the_example_is_printed_and_written_alike(headland: Run, folder: Path, c
 
 def test_the_example_of_a_farm_is_checked(headland: Run, folder: Path) -> None:
     headland("farm", "new", "mine.toml")
-    told = headland("farm", "check", "mine.toml")
+    told, whole = headland("farm", "check", "mine.toml"), headland("farm", "check", "mine.toml", "--explain").out
     assert told.status == 0 and "2 x Fendt 724: 8000 kg" in " ".join(told.out.split())
+    assert len(told.out.splitlines()) <= 24 and "--explain" in told.out and "fuel_per_l" not in told.out
+    assert "fuel_per_l" in whole and whole.count("[prices]") == 1
 
 
 def test_the_check_gives_every_value_with_its_source(headland: Run, folder: Path) -> None:
@@ -130,6 +132,10 @@ def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Run, folder: Pat
         (("plan", "--farm", "none.toml"), "There is no file 'none.toml'"),
         (("plan", "--implement", "harrow"), "add --farm or leave it out"),
         (("plan", "--farm", "farm.toml", "--implement", "harow"), "did you mean 'harrow'?"),
+        (
+            ("plan", "--farm", "farm.toml", "--implement", "drill", "--operation", "mow"),
+            "--implement 'drill' is there to sow, and --operation is mow; leave out --operation.",
+        ),
         (("plan", "--farm", "farm.toml", "--tractor", "Carier"), "did you mean 'Carrier'?"),
         (("plan", "--farm", "farm.toml", "--tractors", "1-3"), "--tractors asks for 3, and the farm has 1 x Carrier"),
         (("plan", "--farm", "farm.toml", "--save", "farm.toml"), "would overwrite the farm file"),

@@ -18,6 +18,7 @@ pytestmark = pytest.mark.usefixtures("first_layout")
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs links and devices")
 ONE = ("--local", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
+DATASHEET = ("--name", "Own", "--wheelbase", "2.8", "--width", "2.5", "--turning-radius", "5.5")
 REFUSED = [
     ("plan good.geojson --local --tractor my.toml --save my.toml", "my.toml would overwrite the tractor file"),
     ("plan good.geojson --local --gnss-table t.csv --save t.csv", "t.csv would overwrite the table of GNSS errors"),
@@ -97,7 +98,7 @@ def test_folders_that_do_not_tell_capitals_apart(folder: Path) -> None:
 @POSIX
 def test_a_link_stays_and_its_target_is_written(headland: Run, folder: Path) -> None:
     target = folder / "kept.json"
-    target.write_text("older")
+    target.write_text('{"format_version": 1}')
     target.chmod(0o640)
     (folder / "link.json").symlink_to("kept.json")
     assert headland("plan", "good.geojson", *ONE, "--save", "link.json").status == 0
@@ -126,7 +127,9 @@ def test_a_full_disk_leaves_every_earlier_file_whole(
             raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    outcome = headland("plan", "good.geojson", *ONE, "--html", "p.html", "--png", "p.png", "--save", "p.json")
+    outcome = headland(
+        "plan", "good.geojson", *ONE, "--html", "p.html", "--png", "p.png", "--save", "p.json", "--force"
+    )
     assert outcome.status == 1 and outcome.out == ""
     assert outcome.sentences == [
         "Error: p.png could not be written: the disk is full; nothing was written, make room or choose another place."
@@ -190,3 +193,43 @@ def test_an_interrupt_while_printing_names_what_was_written(
     assert outcome.status == 130 and outcome.sentences == ["Error: Interrupted; map.png was written."]
     outcome = headland("field", "good.geojson", "--local")
     assert outcome.status == 130 and outcome.sentences == ["Error: Interrupted; nothing was written."]
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("p.html", "<!doctype html><title>a page of somebody</title>"),
+        ("p.png", "\x89PNG"),
+        ("p.json", '{"type": "FeatureCollection"}'),
+        ("p.json", '<!doctype html>\n<meta name="generator" content="Headland">'),
+    ],
+)
+def test_what_is_not_of_headland_is_overwritten_by_force_alone(
+    headland: Run, folder: Path, name: str, content: str
+) -> None:
+    (folder / name).write_text(content)
+    option = {"html": "--html", "png": "--png", "json": "--save"}[name[2:]]
+    words = ("plan", "good.geojson", *ONE, option, name)
+    assert_refused(headland(*words), f"{name} exists already, and not as a result of Headland", "--force")
+    assert (folder / name).read_text() == content
+    forced, again = headland(*words, "--force"), headland(*words)
+    assert [one.sentences for one in (forced, again)] == [[f"Replaced {name}."]] * 2
+    assert (forced.status, again.status) == (0, 0)
+
+
+def test_what_is_written_is_said_once_in_the_same_words(headland: Run, folder: Path) -> None:
+    (folder / "empty.png").touch()
+    one, other = (headland("field", "good.geojson", "--local", "--png", name) for name in ("map.png", "empty.png"))
+    assert (one.sentences, other.sentences) == (["Wrote map.png."], ["Replaced empty.png."])
+    assert headland("tractor", "new", "mine.toml", *DATASHEET).sentences[0] == "Wrote mine.toml."
+    refused = headland("tractor", "new", "mine.toml", *DATASHEET)
+    assert_refused(refused, "mine.toml exists already")
+    assert headland("farm", "new", "farm.toml").sentences == ["Wrote farm.toml."]
+    many = headland("plan", "good.geojson", *ONE, "--html", "p.html", "--save", "p.json", "--csv")
+    assert many.sentences == ["Wrote p.html, p.json."]
+
+
+def test_what_is_written_anyhow_is_not_suggested(headland: Run, folder: Path) -> None:
+    told = headland("plan", "good.geojson", *ONE, "--save", "p.json").out
+    assert "Add --explain (why and how), --html plan.html (map)." in " ".join(told.split())
+    assert "--save plan.json" in headland("plan", "good.geojson", *ONE).out

@@ -25,6 +25,7 @@ CONTRACT = [
 ]  # fmt: skip
 TWO = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--processes", "1")
 QUICK = ("--tractors", "1-2", "--strategies", "split-field", "--no-headland", "--processes", "1")
+OLDER = '<!doctype html>\n<meta name="generator" content="Headland">an older page'
 BEGINS = """
 import sys
 import planner.pipeline.planning as planning
@@ -160,7 +161,7 @@ def test_the_table_names_the_best_and_the_cheapest(headland: Run, once: Run, sma
 @pytest.mark.slow
 def test_files_are_written_and_valid(headland: Run, small: Path, tmp_path: Path) -> None:
     page, picture, plan_file = tmp_path / "p.html", tmp_path / "p.png", tmp_path / "p.json"
-    page.write_text("older")
+    page.write_text(OLDER)
     files = ("--html", page, "--png", picture, "--save", plan_file)
     outcome = headland("plan", small, "--local", *TWO, "--no-headland", *files, "--json")
     assert outcome.status == 0, outcome.err
@@ -230,13 +231,13 @@ class TestProcess:
     @pytest.mark.skipif(os.name != "posix", reason="needs a signal")
     def test_interrupting_ends_with_130_and_leaves_the_old_file(self, small: Path, tmp_path: Path) -> None:
         page = tmp_path / "page.html"
-        page.write_text("older")
+        page.write_text(OLDER)
         with begun("plan", str(small), "--local", *QUICK, "--html", str(page)) as process:
             process.send_signal(signal.SIGINT)
             out, complaint = process.communicate(timeout=240)
         assert process.returncode == 130
         assert out == "" and "Traceback" not in complaint and len(complaint.splitlines()) <= 1
-        assert page.read_text() == "older"
+        assert page.read_text() == OLDER
         assert [path.name for path in tmp_path.iterdir()] == ["page.html"]
 
     @pytest.mark.matrix

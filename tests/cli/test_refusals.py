@@ -21,6 +21,11 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 90", ("90 m", "59.5 m or less")),
     ("--width 0.2", ("0.2 m", "0.5 to 100 m")),
     ("--width 1e-9", ("1e-09 m", "0.5 to 100 m")),
+    ("--width 3m", ("'3m' is not a ", "(write it in metres: 3)")),
+    ("--width 6 12", ("'12' stands alone after --width 6", "--width 6,12")),
+    ("--margin 30cm", ("'--margin': '30cm' is not a number (write it in metres: 0.3)",)),
+    ("--margin 0,5", ("'--margin': '0,5' is not a number (write 0.5)",)),
+    ("--margin 5kg", ("'--margin': '5kg' is not a number; headland",)),
     ("--headland 0", ("--headland",)),
     ("--headland 1e308", ("1e+308 m", "at most 1000 m")),
     ("--bearing nan", ("bearing", "nan")),
@@ -57,6 +62,7 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--samples 0 --rain 17:00 --start 8:00", ("--samples is 0", "--rain")),
     ("--headland-passes x", ("'--headland-passes': 'x' is not a whole number", "--help")),
     ("--bearing=x1", ("'--bearing': 'x1' is not a number",)),
+    ("--speed-kmh 2m/s", ("'2m/s' is not a number (write it in km/h: 7.2)",)),
     ("--samples -1", ("--samples is -1", "0 to 1,000,000")),
     ("--start 13:00 --deadline 7pm", ("--deadline '7pm'",)),
     ("--price-per-tractor -0.5", ("--price-per-tractor is -0.5",)),
@@ -131,7 +137,7 @@ def test_a_folder_without_permission(headland: Run, folder: Path) -> None:
 )
 def test_misuse_ends_with_2_and_names_the_word(headland: Run, folder: Path, arguments: tuple[str, ...]) -> None:
     outcome = headland("plan", "good.geojson", "--local", *arguments)
-    assert_refused(outcome, arguments[0], "--help lists the options")
+    assert_refused(outcome, arguments[0], "; headland plan --help lists the options")
 
 
 def test_an_unknown_command(headland: Run, folder: Path) -> None:
@@ -145,7 +151,8 @@ def test_in_a_process_of_its_own(headland_process: Run) -> None:
 
 
 def test_an_earlier_result_stays_when_the_run_fails(headland: Run, folder: Path) -> None:
-    assert_refused(headland("plan", "bow.geojson", "--local", "--html", "old.html"), "crosses itself")
+    refused = headland("plan", "bow.geojson", "--local", "--html", "old.html", "--force")
+    assert_refused(refused, "crosses itself")
     assert (folder / "old.html").read_text() == "an earlier result"
 
 
@@ -259,12 +266,13 @@ class TestFieldFiles:
         blocks = [feature(SQUARE, name=f"plot-{i}") for i in range(94)]
         blocks[7] = feature(ring((0, 0), (100, 100), (100, 0), (0, 100)), name="bow")
         place = write_features(folder / "farm.geojson", *blocks)
-        refused = headland("plan", "farm.geojson", "--local")
+        refused, unknown = (headland("plan", f"farm.geojson{key}", "--local") for key in ("", "#PLOT-78"))
         table = headland("field", "farm.geojson", "--local", "--list")
         rows = json.loads(headland("field", "farm.geojson", "--local", "--list", "--json").out)
         drawn = headland("field", "farm.geojson", "--local", "--list", "--png", "x.png")
         place.unlink()
         assert_refused(refused, "holds 94 fields", "and 82 more", "headland field FILE --list lists all")
+        assert_refused(unknown, "no field 'PLOT-78' (did you mean 'plot-78'?); choose one of its 94", "and 89 more")
         assert_refused(drawn, "--png draws one field; leave it out with --list")
         assert table.status == 0 and all(f"plot-{i}" in table.out for i in range(94) if i != 7)
         assert [row["position"] for row in rows] == list(range(94))

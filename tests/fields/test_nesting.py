@@ -1,8 +1,10 @@
 """How deep TOML and JSON are nested, and how wide a table is, is looked at before anything is parsed."""
 
 import json
+import re
 import time
 import tomllib
+from collections.abc import Callable
 
 import pytest
 
@@ -36,7 +38,7 @@ def test_toml_that_is_nested_too_deep_is_refused_at_once(text: str, words: str) 
 def test_strings_without_an_end_are_no_way_to_take_long(quotes: str) -> None:
     begin = time.process_time()
     for text in (f"a = {quotes * 50_000}", f"a = {quotes[0]}{quotes[1:] * 50_000}"):
-        with pytest.raises(tomllib.TOMLDecodeError):
+        with pytest.raises(ValueError, match=r"in line 1: |at its end"):
             parse_toml(text)
     assert time.process_time() - begin < AT_ONCE_S
 
@@ -62,6 +64,29 @@ def test_json_has_an_end_of_its_levels() -> None:
     for text in (f"[{deepest}]", '{"a":' * 600, '["[",' + "[" * 100_000):
         with pytest.raises(ValueError, match=f"levels deep; at most {MAX_JSON_LEVELS} are allowed"):
             parse_json(text)
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "words"),
+    [
+        (parse_toml, "a = 1\nwidht 3\n", "a key is not followed by = and its value, in line 2: 'widht 3'"),
+        (
+            parse_toml,
+            "name = Fendt 724",
+            "no number, true, false, list or text in quotes, in line 1: 'name",
+        ),
+        (parse_toml, "a = 4,5", "a value goes on after its end: write texts in quotes, and decimals with a point, in"),
+        (parse_toml, "a = 1\na = 2\n", "a second time, in line 2: 'a = 2'"),
+        (parse_toml, "a = [1", "a bracket is not closed, at its end"),
+        (parse_json, '{"a": 1,\n"b" 2}', "a name is not followed by a colon, in line 2: '\"b\" 2}'"),
+        (parse_json, '{"a": 1\n"b": 2}', "a comma or a closing bracket is missing, in line 2"),
+        (parse_json, '{"a": [1, 2\n', "a comma or a closing bracket is missing, at its end"),
+        (parse_json, "[" + "1, " * 900 + "x]", "in line 1: ', 1, 1, 1, 1, 1, x]'"),
+    ],
+)
+def test_what_is_wrong_is_said_in_plain_words(parse: Callable[[str], object], text: str, words: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(words)):
+        parse(text)
 
 
 @pytest.mark.parametrize("ending", ["\n1,2\n", "\r1,2\r", "\r\n", ""])

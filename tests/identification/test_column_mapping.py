@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.identification.log_tables import refusal, table, to_degrees
 from vehicle.identification.errors import ColumnError
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
-from vehicle.identification.logs.table import extract_columns, guess_column, map_columns, parse_mapping, read_table
+from vehicle.identification.logs.table import extract_columns, guess_column, map_columns, parse_mapping, read_log_table
 
 # Names of one quantity in the unit of the contract: what people's loggers write.
 NAMES = {
@@ -43,7 +43,7 @@ HEAD = ("time_s", "easting_m", "northing_m", "steering_deg")
 
 def offered(path: Path) -> dict[str, str]:
     with pytest.raises(ColumnError) as caught:
-        extract_columns(read_table(path), "run")
+        extract_columns(read_log_table(path), "run")
     return caught.value.mapping
 
 
@@ -60,7 +60,9 @@ def test_any_names_in_any_order_give_the_same_log_by_the_mapping_that_is_offered
     is_refused = any(names[column] != column for column in ("time_s", "easting_m", "northing_m", "steering_deg"))
     mapping = offered(folder / "run.csv") if is_refused else {}
     assert mapping == ({key: name for key, name in names.items() if key != name} if is_refused else {})
-    found, ignored = extract_columns(map_columns(read_table(folder / "run.csv"), parse_mapping(mapping), "run"), "run")
+    found, ignored = extract_columns(
+        map_columns(read_log_table(folder / "run.csv"), parse_mapping(mapping), "run"), "run"
+    )
     assert len(found) + len(ignored) == len(NAMES)
     for column, values in found.items():
         np.testing.assert_array_equal(values, frame[column], column)
@@ -262,7 +264,7 @@ def test_any_form_of_csv_gives_the_same_table(
     lines = [head + (tail if trailing == "all" else ""), *(line + tail for line in lines)]
     lines = [f"sep={separator[0]}", *lines] if names_separator else lines
     path.write_bytes((end.join(lines) + end).encode(encoding))
-    found = read_table(path)
+    found = read_log_table(path)
     assert list(found) == list(frame) and (found.place == "Müllers Acker").all()
     np.testing.assert_array_equal(found[list(frame)[:3]].astype(float), frame[list(frame)[:3]])
 

@@ -23,7 +23,7 @@ from vehicle.identification.logs.reader import build_log, count_rows_left_out, r
 from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, convert_columns
 from vehicle.identification.logs.schema import COLUMNS, GatedRows, Log, number_segments
 from vehicle.identification.logs.series import find_decreasing_entries
-from vehicle.identification.logs.table import read_table
+from vehicle.identification.logs.table import read_log_table
 
 KNOWN = {**CLEAR_SIZES, **OUTSIDE}
 CASES = [
@@ -95,7 +95,7 @@ def test_a_large_log_is_read_without_starting_threads(tmp_path: Path, monkeypatc
     path.write_text(header + "".join(f"{row}.1,{row}.123,0,0\n" for row in range(240_000)))
     monkeypatch.setattr(threading.Thread, "start", refuse)
     monkeypatch.setattr(os, "cpu_count", lambda: 8)
-    frame = read_table(path)
+    frame = read_log_table(path)
     assert path.stat().st_size > 5 * 2**20 and frame.shape == (240_000, 4)
     assert list(frame.iloc[-1]) == ["239999.1", "239999.123", "0", "0"]
 
@@ -430,7 +430,7 @@ def test_half_an_hour_is_read_quickly(tmp_path: Path) -> None:
     frame["heading_deg"] = 90.0
     path = saved(frame, tmp_path / "long.csv")
     start = time.process_time()
-    log = build_log(read_table(path), "long", check=False)
+    log = build_log(read_log_table(path), "long", check=False)
     find_convention_errors(log)
     assert log.rows_used > 30000 and time.process_time() - start < 3.0
 

@@ -1,6 +1,7 @@
 """The farm file: what it holds, where its defaults are from, what is refused, and what a plan takes from it."""
 
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from fields.documents.reader import read_field
+from fields.nested_text import SETTINGS_KINDS
+from planner.day.input_file import DayFile, load_day
 from planner.errors import HeadlandError, RequestError
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm, parse_farm
 from planner.farm.machines import FarmImplement, FarmTractor
@@ -17,8 +21,10 @@ from planner.farm.settings import NONE_GIVEN, FarmPrices, FarmTimes, Yard, get_d
 from planner.farm.value_sources import GIVEN, build_farm_sheet, format_farm_json, list_values
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest
+from tests.test_structure import ROOT
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import build_datasheet
+from vehicle.model.tractor import Tractor, load_tractor
 from vehicle.model.tractor_writer import format_tractor_toml
 
 SECTIONS = (FarmTractor, FarmImplement, FarmPrices, FarmTimes, UncertaintySettings, Yard)
@@ -139,11 +145,11 @@ def test_all_faults_are_told_at_once() -> None:
         ('[[tractors]]\nname = "a"\n[[tractors]]\nname = "b"\n[[implements]]\nname = "i"\ntractors = ["a"]',
          "no implement fits the tractor 'b'"),
         ('[[implements]]\nname = "i"\nwidth_m = 3.0\nframe_width_m = 9.0', "more than twice its width"),
-        ('[times]\nbreaks = ["12"]', "write for instance '12:00-12:30'"),
+        ('[times]\nbreaks = ["12"]', "write for instance '08:00-12:00'"),
         ('[times]\nbreaks = ["12:45-12:00"]', "lasts 23.2 h; use 12 h or less, with the earlier time first"),
         (
             '[times]\nshift_start = "7:00"\nshift_end = "9:00"\nbreaks = ["6:00-8:00", "8:00-9:30"]',
-            "take the whole shift",
+            "take its whole shift",
         ),
         ('[times]\nshift_start = "25:00"', "is not a time of day"),
         ("[chances]\nspeed_cv = 0.1", "is now [uncertainty]; rename it"),
@@ -206,7 +212,9 @@ def test_a_plan_takes_machines_speeds_and_prices_from_the_farm() -> None:
 def test_what_is_given_wins_over_the_farm() -> None:
     scenario = PlanRequest(width_m=4.0, speed_mps=1.0, tractor="EG105", tractors=(3,), operation="harvest")
     given_here = {"width_m", "speed_mps", "tractor", "tractors", "operation"}
-    found = complete_request_by_farm(scenario, load_example_farm(), given_here, implement_name="drill")
+    drill = load_example_farm().get_implement("drill").model_copy(update={"operation": None})
+    farm = load_example_farm().model_copy(update={"implements": (drill,)})
+    found = complete_request_by_farm(scenario, farm, given_here, implement_name="drill")
     expected = replace(scenario, turn_speed_mps=5.0 * (1.0 / 3.6), price_per_tractor=8.0, start_s=7 * 3600)
     expected = replace(expected, price_per_hour=found.request.price_per_hour)
     assert found.request == expected
@@ -239,3 +247,41 @@ def test_prices_are_taken_as_they_are_or_refused_by_name(values: dict[str, float
         assert any(f"prices.{key}" in str(refused) for key in values)
     else:
         assert all(getattr(farm.prices, key) == value for key, value in values.items())
+
+
+@pytest.mark.parametrize(
+    ("read", "file", "kind", "command"),
+    [
+        (load_farm, "planner/day/example.toml", "day file", "headland day FILE"),
+        (load_day, "planner/farm/example.toml", "farm file", "headland plan --farm FILE"),
+        (load_farm, "vehicle/data/eg105.toml", "tractor file", "headland plan --tractor FILE"),
+        (load_tractor, "planner/farm/example.toml", "farm file", "headland plan --farm FILE"),
+        (read_field, "planner/day/example.toml", "day file", "headland day FILE"),
+    ],
+)
+def test_a_file_of_another_kind_is_called_by_its_kind(
+    read: Callable[[Path], object], file: str, kind: str, command: str
+) -> None:
+    with pytest.raises(HeadlandError, match=f" a {kind}.* which {command} reads"):
+        read(ROOT / file)
+
+
+def test_keys_by_which_files_are_known_are_of_one_kind_alone() -> None:
+    models = (DayFile, FarmFile, Tractor)
+    for kind, model in zip(SETTINGS_KINDS, models, strict=True):
+        assert kind.keys <= model.model_fields.keys()
+        assert all(kind.keys.isdisjoint(other.model_fields) for other in models if other is not model)
+
+
+@pytest.mark.parametrize(("operation", "name"), [("sow", "drill"), ("spray", "sprayer"), ("mow", "cultivator")])
+def test_the_implement_is_the_first_of_the_operation_where_one_is_given(operation: str, name: str) -> None:
+    farm = load_example_farm()
+    order = complete_request_by_farm(PlanRequest(operation=operation), farm, {"operation"})
+    assert order.cost_terms is not None and order.cost_terms.implement == farm.get_implement(name)
+    assert order.request.operation == operation
+
+
+def test_an_empty_file_is_no_farm(tmp_path: Path) -> None:
+    (tmp_path / "farm.toml").write_text("\n")
+    with pytest.raises(RequestError, match=r"'.*farm\.toml' is empty; give a farm file"):
+        load_farm(tmp_path / "farm.toml")

@@ -16,6 +16,7 @@ from planner.pipeline.ranking import rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 from reports.plan.figures import format_ranking_json
+from strategies.path_planning.errors import SOLITARY_STRATEGIES
 from strategies.registry import STRATEGIES
 from vehicle.missions.run import DONE, SimulationRun
 
@@ -114,3 +115,8 @@ def test_where_no_round_fits_the_refusal_says_what_would_help() -> None:
     assert found.run is None
     assert found.result.reason.startswith("A formation of 3 tractors needs 3 tracks of at least")
     assert found.result.reason.endswith("use fewer tractors, or split-field or interleaved.")
+
+
+def test_advice_names_the_strategies_without_a_formation() -> None:
+    solitary = [name for name, strategy in STRATEGIES.items() if strategy.formation is None]
+    assert " or ".join(solitary) == SOLITARY_STRATEGIES

@@ -18,10 +18,10 @@ REFUSING_PACKAGES = (
 TELLING_MODULES = (
     "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_places.py",
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
-    "fields/layout/swaths.py",
+    "fields/layout/swaths.py", "fields/nested_text.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
     "planner/evaluation/candidates/figures.py",
-    "strategies/formations/compose.py",
+    "strategies/formations/compose.py", "strategies/path_planning/errors.py",
     "planner/evaluation/candidates/fleet_drive.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",

@@ -14,7 +14,7 @@ FARM = '[[implements]]\nname = "mower"\nwidth_m = 6.0\n'
 
 def test_a_table_and_two_files_a_run(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
     status, out, err = headland("logs", "import", taskdata, "-o", tmp_path / "new" / "runs")
-    assert (status, err) == (0, "")
+    assert status == 0 and err.startswith("Wrote ") and err.endswith("TLG00001.json.\n") and err.count("\n") == 1
     for word in ("TLG00001", "2026-05-04", "Long acre", "0:03:30", "0.18"):
         assert word in out, out
     assert len(list((tmp_path / "new" / "runs").iterdir())) == 2

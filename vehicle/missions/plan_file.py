@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from fields.nested_text import parse_json
 from vehicle.errors import MissionError
 from vehicle.missions.plan import (
     REFILL,
@@ -127,17 +128,12 @@ def parse_plan(text: str) -> Plan:
 def parse_saved_plan(text: str) -> SavedPlan:
     """Read a saved plan; raises MissionError if it is not a plan, of a newer version, or cannot be executed."""
     try:
-        saved = _build_saved_plan(json.loads(text))
-    except json.JSONDecodeError as error:
+        content = parse_json(text)
+    except ValueError as error:
         raise MissionError(
             f"This is no saved plan, as it is not JSON ({error}); headland plan --save writes one."
         ) from None
-    except MissionError:
-        raise
-    except RecursionError:
-        raise MissionError("The plan is nested too deeply; a saved plan has five levels.") from None
-    except ValueError:
-        raise MissionError("The plan has a number with too many digits; a saved plan has at most 20.") from None
+    saved = _build_saved_plan(content)
     check_plan(saved.plan)
     return saved
 

@@ -18,12 +18,11 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, model_validator
 
 from fields.errors import suggest_name
-from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error, quote_path, read_text
+from fields.text_files import quote_path, read_text
 from vehicle.errors import VehicleError
 from vehicle.model.discrepancy_model import compute_discrepancy_fields, compute_range_fields
 from vehicle.model.effects import DISCREPANCY_KEY, check_effect, compute_effect_fields
-from vehicle.model.validation_messages import describe_validation_errors
+from vehicle.model.validation_messages import describe_validation_errors, parse_settings
 
 POWER_LAW_M = 118.4  # A in r_p = A / (c |delta|^p), from Table 4.1 and the exponent 1/1.04058 of Eq. 2.9
 
@@ -377,14 +376,7 @@ def load_tractor(name_or_path: str | Path) -> Tractor:
         )
     else:
         text = read_text(name_or_path, "a TOML file", VehicleError)
-    try:
-        return Tractor(**parse_toml(text))
-    except ValidationError as error:
-        raise VehicleError(
-            f"The tractor file {name_or_path} cannot be used: {describe_validation_errors(error, Tractor)}."
-        ) from None
-    except (ValueError, RecursionError) as error:
-        raise VehicleError(f"The tractor file {name_or_path} is not TOML: {explain_parse_error(error)}.") from None
+    return parse_settings(text, Tractor, f"tractor file {name_or_path}", VehicleError)
 
 
 def resolve_tractor(source: Tractor | str | Path) -> Tractor:

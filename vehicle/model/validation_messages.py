@@ -1,17 +1,59 @@
-"""Error messages for parameter files: one sentence that names every missing and every wrong key."""
+"""Files of parameters (TOML) as models, refused in one sentence that names every missing and every wrong key."""
 
 from __future__ import annotations
 
-from typing import Any, get_args
+import re
+from collections.abc import Mapping
+from typing import Any, TypeVar, get_args
 
 from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from fields.errors import MAX_LISTED, MAX_NAMED, shorten_value, suggest_name
+from fields.errors import MAX_FAULTS, MAX_LISTED, MAX_NAMED, HeadlandError, shorten_value, suggest_name
+from fields.nested_text import find_settings_kind, parse_toml
 
 Model = type[BaseModel]
+Settings = TypeVar("Settings", bound=BaseModel)
 Place = tuple[str | int, ...]
+_LIST_ENTRY = re.compile(r"\b(\w+)\.(\d+)(?=[.:])")
+
+
+def parse_settings(
+    text: str, model: type[Settings], subject: str, error_type: type[HeadlandError], parameter: str | None = None
+) -> Settings:
+    """The settings of a text (TOML); `subject` is what it is and its name: "farm file my.toml".
+
+    Raises `error_type` with all faults in one sentence, which calls entries of lists by their names if they have any,
+    and for settings of another kind.
+    """
+    try:
+        values = parse_toml(text)
+    except ValueError as error:
+        raise error_type(f"The {subject} is not TOML: {error}.", parameter=parameter) from None
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        kind = find_settings_kind(values)
+        if kind is not None and not subject.startswith(kind.label):
+            raise error_type(
+                f"The {subject} is rather a {kind.label} (it has {', '.join(sorted(kind.keys & values.keys()))}), "
+                f"which headland {kind.command} FILE reads; name another file.",
+                parameter=parameter,
+            ) from None
+        faults = describe_validation_errors(error, model, MAX_FAULTS)
+        faults = _LIST_ENTRY.sub(lambda match: _name_entry(values, match), faults)
+        raise error_type(f"The {subject} cannot be used: {faults}.", parameter=parameter) from None
+
+
+def _name_entry(values: Mapping[str, Any], match: re.Match[str]) -> str:
+    """An entry of a list by its name, or by its number from 1."""
+    kind, number = match[1], int(match[2])
+    if not isinstance(values.get(kind), list):
+        return match[0]
+    entry = values[kind][number]
+    name = entry.get("name") if isinstance(entry, Mapping) else None
+    return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
 
 
 def describe_validation_errors(error: ValidationError, model: Model, max_count: int = MAX_NAMED) -> str:

@@ -62,9 +62,19 @@ MISUSES = (
     mark_text("'{value}' is not a whole number"),
     mark_text("'{value}' is not a number"),
     mark_text("'{value}' is not a number (write {number})"),
+    mark_text("'{value}' is not a number (write it in {unit}: {number})"),
+    mark_text("metres"),
+    mark_text("degrees"),
+    mark_text("percent"),
+    mark_text("seconds"),
     mark_text("Got unexpected extra argument ({argument})"),
 )
 """Sentences of typer on arguments that it cannot use, for the catalogues."""
+SETTINGS = (
+    mark_text("tractor file {label}"), mark_text("tractor file"), mark_text("farm file"), mark_text("day file"),
+    mark_text("{fault}, in line {line}: {text}"), mark_text("{fault}, at its end"),
+)  # fmt: skip
+"""What files of settings are called in refusals, and where something is wrong in them, for the catalogues."""
 RANGES = (
     mark_text("The {label} ({option}) is {value}; use {low} to {high}."),
     mark_text("The {label} ({option}) is {value}; use more than {low} and at most {high}."),
@@ -143,6 +153,11 @@ def _translate_command(command: Any) -> None:
             described.rich_help_panel = translate(panel)
     for subcommand in getattr(command, "commands", {}).values():
         _translate_command(subcommand)
+
+
+def get_english_help(described: Any) -> str:
+    """The help of an option as the code has it."""
+    return str(getattr(described, "english_texts", (described.help,))[0] or "")
 
 
 def split_paragraphs(text: str) -> list[str]:

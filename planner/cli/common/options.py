@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager
@@ -21,7 +20,6 @@ from planner.errors import HeadlandError, RequestError, strip_unit
 from planner.request.option_texts import parse_widths
 from planner.request.plan_options import PLAN_OPTIONS
 from planner.request.plan_request import COMPUTING, OUTPUT, WORK, PlanRequest
-from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
@@ -60,7 +58,9 @@ HeadlandOrderOption = Annotated[
 FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
 PlanArgument = Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")]
 RunsArgument = Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")]
-ForceOption = Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")]
+FORCE_HELP = "Overwrite files that are no earlier pages, pictures or plans of Headland."
+ForceOption = Annotated[bool, typer.Option("--force", help=FORCE_HELP)]
+ForceOutputOption = Annotated[bool, in_output("--force", help=FORCE_HELP)]
 Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]
 Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
@@ -224,10 +224,8 @@ def expand_fields(fields: Sequence[str], options: Mapping[str, Any]) -> tuple[st
 
 def build_requests(given: GivenOptions, fields: Sequence[str] | None) -> list[PlanRequest]:
     """A request for each of the named fields, with or without stars, at every width; raises HeadlandError."""
-    names, width = expand_fields(fields or (), given.values), given.values["width"]
-    widths_m = parse_widths(width)
+    names, remarks = expand_fields(fields or (), given.values), list[str]()
+    widths_m = parse_widths(given.values["width"], remarks.append)
     requests = [given.build_request(field=name, width=width_m) for name in names for width_m in widths_m]
-    if re.fullmatch(r"\d+,\d+", width):
-        first, second = width.split(",")
-        print_remarks([mark_text(f"{width} are two widths, {first} m and {second} m; write {first}.{second} for one.")])
+    print_remarks(remarks)
     return requests

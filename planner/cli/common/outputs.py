@@ -1,25 +1,40 @@
-"""Files that a command reads and writes: checked before any work, written whole or not at all."""
+"""Files that a command reads and writes: checked before any work, written whole or not at all, and named when written.
+
+One rule for every output of every command: what is there already is replaced if it is empty or a page, picture or plan
+that Headland wrote, which the same command writes again; anything else only with --force, as somebody may need it.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 import secrets
 import stat
 import sys
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from fields.text_files import explain_error, quote_path
+from fields.errors import join_first
+from fields.text_files import explain_error, quote_path, read_start
+from planner.cli.common.terminal import print_sentence
 from planner.errors import HeadlandError, RequestError
+from reports.common.language import translate, use_reader
 
 Output = tuple[Path | None, str]
 """A file to write or None, and its required ending ("" for any)."""
 OutputContent = str | bytes
 Result = tuple[Path | None, OutputContent | Callable[[], OutputContent]]
 """A file to write or None, and its content or what makes it."""
+_OWN_BEGINNINGS = {
+    ".html": re.compile(rb'<!doctype html>.{0,200}<meta name="generator" content="Headland">', re.DOTALL),
+    ".png": re.compile(rb"\x89PNG.{0,200}Software\0Headland", re.DOTALL),
+    ".json": re.compile(rb'\s*\{\s*"format_version"'),
+}
+"""How pages, pictures and saved plans of Headland begin, by their ending."""
+MAX_BEGINNING_BYTES = 1000
 _PLAIN_INPUTS = {
     "gnss_table": "the table of GNSS errors",
     "mapping": "the mapping of columns",
@@ -76,13 +91,16 @@ def list_input_files(
 
 
 def check_output_paths(
-    *outputs: Output, input_files: Mapping[str | Path, str] | None = None, force: bool = True
+    *outputs: Output,
+    input_files: Mapping[str | Path, str] | None = None,
+    force: bool = False,
+    updated: Collection[Path | None] = (),
 ) -> None:
     """Raise RequestError for an output that could not be written later; the file system stays unchanged.
 
-    An output must be a regular file or not exist yet, in a writable folder; without `force` it must not exist. It must
-    be neither an input file (path and what it is) nor another output, also through links and on file systems that
-    ignore case.
+    An output must be a regular file or not exist yet, in a writable folder; what exists must be a result of Headland,
+    unless `force` allows any or it is among the `updated`, of which everything stays. It must be neither an input file
+    (path and what it is) nor another output, also through links and on file systems that ignore case.
     """
     requested = [(path, suffix) for path, suffix in outputs if path is not None]
     for path, _ in requested:
@@ -98,7 +116,7 @@ def check_output_paths(
             named = _format_path(path.with_suffix(suffix))
             raise RequestError(f"{_format_path(path)} does not end in {suffix}; name the file {named}.")
         occupied.append((path, "another result"))
-        refuse_overwrite(path, force)
+        refuse_overwrite(path, force or path in updated)
 
 
 def check_cache_folder(cache: Path | None) -> None:
@@ -156,8 +174,17 @@ def _is_same_file(path: Path, other_path: Path, ignores_case: bool) -> bool:
 
 
 def refuse_overwrite(path: Path, force: bool) -> None:
-    """Raise RequestError for a file that exists, unless `force` allows overwriting it."""
-    if not force and os.path.lexists(path):
+    """Raise RequestError for a file that exists and is no result of Headland, unless `force` allows overwriting it."""
+    if force or not os.path.exists(path):
+        return
+    beginning = read_start(path, MAX_BEGINNING_BYTES, "a file", RequestError)
+    own = _OWN_BEGINNINGS.get(path.suffix.lower())
+    if own is not None and beginning and not own.match(beginning):
+        raise RequestError(
+            f"{_format_path(path)} exists already, and not as a result of Headland; choose another name, or add "
+            "--force to overwrite it."
+        )
+    if own is None and beginning:
         raise RequestError(f"{_format_path(path)} exists already; choose another name, or add --force to overwrite it.")
 
 
@@ -189,28 +216,31 @@ def write_into_folder(
     folder: Path,
     contents: Mapping[str, OutputContent],
     *,
-    force: bool = True,
+    force: bool,
     input_files: Mapping[str | Path, str] | None = None,
 ) -> None:
-    """Write files by name into a folder, which is made if missing.
+    """Write files by name into a folder, which is made if missing, and say so.
 
-    Raises RequestError, also for files that exist unless `force` allows overwriting them, and WriteError.
+    Raises RequestError, also for files that exist as `check_output_paths` has it, and WriteError.
     """
     results = [(folder / name, content) for name, content in contents.items()]
-    for path, _ in results:
+    for path, _ in results:  # before the folder is made
         refuse_overwrite(path, force)
     with make_folders(folder):
-        check_output_paths(*((path, "") for path, _ in results), input_files=input_files)
-        write_results(results)
+        check_output_paths(*((path, "") for path, _ in results), input_files=input_files, force=force)
+        with write_before_printing(*results):
+            pass
 
 
-def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:
+def write_results(results: Sequence[tuple[Path, OutputContent]]) -> list[Path]:
     """Write all results or none: existing files are replaced only when all new ones are complete.
 
-    The target of a symbolic link is written, the link stays. Raises WriteError, whose sentence says what was written.
+    The target of a symbolic link is written, the link stays. Returns those that replaced a file. Raises WriteError,
+    whose sentence says what was written.
     """
     drafts: list[tuple[Path, Path]] = []
     replaced: list[Path] = []
+    existing = [path for path, _ in results if os.path.exists(path)]
     path = Path()
     try:
         for path, content in results:
@@ -233,22 +263,36 @@ def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:
     finally:
         for draft, _ in drafts[len(replaced) :]:
             draft.unlink(missing_ok=True)
+    return existing
 
 
 @contextmanager
 def write_before_printing(*results: Result) -> Iterator[None]:
-    """Make and write the results that a path was given for, then run the body.
+    """Make and write the results that a path was given for, run the body, and name on standard error what was written.
 
-    An exception of the body gets a note on what was written.
+    An exception of the body gets a note on that instead.
     """
     made = [(path, content() if callable(content) else content) for path, content in results if path is not None]
-    write_results(made)
+    replaced = write_results(made)
     try:
         yield
     except BaseException as error:
         if made:
             error.add_note(_describe_written([path for path, _ in made]))
         raise
+    print_written([path for path, _ in made], replaced)
+
+
+def print_written(paths: Sequence[Path], replaced: Collection[Path]) -> None:
+    """Name files that were written on standard error, and apart from them those that replaced another."""
+    new, old = ([path for path in paths if (path in replaced) == is_old] for is_old in (False, True))
+    with use_reader():
+        sentences = [
+            translate("Wrote {files}.", files=join_first(list(map(_format_path, new)))) if new else "",
+            translate("Replaced {files}.", files=join_first(list(map(_format_path, old)))) if old else "",
+        ]
+    for sentence in filter(None, sentences):
+        print_sentence(sentence, err=True)
 
 
 def _describe_written(paths: Sequence[Path]) -> str:

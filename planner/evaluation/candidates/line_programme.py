@@ -23,7 +23,7 @@ from reports.common.plan_results import MODEL_ERROR_SHARE
 from strategies.formations.compose import Formation, describe_formation_share
 from strategies.formations.formation_site import FleetOrder, FormationSite
 from strategies.lines.line_wishes import LineWishes
-from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.errors import SOLITARY_STRATEGIES, StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_gates import add_order_gates
@@ -199,7 +199,7 @@ def _choose_sketcher(context: PlanningContext, strategy: Strategy, tractors: int
     if context.request.line_wishes:
         raise StrategyError(
             "Tractors in formation work all tracks side by side, and some are to be left out or worked first or by one "
-            "of them; use split-field or interleaved."
+            f"of them; use {SOLITARY_STRATEGIES}."
         )
     _check_supply_lasts(context, tractors)
 
@@ -251,8 +251,8 @@ def _check_tracks_suffice(context: PlanningContext, tractors: int) -> None:
     tracks = {line.task.number for line in lines if line.task.kind == SWATH}
     if (count := len(tracks)) < tractors:
         raise StrategyError(
-            f"{tractors} tractors in formation need {tractors} tracks, and there is work on {count}; use split-field "
-            "or interleaved."
+            f"{tractors} tractors in formation need {tractors} tracks, and there is work on {count}; use "
+            f"{SOLITARY_STRATEGIES}."
         )
 
 
@@ -264,7 +264,7 @@ def _check_supply_lasts(context: PlanningContext, tractors: int) -> None:
         hectares = supply.capacity / supply.rate_per_m2 / 1e4
         raise StrategyError(
             f"Tractors in formation wait for each other, so none can be served alone, and {supply.load_text} lasts for "
-            f"{hectares:.3g} ha of its share; use split-field or interleaved, or a larger "
+            f"{hectares:.3g} ha of its share; use {SOLITARY_STRATEGIES}, or a larger "
             f"{'tank' if supply.service == REFILL else 'battery'}."
         )
 

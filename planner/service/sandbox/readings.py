@@ -21,7 +21,6 @@ from pydantic import BaseModel, ValidationError
 
 from fields.geometry.field import Field
 from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error
 from planner.errors import FieldError, HeadlandError, RequestError, attach_parameter, render_refusal
 from planner.request.option_texts import convert_time_to_text
 
@@ -131,9 +130,9 @@ def summarize_log(file_path: str) -> dict[str, Any]:
     """
     from vehicle.identification.errors import ColumnError
     from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
-    from vehicle.identification.logs.table import extract_columns, read_table
+    from vehicle.identification.logs.table import extract_columns, read_log_table
 
-    frame = read_table(resolve_log_path(file_path))
+    frame = read_log_table(resolve_log_path(file_path))
     try:
         extract_columns(frame, Path(file_path).stem)
     except ColumnError as refusal:
@@ -230,8 +229,8 @@ def _read_form(text: str, changes: Sequence[Mapping[str, Any]], model: type[Base
     """Text, values and faults of a file, after changes."""
     try:
         parse_toml(text)
-    except (ValueError, RecursionError) as error:
-        sentence = f"This is not TOML: {explain_parse_error(error)}."
+    except ValueError as error:
+        sentence = f"This is not TOML: {error}."
         if changes:
             raise RequestError(f"{sentence} Correct the text first.", parameter="text") from None
         return {"text": text, "values": {}, "faults": [{"path": [], "sentence": sentence}], "contradictions": []}

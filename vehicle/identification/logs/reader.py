@@ -61,7 +61,7 @@ from vehicle.identification.logs.table import (
     guess_column,
     map_columns,
     parse_mapping,
-    read_table,
+    read_log_table,
 )
 from vehicle.identification.logs.thresholds import FEW_SHARE, MAJORITY, MOMENT_S, STEEPEST_DEG
 
@@ -162,7 +162,7 @@ def read_log(
     """
     path, columns = resolve_log_path(path), parse_mapping(mapping)
     fix_set = parse_conventions(fixes, columns.values())
-    return build_log(map_columns(read_table(path), columns, path.stem), path.stem, fix_set, wheelbase_m)
+    return build_log(map_columns(read_log_table(path), columns, path.stem), path.stem, fix_set, wheelbase_m)
 
 
 def read_logs(
@@ -184,7 +184,7 @@ def read_logs(
     stems = [path.stem for path in files]
     for path, other_paths in files.items():
         name = path.stem if stems.count(path.stem) == 1 else str(path)
-        frame = map_columns(read_table(path), columns, name)
+        frame = map_columns(read_log_table(path), columns, name)
         log = build_log(frame, name, fix_set, wheelbase_m, reference, check=False)
         reference = log.origin_deg
         logs.append(replace(log, other_names=other_paths))

@@ -24,7 +24,7 @@ import numpy as np
 from fields.arrays import Floats
 from fields.errors import mark_parameter, shorten_middle, suggest_name
 from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error, quote_path, read_table_text, read_text
+from fields.text_files import quote_path, read_table_text, read_text
 from vehicle.identification.errors import ColumnError, LogError
 from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Columns
 
@@ -39,7 +39,7 @@ SHOWN_HEADER_CHARS = 1000  # of a refusal, which has to leave room for the mappi
 _EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a", "inf", "-inf", "<na>")
 
 
-def read_table(path: Path) -> pd.DataFrame:
+def read_log_table(path: Path) -> pd.DataFrame:
     """Read the table of a CSV or Parquet file, cells of a CSV as text; raises LogError."""
     if path.is_dir():
         raise LogError(f"{path} is a directory, not a log; name its files, for example {path}/*.csv.")
@@ -208,8 +208,8 @@ def read_mapping_file(path: str | Path) -> tuple[dict[str, str], dict[str, Any]]
     text, label = read_text(path, "a mapping file (TOML)", LogError), f"The mapping {quote_path(path)}"
     try:
         content = parse_toml(text)
-    except (ValueError, RecursionError) as error:
-        raise LogError(f"{label} is not TOML: {explain_parse_error(error)}.") from None
+    except ValueError as error:
+        raise LogError(f"{label} is not TOML: {error}.") from None
     values = content.pop("values", {})
     columns = content.get("columns", content)
     are_tables = isinstance(columns, dict) and isinstance(values, dict)
