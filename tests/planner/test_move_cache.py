@@ -1,6 +1,7 @@
 """What is known of moves is cached from run to run: the next plan is the same, and drives none of its moves again."""
 
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -38,10 +39,12 @@ def plan(cache: MoveCache | None, request: PlanRequest = REQUEST) -> PlanningRes
     return plan_order(WorkOrder(request, FIELD), executor=SerialExecutor(), cache=cache.results if cache else NO_CACHE)
 
 
-@pytest.fixture(autouse=True)
-def forget_outcomes(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def forget_outcomes(first_layout: None) -> Iterator[None]:
     """Nothing but moves is known of the plan before."""
-    monkeypatch.setattr("planner.pipeline.planning.recall_outcomes", lambda *known: known[-1](range(len(known[2]))))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("planner.pipeline.planning.recall_outcomes", lambda *known: known[-1](range(len(known[2]))))
+        yield
 
 
 @pytest.fixture
@@ -57,30 +60,44 @@ def drives(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return counts
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("moves")
+
+
+@pytest.fixture(scope="module")
+def first(folder: Path, forget_outcomes: None) -> PlanningResult:
+    """A plan of which the folder holds the moves from then on."""
+    return plan(MoveCache(ResultCache(folder)))
+
+
+@pytest.fixture(scope="module")
+def told(first: PlanningResult) -> str:
+    return format_ranking_json(first.ranking)
+
+
 @pytest.fixture
-def cache(tmp_path: Path) -> MoveCache:
-    return MoveCache(ResultCache(tmp_path / "moves"))
+def cache(folder: Path, first: PlanningResult, tmp_path: Path) -> MoveCache:
+    """A cache that holds the moves of the plan."""
+    return MoveCache(ResultCache(shutil.copytree(folder, tmp_path / "moves")))
 
 
-@pytest.mark.parametrize("order", [WorkOrder(REQUEST, FIELD), FOLDING], ids=["open", "folding"])
-def test_the_next_plan_is_the_same_and_drives_no_move(cache: MoveCache, drives: list[int], order: WorkOrder) -> None:
-    def answer(known: MoveCache | None) -> str:
-        results = known.results if known else NO_CACHE
-        return format_ranking_json(plan_order(order, executor=SerialExecutor(), cache=results).ranking)
+def test_the_next_plan_is_the_same_and_drives_no_move(tmp_path: Path, drives: list[int]) -> None:
+    def answer(results: ResultCache) -> str:
+        return format_ranking_json(plan_order(FOLDING, executor=SerialExecutor(), cache=results).ranking)
 
-    plain = answer(None)
+    plain = answer(NO_CACHE)
     assert sum(drives) > 20
-    first, files = answer(cache), sorted(cache.results.folder.iterdir())  # type: ignore[union-attr]
+    first, files = answer(ResultCache(tmp_path)), sorted(tmp_path.iterdir())
     drives.clear()
-    second = answer(cache)
+    second = answer(ResultCache(tmp_path))
     assert first == second == plain
     assert sum(drives) == 0
-    assert sorted(cache.results.folder.iterdir()) == files  # type: ignore[union-attr]
+    assert sorted(tmp_path.iterdir()) == files
 
 
 def test_another_process_is_told_all_and_reads_and_stores_nothing(cache: MoveCache, drives: list[int]) -> None:
     packed, pairs = pack_context(plan(cache).context), [one for one in list_candidates(REQUEST) if one.tractors == 2]
-    assert cache.results.folder is not None
     for path in cache.results.folder.iterdir():
         path.unlink()
     drives.clear()
@@ -93,47 +110,35 @@ def test_more_tractors_find_what_one_has_found(cache: MoveCache, drives: list[in
     more = replace(REQUEST, tractors=(3,), price_per_hour=50.0)
     plain = format_ranking_json(plan(None, more).ranking)
     alone, _ = sum(drives), drives.clear()
-    plan(cache)
-    drives.clear()
     assert format_ranking_json(plan(cache, more).ranking) == plain
     assert sum(drives) < 0.7 * alone
 
 
-@pytest.mark.parametrize("damage", ["", "{", "[]", "{}", '{"options": 3}', '0\n{"options": 3}'])
-def test_damaged_files_are_as_good_as_none(cache: MoveCache, damage: str) -> None:
-    first = format_ranking_json(plan(cache).ranking)
-    for path in cache.results.folder.iterdir():  # type: ignore[union-attr]
-        path.write_text(damage)
-    assert format_ranking_json(plan(cache).ranking) == first
-
-
-def test_a_number_that_somebody_changed_is_not_believed(cache: MoveCache) -> None:
-    first = format_ranking_json(plan(cache).ranking)
-    assert cache.results.folder is not None
+@pytest.mark.parametrize("damage", [lambda text: "{", lambda text: text.replace("1", "2", 40)])
+def test_a_damaged_file_and_a_number_that_somebody_changed_are_not_believed(
+    cache: MoveCache, told: str, damage: Callable[[str], str]
+) -> None:
     for path in cache.results.folder.iterdir():
-        path.write_text(path.read_text().replace("1", "2", 40))
-    assert format_ranking_json(plan(cache).ranking) == first
+        path.write_text(damage(path.read_text()))
+    assert format_ranking_json(plan(cache).ranking) == told
 
 
-def test_a_file_that_others_refer_to_may_be_missing(cache: MoveCache) -> None:
-    first = format_ranking_json(plan(cache).ranking)
+def test_a_file_that_others_refer_to_may_be_missing(cache: MoveCache, told: str) -> None:
     more = format_ranking_json(plan(cache, replace(REQUEST, tractors=(3,))).ranking)
-    assert cache.results.folder is not None
     oldest = min(cache.results.folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
     oldest.unlink()
-    assert format_ranking_json(plan(cache).ranking) == first
+    assert format_ranking_json(plan(cache).ranking) == told
     assert format_ranking_json(plan(cache, replace(REQUEST, tractors=(3,))).ranking) == more
 
 
-def test_what_is_known_is_told_whole_or_by_what_is_new(cache: MoveCache) -> None:
-    context = plan(None).context
-    known = get_site_moves(context)
-    first = describe_entries(known, {})
-    assert set(first) >= {"estimates", "options", "driven"}
+def test_what_is_known_is_told_whole_or_by_what_is_new(first: PlanningResult) -> None:
+    known = get_site_moves(first.context)
+    entries = describe_entries(known, {})
+    assert set(entries) >= {"estimates", "options", "driven"}
     assert describe_entries(known, count_entries(known)) == {}
     again = SiteMoves(known.site, known.lines)
-    load_entries(again, [first, first])
-    assert describe_entries(again, {}) == first
+    load_entries(again, [entries, entries])
+    assert describe_entries(again, {}) == entries
     for pair, options in known.options.items():
         for move, other in zip(options, again.options[pair], strict=True):
             assert (known.driven.get(move) is None) is (again.driven.get(other) is None)
@@ -152,13 +157,11 @@ CHANGES: list[Callable[[PlanRequest], PlanRequest]] = [
 
 @pytest.mark.parametrize("change", CHANGES)
 def test_what_depends_on_another_machine_or_rule_is_not_loaded(cache: MoveCache, change: Any) -> None:
-    plan(cache)
     other = prepare_context(WorkOrder(change(REQUEST), FIELD), move_cache=cache)
     assert not get_site_moves(other).driven
 
 
 def test_another_implement_or_tractor_is_not_taken_for_the_one_before(cache: MoveCache) -> None:
-    plan(cache)
     same = get_site_moves(prepare_context(WorkOrder(REQUEST, FIELD), move_cache=cache))
     longer = WorkOrder(REQUEST, FIELD, implement=Implement(hitch_m=3.0, length_m=2.5))
     heavier = WorkOrder(REQUEST, FIELD).resolve_tractor().model_copy(update={"mass_kg": 4500.0})
