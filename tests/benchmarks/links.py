@@ -1,19 +1,22 @@
 """How the links of a fleet hold: `python -m tests.benchmarks.links [--seconds 60] [--tractors 50] [--viewers 5]`.
 
-A service in a process of its own with one fleet; robots report ten times a second, viewers read every tick. Told are
-states lost (sent and neither kept nor, at the end, waiting), the time from a robot's sending to a viewer's having it,
-the share of a core and the memory that the server takes, how long a stop-all needs to the last robot, whether clients
-that drop and come back lose what was acknowledged, and whether malformed frames pass or end a stream.
+A service in a process of its own with one fleet; robots report ten times a second, viewers read every tick in another
+process. Told are states lost (sent and neither kept nor, at the end, waiting), the time from a robot's sending to a
+viewer's having it, the share of a core and the memory that the server takes, how long a stop-all needs to the last
+robot, whether clients that drop and come back lose what was acknowledged, and whether malformed frames pass or end a
+stream.
 """
 
 import argparse
 import asyncio
 import json
+import multiprocessing
 import os
 import random
 import tempfile
 import time
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -78,6 +81,18 @@ async def watch(address: str, token: str, late: list[float], until_s: float) -> 
                     seen[tractor["tractor"]] = at
 
 
+def watch_fleet(address: str, token: str, viewers: int, seconds: float) -> tuple[list[float], list[float]]:
+    """What a process of viewers sees: ages of states in ticks, and how late its sleeps end (s)."""
+    late, asleep, until_s = list[float](), list[float](), time.monotonic() + seconds
+
+    async def look_on() -> None:
+        viewing = (watch(address, token, late, until_s) for _ in range(viewers))
+        await asyncio.gather(probe(asleep, until_s), *viewing)
+
+    asyncio.run(look_on())
+    return late, asleep
+
+
 async def probe(late: list[float], until_s: float) -> None:
     """How late this machine wakes somebody who sleeps for 50 ms: what no service on it could be quicker than."""
     while time.monotonic() < until_s:
@@ -103,16 +118,12 @@ def measure_usage(pid: int) -> tuple[float, float]:
 
 def measure(squad: Squad, robots: list[CarefulRobot], viewers: int, seconds: float) -> None:
     """Everybody drives and is watched for some time, then stands."""
-    pid, late, asleep = squad.service.process.pid, list[float](), list[float]()
-    squad.go()
-    (cpu, memory), begin = measure_usage(pid), time.monotonic()
-
-    async def look_on() -> None:
-        until_s, address = begin + seconds, f"ws://{HOST}:{squad.service.port}/api/v1/fleets/{squad.fleet}/link"
-        viewing = (watch(address, squad.orders, late, until_s) for _ in range(viewers))
-        await asyncio.gather(probe(asleep, until_s), *viewing)
-
-    squad.call(look_on(), seconds + 60.0)
+    pid, address = squad.service.process.pid, f"ws://{HOST}:{squad.service.port}/api/v1/fleets/{squad.fleet}/link"
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as watching:
+        watching.submit(abs, 0).result()  # it has started
+        squad.go()
+        (cpu, memory), begin = measure_usage(pid), time.monotonic()
+        late, asleep = watching.submit(watch_fleet, address, squad.orders, viewers, seconds).result()
     (cpu_end, memory_end), wall = measure_usage(pid), time.monotonic() - begin
     stop_s = squad.stop_by_link()
     sent, lost = sum(robot.sequence + 1 for robot in robots), count_lost(robots)
