@@ -4,9 +4,7 @@ import asyncio
 import io
 import itertools
 import logging
-import os
 import re
-import time
 from types import SimpleNamespace
 from typing import Any
 
@@ -135,13 +133,14 @@ def test_a_process_that_cannot_be_started_waits_too(
 def test_a_process_is_started_again_and_ends_with_its_place(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     ended, looks, count = list[tuple[str, int]](), list[int](), itertools.count()
+    codes = ["exit(4)", "exit(3)", "__import__('time').sleep(600.0)"]
 
     def conclude(name: str, status: int) -> bool:
         ended.append((name, status))
         return status != 4
 
     kept = KeptProcess(
-        leave, lambda: (f"leaver {(number := next(count))}", ([4, 3, None][min(number, 2)],)), conclude,
+        exec, lambda: (f"leaver {(number := next(count))}", (codes[min(number, 2)],)), conclude,
         short_life_s=0.0, patience_s=30.0, look=lambda: looks.append(1),
     )  # fmt: skip
     kept.start()
@@ -155,10 +154,3 @@ def test_a_process_is_started_again_and_ends_with_its_place(caplog: pytest.LogCa
         "The process leaver 0 ended with status 4.": logging.INFO,
         "The process leaver 1 ended with status 3.": logging.WARNING,
     }
-
-
-def leave(status: int | None) -> None:
-    """End with a status; without one stay."""
-    if status is None:
-        time.sleep(600.0)
-    os._exit(status or 0)
