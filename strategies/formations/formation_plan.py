@@ -15,7 +15,6 @@ import numpy as np
 from strategies.formations.round_order import DirectedRound
 from strategies.formations.rounds import APPROACH_M, SHORTEST_M, RoundPlace, get_neighbour, get_row
 from strategies.formations.tours import FormationTour
-from strategies.lines.work_line import cut_line
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
 from strategies.rules.legs import make_mission
@@ -197,8 +196,7 @@ def _cut_legs(legs: Sequence[Leg], first_m: float, last_m: float) -> list[Leg]:
     for leg in legs:
         low, high = max(first_m - begin_m, 0.0), min(last_m - begin_m, leg.length_m)
         if high > low + 1e-6:
-            is_all = low == 0.0 and high == leg.length_m
-            parts.append(leg if is_all else replace(leg, points=cut_line(leg.points, low, high), may_wait=False))
+            parts.append(leg.cut(low, high))
         begin_m += leg.length_m
     return parts
 

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, build_directions, compute_angles, measure_along
+from fields.arrays import Flags, Floats, build_directions, compute_angles, cut_line, locate_at, measure_along
 from strategies.formations.columns import find_runs, list_columns
 from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds, sketch_rounds
 from strategies.formations.rounds import (
@@ -31,7 +31,6 @@ from strategies.formations.rounds import (
     place_tractors,
 )
 from strategies.formations.tours import FormationTour, share_lines, sketch_tours
-from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, Pose

@@ -14,13 +14,13 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, build_directions, measure_along
+from fields.arrays import SHORTEST_PIECE_M, Flags, Floats, build_directions, measure_along
 from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import MOST_OFF_SHARE, extend_line
 from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
-from strategies.rules.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
+from strategies.rules.legs import MIN_STEP_M, PATH_STEP_M
 from strategies.site.site import MISSED_FACTOR, STRAIGHT_M, Site
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
@@ -245,7 +245,7 @@ def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool
     for gear, sampled in path.sample(PATH_STEP_M):
         steps_m = np.hypot(*np.diff(sampled, axis=0).T)
         points = sampled[np.concatenate([[True], steps_m > MIN_STEP_M])]
-        if float(steps_m.sum()) <= MIN_LEG_M:
+        if float(steps_m.sum()) <= SHORTEST_PIECE_M:
             continue
         x, y = points[len(points) // 2].tolist()
         speed_mps = site.rules.work_speed_mps if is_work else site.rules.get_path_speed_mps(gear)

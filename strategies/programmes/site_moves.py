@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, Integers
+from fields.arrays import Flags, Floats, Integers, cut_line
 from strategies.lines.lay_lines import measure_proof_rooms, unite_strips
-from strategies.lines.work_line import WorkLine, cut_line
+from strategies.lines.work_line import WorkLine
 from strategies.moves.drives import (
     BRAKE_M,
     ROOM_TOLERANCE_M,

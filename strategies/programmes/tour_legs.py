@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from strategies.lines.work_line import cut_line
+from fields.arrays import SHORTEST_PIECE_M, cut_line
 from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import WAIT_STEP_M, list_parts_m
-from strategies.rules.legs import MIN_LEG_M, add_wait_points, make_mission
+from strategies.rules.legs import add_wait_points, make_mission
 from strategies.site.site import Site
 from vehicle.missions.plan import DRIVE, ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 
@@ -32,8 +32,8 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
 
 def build_stand(table: MoveTable, node: int) -> Mission:
     """The mission of a tractor that stays where it stands, at the begin of its first line."""
-    points, speed_mps = cut_line(table.lines[node // 2].paths[0], 0.0, MIN_LEG_M), table.site.rules.turn_speed_mps
-    return make_mission([Leg(points, speed_mps, task=LegTask(DRIVE), folded=node in table.moves.folded)])
+    points, is_folded = cut_line(table.lines[node // 2].paths[0], 0.0, SHORTEST_PIECE_M), node in table.moves.folded
+    return make_mission([Leg(points, table.site.rules.turn_speed_mps, task=LegTask(DRIVE), folded=is_folded)])
 
 
 def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
@@ -120,7 +120,7 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
     if key not in known:
         whole = table.moves.build_work_leg(node, leave_m, join_m)
         known[key] = tuple(
-            replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
+            whole.cut(first, last).copy_with(may_wait=first > 0.0)
             for first, last in pairwise(list_parts_m(table.moves, node, whole.length_m))
         )
     return known[key]

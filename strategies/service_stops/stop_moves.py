@@ -11,13 +11,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from operator import attrgetter
 
+from fields.arrays import SHORTEST_PIECE_M
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_estimates import CUTS_M, DETOUR_FACTOR, MOST_CUT_SHARE
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
-from strategies.rules.legs import MIN_LEG_M
 
 STOP_CUTS_M = tuple(sorted({cut for cuts in CUTS_M for cut in cuts}))  # of one line, at its end or begin
 
@@ -124,6 +124,6 @@ class StopMoves:
         is_after_work = trip.is_arriving and trip.at_m > 0.0
         before = moves.cut_before(node, rest_m + move.leave_m) if is_after_work else None
         after = None if trip.is_arriving else moves.cut_after(node, trip.at_m + move.join_m)
-        if before is None and after is None and move.path.length_m <= MIN_LEG_M:
+        if before is None and after is None and move.path.length_m <= SHORTEST_PIECE_M:
             return move  # it stands at the place already
         return moves.drives.prove([Passage(move, before, after)])[0]
