@@ -14,7 +14,7 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
-from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
+from strategies.moves.drives import build_move_legs
 from strategies.path_planning.paths import Pose
 from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable, split_apart
@@ -24,11 +24,10 @@ from strategies.programmes.tour_legs import build_mission, build_run_parts, buil
 from strategies.programmes.tour_problem import TourProblem
 from strategies.programmes.waiting_places import WAIT_STEP_M
 from strategies.programmes.ways_home import Way, WayBook
+from strategies.site.site import SETTLED_M
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
 
 @dataclass(frozen=True, eq=False)

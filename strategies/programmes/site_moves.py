@@ -22,9 +22,7 @@ from fields.arrays import Flags, Floats, Integers, cut_line
 from strategies.lines.lay_lines import measure_proof_rooms, unite_strips
 from strategies.lines.work_line import WorkLine
 from strategies.moves.drives import (
-    BRAKE_M,
     ROOM_TOLERANCE_M,
-    SETTLE_M,
     MoveDrives,
     Passage,
     build_work_leg,
@@ -35,7 +33,7 @@ from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_estimates import CUTS_M, MOST_CUT_SHARE, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
-from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, Site
+from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, SETTLE_M, SETTLED_M, Site
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, Leg, Mission, Plan
 from vehicle.missions.run import DONE
 
@@ -266,7 +264,7 @@ class SiteMoves:
     def cut_after(self, node: int, join_m: float) -> Floats:
         """The stretch (n, 2) of a node that is driven with the move which joins it so far after its begin."""
         line, way = self.lines[node // 2], node % 2
-        return cut_line(line.paths[way], join_m, min(line.measure_path_m(way), join_m + SETTLE_M + BRAKE_M))
+        return cut_line(line.paths[way], join_m, min(line.measure_path_m(way), join_m + SETTLED_M))
 
     def find_lost_legs(self, legs: Sequence[Leg]) -> list[int]:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
