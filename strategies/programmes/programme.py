@@ -81,9 +81,13 @@ def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
     """Seconds that a tour is driven from rest to rest: its lines and its moves, without what these are charged."""
     if not tour:
         return 0.0
-    work_m = sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
-    moves_s = table.sum_drive_s(list_pairs(table, [tour]))
-    return work_m / table.site.rules.work_speed_mps + moves_s + table.moves.drives.rest_s
+    return measure_way_s(table, add_gates(table, tour), tour) + table.moves.drives.rest_s
+
+
+def measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:
+    """Seconds of the moves between nodes, and of the lines of those that are worked."""
+    work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in worked)
+    return work_m / table.site.rules.work_speed_mps + table.sum_drive_s(list(pairwise(nodes)))
 
 
 def list_pairs(table: MoveTable | SiteMoves, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:

@@ -182,15 +182,10 @@ class SiteMoves:
         return self.searched_moves[u, v]
 
     def drive(self, wanted: Sequence[tuple[int, int, Move]]) -> None:
-        """Drive moves between two nodes each, all at once."""
+        """Drive moves between two nodes each, all at once; `driven` has what comes of them."""
         todo = [(self._build_passage(*one), one[2]) for one in wanted if one[2] not in self.driven]
         proven = self.drives.prove([passage for passage, _ in todo])
         self.driven.update((move, one) for (_, move), one in zip(todo, proven, strict=True))
-
-    def get_driven(self, u: int, v: int, move: Move) -> Move | None:
-        """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
-        self.drive([(u, v, move)])
-        return self.driven[move]
 
     def has_way(self, u: int, v: int) -> bool:
         """Whether more than a pocket of ground is reached from where u ends, and leads to where v begins."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -37,15 +37,25 @@ def build_stand(table: MoveTable, node: int) -> Mission:
 
 
 def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
-    pairs, legs, join_m = list(pairwise([table.gate, *tour, table.gate])), build_way_in(table, tour[0]), 0.0
-    for node, following in pairs[1:]:
-        is_last = following == table.gate
-        move = None if is_last and table.site.lane is None else table.get_move(node, following)
-        legs += split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)
-        if move is not None and not is_last:
-            legs += build_move(table, following, move)
-            join_m = move.join_m
+    legs = build_way_in(table, tour[0])
+    for (node,), join_m, leave_m, onward in iter_passes(table, [(node,) for node in tour]):
+        legs += [*split_work_leg(table, node, leave_m, join_m), *onward]
     return make_mission(stand_to_unfold(table.site, [*legs, *build_way_out(table, tour[-1])]))
+
+
+def iter_passes(
+    table: MoveTable, passes: Sequence[Sequence[int]]
+) -> Iterator[tuple[Sequence[int], float, float, Sequence[Leg]]]:
+    """Every pass of a tour, a row of nodes, with what moves cut from its begin and its end (m), and the legs of the
+    move to the next."""
+    join_m = 0.0
+    for nodes, following in pairwise([*passes, ()]):
+        if not following:
+            yield nodes, join_m, 0.0, ()
+            return
+        move = _require_move(table, nodes[-1], following[0])
+        yield nodes, join_m, move.leave_m, build_move(table, following[0], move)
+        join_m = move.join_m
 
 
 def stand_to_unfold(site: Site, legs: Sequence[Leg]) -> list[Leg]:

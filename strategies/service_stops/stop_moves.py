@@ -7,11 +7,13 @@ from it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
 
-from fields.arrays import SHORTEST_PIECE_M
+import numpy as np
+
+from fields.arrays import SHORTEST_PIECE_M, Floats
 from strategies.lines.work_line import compute_most_cut_m
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
@@ -45,6 +47,11 @@ class StopMoves:
     places: tuple[Pose, ...]
     _moves: dict[Trip, Move | None] = field(default_factory=dict)
     _guesses_s: dict[Trip, float] = field(default_factory=dict)
+
+    def estimate_trips_s(self, ends: Sequence[tuple[int, float, float]]) -> Floats:
+        """Seconds (n, places, 2) to every place and on, for nodes with where a tractor leaves and joins them (m)."""
+        trips = [self.list_trips((node, leave_m), (node, join_m)) for node, leave_m, join_m in ends]
+        return np.array([[[self.estimate_s(trip) for trip in both] for both in of_node] for of_node in trips])
 
     def list_trips(self, before: tuple[int, float], after: tuple[int, float]) -> list[tuple[Trip, Trip]]:
         """For every place the trips to it and on, between two nodes after so many metres of each."""
