@@ -16,12 +16,11 @@ import numpy as np
 from fields.arrays import Flags, Floats, Integers
 from strategies.moves.drives import build_move_legs
 from strategies.path_planning.paths import Pose
-from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
+from strategies.programmes.driven_search import TourProblem, search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable, split_apart
 from strategies.programmes.order_tours import DETOUR_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, build_stand, stand_to_unfold
-from strategies.programmes.tour_problem import TourProblem
 from strategies.programmes.waiting_places import WAIT_STEP_M
 from strategies.programmes.ways_home import Way, WayBook
 from strategies.site.site import SETTLED_M

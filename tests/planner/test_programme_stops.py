@@ -19,10 +19,10 @@ from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.path_planning.errors import StrategyError
+from strategies.programmes.driven_search import TourProblem
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.battery_supply import BatterySupply
 from strategies.rules.supply import HEADLAND, Supply
 from strategies.service_stops.programme_stops import (
