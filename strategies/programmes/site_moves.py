@@ -52,6 +52,7 @@ class SiteMoves:
         clashes: by who says so, the nodes (2, n, n) of which no two tractors may begin or end with both.
         legs: by nodes, moves and what is cut off, the legs of a tour.
         options, cut_moves, folded_moves, searched_moves: the moves found between nodes.
+        stop_moves: those driven from so far along a node to a place to be served, or on from there; None for none.
         driven: by the moves found, what a drive made of them; None where it refused them.
     """
 
@@ -72,6 +73,7 @@ class SiteMoves:
     cut_moves: dict[tuple[int, int, float], tuple[Move, ...]] = field(default_factory=dict)
     folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     searched_moves: dict[tuple[int, int], Move | None] = field(default_factory=dict)
+    stop_moves: dict[tuple[int, float, Pose, bool], Move | None] = field(default_factory=dict)
     driven: dict[Move, Move | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -122,6 +124,7 @@ class SiteMoves:
             "cut": self.cut_moves,
             "folded": self.folded_moves,
             "searched": self.searched_moves,
+            "stops": self.stop_moves,
             "driven": self.driven,
             "lost": self.lost_in_runs,
         }

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,19 +26,20 @@ from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 STOP_CUTS_M = tuple(sorted({cut for cuts in CUTS_M for cut in cuts}))  # of one line, at its end or begin
 
 
-@dataclass(frozen=True)
-class Trip:
-    """A way between a line and a place: to `place` after `at_m` metres of `node`, or from there on to work the rest."""
+class Trip(NamedTuple):
+    """A way between a line and a place: to `place`, a pose of the guided point to stand in, after `at_m` metres of
+    `node`, or from there on to work the rest."""
 
     node: int
     at_m: float
-    place: int
+    place: Pose
     is_arriving: bool
 
 
 @dataclass(eq=False)
 class StopMoves:
-    """The moves between the lines of a table and the places at which tractors are served; each found and driven once.
+    """The moves between the lines of a table and the places at which tractors are served, as far as one search knows
+    them; each is found and driven once for a site.
 
     Attributes:
         places: poses of the guided point to stand in.
@@ -55,12 +57,15 @@ class StopMoves:
 
     def list_trips(self, before: tuple[int, float], after: tuple[int, float]) -> list[tuple[Trip, Trip]]:
         """For every place the trips to it and on, between two nodes after so many metres of each."""
-        return [(Trip(*before, place, True), Trip(*after, place, False)) for place in range(len(self.places))]
+        return [(Trip(*before, place, True), Trip(*after, place, False)) for place in self.places]
 
     def get_move(self, trip: Trip) -> Move | None:
         """The cheapest move that was driven well; None if there is none."""
         if trip not in self._moves:
-            self._moves[trip] = None if self._is_barred(trip) else self._find(trip)
+            found = self.table.moves.stop_moves
+            if trip not in found:
+                found[trip] = None if self._is_barred(trip) else self._find(trip)
+            self._moves[trip] = found[trip]
         return self._moves[trip]
 
     def estimate_s(self, trip: Trip) -> float:
@@ -114,7 +119,7 @@ class StopMoves:
 
     def _list_ends(self, trip: Trip, cuts_m: tuple[float, ...]) -> Iterator[tuple[float, Pose, Pose]]:
         """By how much the line is cut back, and from where to where a move then leads."""
-        line, way, place = self.table.lines[trip.node // 2], trip.node % 2, self.places[trip.place]
+        line, way, place = self.table.lines[trip.node // 2], trip.node % 2, trip.place
         worked_m = trip.at_m if trip.is_arriving else line.measure_path_m(way) - trip.at_m
         for cut_m in cuts_m:
             if cut_m > max(0.0, compute_most_cut_m(worked_m)):

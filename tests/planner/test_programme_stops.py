@@ -188,6 +188,19 @@ def test_a_track_longer_than_a_load_is_left_half_way(refill: str) -> None:
     assert any(leg.task.kind == SWATH or refill != HEADLAND for leg in legs), "some within a track"
 
 
+def test_a_move_to_a_place_is_found_once_for_a_site() -> None:
+    context = prepare("0,45")
+    assert context.supply is not None
+    table = make_table(context)
+    first, second = (build_stop_moves(MoveTable(table.moves), context.supply) for _ in range(2))
+    assert first is not None and second is not None
+    (trip, _), *_ = first.list_trips((0, table.lines[0].measure_path_m(0)), (0, 0.0))
+    guess_s, move = second.estimate_s(trip), first.get_move(trip)
+    assert move is not None and first.estimate_s(trip) == move.cost_s != guess_s
+    assert second.estimate_s(trip) == guess_s, "what one search asks changes nothing for another"
+    assert second.get_move(trip) is move
+
+
 def test_a_place_that_no_move_leads_to_is_refused() -> None:
     context = prepare("0,45")
     assert context.supply is not None

@@ -150,7 +150,7 @@ class Leg:
         """The part between two distances along it (m); gates, hold point and stops stay with its first part."""
         if first_m <= 0.0 and last_m >= self.length_m:
             return self
-        part = replace(self, points=cut_line(self.points, max(first_m, 0.0), last_m))
+        part = replace(self, points=cut_line(self.points, max(first_m, 0.0), min(last_m, self.length_m)))
         return part if first_m <= 0.0 else part.copy_with(gates=(), may_wait=False, stand_s=0.0, fold_s=0.0)
 
     def copy_with_gates(self, gates: Iterable[LegGate]) -> Leg:
