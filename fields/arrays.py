@@ -32,7 +32,7 @@ def measure_along(points: Floats) -> Floats:
     return along
 
 
-def locate_at(points: Floats, along: Floats, distances_m: npt.ArrayLike) -> Floats:
+def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:
     """Places (k, 2) on a polyline (n, 2) at distances along it (k,), given those of its points."""
     places = np.empty((np.size(distances_m), 2))
     for axis in (0, 1):

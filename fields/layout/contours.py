@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, build_directions, compute_angles, locate_at
+from fields.arrays import Floats, build_directions, compute_angles
 from fields.geometry.arithmetic import multiply
 from fields.geometry.field import Field
 from fields.geometry.overlays import intersect_on_grid
@@ -66,7 +66,7 @@ class GuideCurve:
         heading = np.interp(inside, stations, self.headings)
         ahead = build_directions(heading)
         left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
-        foot = locate_at(self.points, stations, inside)
+        foot = np.column_stack([np.interp(inside, stations, axis) for axis in self.points.T])
         placed: Floats = foot + (along - inside)[:, None] * ahead + measured[:, 1:] * left
         return placed
 
