@@ -27,7 +27,8 @@ def deal_blocks(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) 
     """
     swaths = group_swath_lines(lines, tractors)
     allowed = free_other_lines(lines, tractors)
-    weights = [_weigh_swath_s(lines, numbers, rules) for numbers in swaths]
+    seconds = [line.length_m / rules.work_speed_mps + rules.turn_s[1] for line in lines]  # with a turn for each
+    weights = [sum(seconds[number] for number in numbers) for numbers in swaths]
     borders = cut_balanced_blocks(weights, min(tractors, len(swaths)))
     for tractor, (first, last) in enumerate(pairwise(borders)):
         low = first - math.ceil(BORDER_SHARE * (first - borders[tractor - 1])) if tractor else 0
@@ -35,11 +36,6 @@ def deal_blocks(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) 
         for numbers in swaths[low:high]:
             allowed[tractor, numbers] = True
     return LineDeal(allowed)
-
-
-def _weigh_swath_s(lines: Sequence[DealtLine], numbers: Sequence[int], rules: DrivingRules) -> float:
-    """Seconds of the pieces of a swath, with a turn for each."""
-    return sum(lines[number].length_m / rules.work_speed_mps + rules.turn_s[1] for number in numbers)
 
 
 STRATEGY = Strategy(NAME, "each tractor has its part of the field", deal_blocks)

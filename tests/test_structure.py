@@ -19,7 +19,7 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 474, 500, 80, 8, 3430
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 470, 500, 80, 8, 3430
 # Modules, and imports of own modules (types of arrays too): what there is and ten more with theirs, so that a strategy
 # or a format may be added.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables

@@ -29,6 +29,7 @@ from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
 from reports.common.plan_records import PullFigures
 from strategies.path_planning.paths import EntranceLane, Pose, build_entrance_lane
+from strategies.path_planning.turns import list_allowed_kinds
 from strategies.programmes.site_moves import SiteMoves
 from strategies.rules.driving_rules import DrivingRules
 from strategies.rules.supply import Supply
@@ -115,7 +116,6 @@ class PlanningContext:
     implement: Implement
     driving_rules: DrivingRules
     free_space: shapely.Geometry
-    turn_kinds: tuple[str, ...]
     fitting_turns: tuple[bool, ...]
     position_errors: Integers
     headland_passes: tuple[HeadlandPass, ...] = ()
@@ -136,6 +136,11 @@ class PlanningContext:
         if field.entrance is None or self.request.no_headland or self.free_space.is_empty:
             return None
         return build_entrance_lane(field.whole_boundary, self.free_space, field.entrance)
+
+    @property
+    def turn_kinds(self) -> tuple[str, ...]:
+        """The kinds of turns that may be driven."""
+        return list_allowed_kinds(self.request.turn)
 
     @property
     def main_lines_m(self) -> list[Floats]:

@@ -28,11 +28,11 @@ from planner.evaluation.site import get_site_moves, store_moves
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, LEAST_FUEL, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.lines.work_line import WorkLine
+from strategies.programmes.driven_search import TourProblem
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import sketch_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import charge_furrows, list_stages
-from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.driving_rules import DrivingRules
 from strategies.site.site import Site
 from vehicle.energy.run_energy import STEP_M, choose_rolling_share, estimate_consumption

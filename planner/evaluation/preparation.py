@@ -252,7 +252,6 @@ def _lay_out_field(
             layout=layout,
             driving_rules=replace(rules, turn_s=turn_s),
             free_space=free_space,
-            turn_kinds=turn_kinds,
             fitting_turns=tuple(seconds is not None for seconds in turn_times),
             headland_passes=lay_directed_passes(field, request.width_m, layout.headland_passes, rules.radius_m),
         )

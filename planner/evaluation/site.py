@@ -80,7 +80,6 @@ def build_site(context: PlanningContext, blocked: shapely.Geometry | None = None
         kept=build_ground(tracks, ROOM_BEYOND_M),
         standing=standing,
         axle_m=context.tractor.rear_axle_m,
-        bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,
         lane=context.gateway,
         folds_at_gate=folds_at_gate(context.tractor, context.implement),

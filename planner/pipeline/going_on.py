@@ -50,7 +50,6 @@ from planner.task_logs.runs.run_records import ProjectedRun, project_run, reproj
 from planner.task_logs.runs.worked_ground import iter_worked_strips
 from reports.common.wording import round_up_to_minute
 from strategies.lines.done_lines import build_round_corners, list_places_ahead
-from strategies.lines.work_line import cut_line
 from strategies.path_planning.errors import SOLITARY_STRATEGIES
 from strategies.registry import get_strategy
 from strategies.rules.supply import Supply
@@ -472,7 +471,7 @@ def list_driven_part(leg: Leg, driven_m: float) -> list[Leg]:
     """What of a leg is driven, as a leg; none before its first metre."""
     if driven_m <= 0.0:
         return []
-    return [leg if driven_m >= leg.length_m else replace(leg, points=cut_line(leg.points, 0.0, driven_m))]
+    return [leg.cut(0.0, driven_m)]
 
 
 def sum_used(legs: Sequence[Leg], supply: Supply, width_m: float, used: float = 0.0) -> float:

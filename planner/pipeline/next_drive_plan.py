@@ -86,14 +86,13 @@ def _turn_to(before: Leg, path: Floats, tractor: Tractor, pace: float) -> Leg:
     """Return the turn from the end of a leg to the beginning of a path."""
     # Searching for turns is loaded where a drive has more than one pass.
     from strategies.moves.closed_forms import find_forward_path
-    from strategies.rules.driving_rules import DrivingRules
+    from strategies.rules.driving_rules import list_turn_costs
 
     begin, end = before.points[-1], path[0]
     radius_m = tractor.wheelbase_m / math.tan(math.radians(TURN_SHARE * tractor.max_steering_deg))
     start = (float(begin[0]), float(begin[1]), _find_course(before.points[::-1]) + math.pi)
     goal = (float(end[0]), float(end[1]), _find_course(path))
-    costs = DrivingRules(pace, pace, pace, radius_m, 0.0).turn_costs
-    ((_, points),) = find_forward_path(start, goal, radius_m, costs).sample(PATH_STEP_M)
+    ((_, points),) = find_forward_path(start, goal, radius_m, list_turn_costs(pace, pace)).sample(PATH_STEP_M)
     return Leg(points, pace, task=LegTask(TURN))
 
 

@@ -130,12 +130,13 @@ def _hash_context(context: PlanningContext) -> tuple[str, str]:
     """Hashes of all that the drives of any candidates of a context depend on, and what these are worth."""
     request, criteria, left_out = context.request, context.criteria, (*HOW_COMPUTED, "request")
     rest = {one.name: getattr(context, one.name) for one in fields(context) if one.name not in left_out}
+    terms = {name: rest.pop(name) for name in APPRAISES}
     parameters = {one.name: getattr(request, one.name) for one in fields(request) if one.name not in GROUPED}
     parameters["most_tractors"] = max(request.tractors) if request.give else None
     counts_use = criteria is not None and criteria.counts_use  # says which drives are tried
-    drives = {name: value for name, value in rest.items() if name not in APPRAISES}
     wanted = {name: value for name, value in parameters.items() if name not in APPRAISED}
-    return hash_content(drives, wanted, counts_use), hash_content(rest, parameters)
+    drives = hash_content(rest, wanted, counts_use)
+    return drives, hash_content(drives, terms, parameters)
 
 
 def pack_results(results: Sequence[PlanResult]) -> list[dict[str, Any]]:

@@ -15,8 +15,8 @@ import shapely
 from fields.geometry.field_parts import list_field_parts
 from fields.geometry.overlays import clip_area, subtract_area
 from planner.errors import HeadlandError, RequestError
+from planner.evaluation.candidates.best_drive import prunes_candidates
 from planner.evaluation.candidates.evaluate import Candidate, Outcome, drive_plan
-from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import DoneWork, PlanningContext
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.preparation import prepare_context

@@ -7,16 +7,16 @@ et al. 2019, IEEE Robotics and Automation Letters 4(2):1125). Legs are cut so th
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.arrays import Floats, Integers, measure_along
+from fields.arrays import Floats, Integers
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -101,25 +101,11 @@ def _cut_plan(plan: Plan, cuts: dict[tuple[int, int], list[LegCut]], first_parts
 
     missions = []
     for number, mission in enumerate(plan.missions):
-        parts = (_split_leg(move_links(leg), cuts_m.get((number, index), [])) for index, leg in enumerate(mission.legs))
-        missions.append(Mission(tuple(itertools.chain.from_iterable(parts))))
+        legs = list[Leg]()
+        for index, leg in enumerate(map(move_links, mission.legs)):
+            legs += [leg.cut(*span) for span in pairwise([0.0, *cuts_m.get((number, index), []), leg.length_m])]
+        missions.append(Mission(tuple(legs)))
     return replace(plan, missions=tuple(missions))
-
-
-def _split_leg(leg: Leg, cuts_m: list[float]) -> list[Leg]:
-    """A leg in parts; gates and standing stay with the first."""
-    if not cuts_m:
-        return [leg]
-    along = measure_along(leg.points)
-    edges = [0.0, *cuts_m, float(along[-1])]
-    parts = []
-    for number, (start, end) in enumerate(itertools.pairwise(edges)):
-        inside = (along > start + 1e-3) & (along < end - 1e-3)
-        ends = np.array([[np.interp(at, along, leg.points[:, axis]) for axis in (0, 1)] for at in (start, end)])
-        points = np.vstack([ends[:1], leg.points[inside], ends[1:]])
-        part = replace(leg, points=points)
-        parts.append(part if number == 0 else replace(part, gates=(), may_wait=False, stand_s=0.0, fold_s=0.0))
-    return parts
 
 
 @dataclass(frozen=True, eq=False)

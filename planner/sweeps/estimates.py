@@ -16,12 +16,12 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
+from planner.evaluation.candidates.best_drive import prunes_candidates
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidates
 from planner.evaluation.candidates.figures import appraise_times, name_headland_order
 from planner.evaluation.candidates.line_programme import SketchedPlan, sketch_plans, sort_sketches, weigh_order_s
-from planner.evaluation.candidates.pruning import prunes_candidates
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.left_out import measure_left_out_m2
+from planner.evaluation.ground.coverage import measure_left_out_m2
 from planner.evaluation.ground.unworked_area import mark_worked_shares
 from planner.evaluation.layout_choice import compute_covered_share
 from planner.evaluation.preparation import change_terms

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 from strategies.formations.formation_plan import QueueRule, write_formation
 from strategies.formations.formation_site import OrderedRounds
 from strategies.formations.queue_rules import measure_rounds_s
-from strategies.programmes.move_table import MoveTable
-from strategies.programmes.programme import Programme
+from strategies.programmes.programme import Programme, measure_way_s
 from vehicle.missions.plan import SWATH, Plan, PlanNotes
 
 
@@ -57,7 +54,7 @@ class Formation:
         table, rounds = self.found.table, self.found.rounds
         speed, gate = table.site.rules.work_speed_mps, [] if table.site.lane is None else [table.gate]
         begun_s = max(
-            _measure_way_s(table, [*gate, *tour.before, tour.rounds[0]], tour.before) + place.place_m / speed
+            measure_way_s(table, [*gate, *tour.before, tour.rounds[0]], tour.before) + place.place_m / speed
             for tour, place in zip(self.found.tours, rounds[0].places, strict=True)
         )
         begun_s += (
@@ -68,15 +65,9 @@ class Formation:
         return [
             begun_s
             + (column.length_m - place.place_m) / speed
-            + _measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)
+            + measure_way_s(table, [tour.rounds[-1], *tour.after, *gate], tour.after)
             for tour, column, place in last
         ]
-
-
-def _measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:
-    """Seconds of the moves between nodes, and of the lines of those that are worked."""
-    work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in worked)
-    return work_m / table.site.rules.work_speed_mps + table.sum_drive_s(list(pairwise(nodes)))
 
 
 def _note_share(found: OrderedRounds) -> PlanNotes:

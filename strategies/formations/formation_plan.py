@@ -15,9 +15,15 @@ import numpy as np
 from strategies.formations.round_order import DirectedRound
 from strategies.formations.rounds import APPROACH_M, SHORTEST_M, RoundPlace, get_neighbour, get_row
 from strategies.formations.tours import FormationTour
-from strategies.lines.work_line import cut_line
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg, stand_to_unfold
+from strategies.programmes.tour_legs import (
+    build_move,
+    build_way_in,
+    build_way_out,
+    iter_passes,
+    split_work_leg,
+    stand_to_unfold,
+)
 from strategies.rules.legs import make_mission
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Plan
 
@@ -128,19 +134,12 @@ def _write_tour(draft: RoundDraft, tractor: int, tour: FormationTour, move_up: b
     passes = [(node,) for node in tour.before] + [each.list_nodes(tractor) for each in draft.rounds]
     passes += [(node,) for node in tour.after]
     legs += build_way_in(table, passes[0][0])
-    join_m = 0.0
-    for place, nodes in enumerate(passes):
-        following = passes[place + 1][0] if place + 1 < len(passes) else None
-        move = None if following is None else table.get_move(nodes[-1], following)
-        leave_m = 0.0 if move is None else move.leave_m
-        number = place - len(tour.before)
+    for number, (nodes, join_m, leave_m, onward) in enumerate(iter_passes(table, passes), start=-len(tour.before)):
         if 0 <= number < len(draft.rounds):
             _write_pass(draft, number, tractor, (join_m, leave_m), move_up)
         else:
             legs += split_work_leg(table, nodes[0], leave_m, join_m)
-        if move is not None and following is not None:
-            legs += build_move(table, following, move)
-            join_m = move.join_m
+        legs += onward
     legs += build_way_out(table, passes[-1][-1])
 
 
@@ -197,8 +196,7 @@ def _cut_legs(legs: Sequence[Leg], first_m: float, last_m: float) -> list[Leg]:
     for leg in legs:
         low, high = max(first_m - begin_m, 0.0), min(last_m - begin_m, leg.length_m)
         if high > low + 1e-6:
-            is_all = low == 0.0 and high == leg.length_m
-            parts.append(leg if is_all else replace(leg, points=cut_line(leg.points, low, high), may_wait=False))
+            parts.append(leg.cut(low, high))
         begin_m += leg.length_m
     return parts
 

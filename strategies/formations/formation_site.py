@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, build_directions, compute_angles, measure_along
+from fields.arrays import Flags, Floats, compute_angles, cut_line, measure_along
 from strategies.formations.columns import find_runs, list_columns
 from strategies.formations.round_order import DirectedRound, join_rounds, order_rounds, sketch_rounds
 from strategies.formations.rounds import (
@@ -31,20 +31,19 @@ from strategies.formations.rounds import (
     place_tractors,
 )
 from strategies.formations.tours import FormationTour, share_lines, sketch_tours
-from strategies.lines.work_line import cut_line, locate_at
 from strategies.moves.move import Move
 from strategies.path_planning.errors import SOLITARY_STRATEGIES, StrategyError
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.site_moves import SiteMoves
+from strategies.programmes.waiting_places import sample_poses
 from strategies.site.ground import CELL_M
 from strategies.site.site import Site
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 
 SETTLED_M = 4.0  # beyond the end of a move, on which a tractor is off its line
-LINE_STEP_M = 1.0  # between poses along the lines before the first round and after the last
-MOST_STEPS = 100  # between places that are tried
+PLACE_STEP_M, MOST_STEPS = 1.0, 100  # between places that are tried
 ADVICE = f"use fewer tractors, or {SOLITARY_STRATEGIES}"
 T = TypeVar("T")
 Dropped = frozenset[ColumnRound]
@@ -72,12 +71,7 @@ def _trace_line(site: Site, path: Floats, *, at_end: bool) -> Floats:
     """Poses (n, 3) on the part of a line within a machine's length of where a tractor may wait at its end, or begin."""
     whole_m, reach_m = float(measure_along(path)[-1]), site.rules.hold_back_m + site.rules.length_m
     first_m = max(0.0, whole_m - reach_m) if at_end else 0.0
-    part = cut_line(path, first_m, min(whole_m, first_m + reach_m))
-    along = measure_along(part)
-    places = locate_at(part, along, np.linspace(0.0, along[-1], 2 + int(along[-1] / LINE_STEP_M)))
-    headings = compute_angles(np.diff(places, axis=0))
-    back_m = site.back_m
-    return np.column_stack([places[1:] - back_m * build_directions(headings), headings])
+    return sample_poses(cut_line(path, first_m, min(whole_m, first_m + reach_m)), site.back_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,8 +349,8 @@ def _list_traffic(
         find = partial(tracer.find_clear_place, column.get_ends(each.way)[0])
         traffic.append(
             ColumnTraffic(
-                partial(find, before, step_m=LINE_STEP_M),
-                partial(find, behind, step_m=-LINE_STEP_M),
+                partial(find, before, step_m=PLACE_STEP_M),
+                partial(find, behind, step_m=-PLACE_STEP_M),
                 comers[tractor].join_m,
                 leavers[tractor].leave_m,
             )

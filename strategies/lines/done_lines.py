@@ -14,7 +14,7 @@ from operator import itemgetter
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, find_true_spans, measure_along
+from fields.arrays import Floats, cut_line, find_true_spans, locate_at, measure_along
 from fields.layout.headland_passes import MIN_OPEN_AREA
 from strategies.lines.lay_lines import MIN_OWN_SHARE, MIN_PIECE_M, Span, keep_uncovered, measure_bar_shares
 from strategies.lines.work_line import (
@@ -22,9 +22,7 @@ from strategies.lines.work_line import (
     SHARPEST_RAD,
     STRAIGHT_RAD,
     WorkLine,
-    cut_line,
     extend_line,
-    locate_at,
 )
 from strategies.path_planning.paths import Pose
 from strategies.rules.legs import PATH_STEP_M

@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, compute_angles, find_true_spans, measure_along
+from fields.arrays import Flags, Floats, compute_angles, cut_line, find_true_spans, locate_at, measure_along
 from fields.geometry.arithmetic import CURVE_M, SLIVER_M2
 from fields.geometry.overlays import Areas, clip_all_areas, intersect, subtract_area, unite_areas
 from fields.layout.headland_passes import MIN_OPEN_AREA, HeadlandPass, HeadlandPassSide
-from strategies.lines.work_line import HOLE_PASS, WorkLine, cut_line, extend_line, locate_at
+from strategies.lines.work_line import HOLE_PASS, WorkLine, extend_line
 from strategies.rules.legs import PATH_STEP_M
 from strategies.site.ground import CELL_M, measure_rooms
 from strategies.site.site import MISSED_FACTOR, STRAIGHT_M, Site

@@ -5,38 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import shapely
 
-from fields.arrays import Floats, measure_along
+from fields.arrays import Floats, cut_line, locate_at, measure_along
 from fields.geometry.arithmetic import GRID_M
 from strategies.path_planning.paths import Pose
-from strategies.rules.legs import MIN_LEG_M
 from vehicle.missions.plan import HEADLAND_PASS, LegTask
 
 HOLE_PASS = "hole"  # group of the sides of a headland pass round a hole
 
 SHARPEST_RAD = 2.0  # corners of the headland beyond this are turned with the implement up
 STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them, and a tractor is still on its line
+MOST_CUT_SHARE, CUT_SPARE_M = 0.5, 1.0  # of a line moves cut no more than so much less than this share from either end
 MOST_OFF_SHARE = 0.25  # of the width: a tractor farther beside a line has lost it
-
-
-def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:
-    """Places (k, 2) on a polyline at distances along it, given those of its points."""
-    places = np.empty((len(distances_m), 2))
-    for axis in (0, 1):
-        places[:, axis] = np.interp(distances_m, along, points[:, axis])
-    return places
-
-
-def cut_line(points: Floats, first_m: float, last_m: float) -> Floats:
-    """The part of a polyline (n, 2) between two distances along it."""
-    along = measure_along(points)
-    inner = points[(along > first_m + MIN_LEG_M) & (along < last_m - MIN_LEG_M)]
-    ends = locate_at(points, along, (first_m, last_m))
-    return np.concatenate([ends[:1], inner, ends[1:]])
 
 
 def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
@@ -47,6 +30,11 @@ def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
     begin = points[0] + before_m / np.hypot(*first) * first
     end = points[-1] + after_m / np.hypot(*last) * last
     return np.vstack([begin, points[1:-1], end])
+
+
+def compute_most_cut_m(length_m: float) -> float:
+    """How much moves may cut from either end of a line of a length (m); less than nothing of a short one."""
+    return MOST_CUT_SHARE * length_m - CUT_SPARE_M
 
 
 def build_tool_path(path: Floats, tool_m: float) -> Floats:

@@ -14,19 +14,17 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, build_directions, measure_along
+from fields.arrays import SHORTEST_PIECE_M, Flags, Floats, build_directions, measure_along
 from fields.geometry.arithmetic import multiply
 from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.lines.work_line import MOST_OFF_SHARE, extend_line
 from strategies.moves.move import Move
 from strategies.path_planning.paths import PATH_KINDS, DrivePath, Pose
-from strategies.rules.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
-from strategies.site.site import MISSED_FACTOR, STRAIGHT_M, Site
+from strategies.rules.legs import MIN_STEP_M, PATH_STEP_M
+from strategies.site.site import MISSED_FACTOR, SETTLE_M, SETTLED_M, STRAIGHT_M, Site
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 
-SETTLE_M = 20.0  # of the lines before and after a move that are driven with it
-BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured
 ROOM_TOLERANCE_M = 0.03
 MOST_AT_ONCE = 16  # moves in one simulation, of about the same length
 LEADS_M = (0.0, 1.25, 2.5, 5.0, 10.0, 20.0)  # driven straight after a quarter of a circle
@@ -199,7 +197,7 @@ def measure_settling(site: Site) -> Floats:
     passages = []
     for lead_m in LEADS_M:
         rows = np.array([[0.5 * math.pi * radius_m, 1.0 / radius_m, 1.0], [lead_m, 0.0, 1.0]])
-        after = np.array([[radius_m, radius_m + lead_m], [radius_m, radius_m + lead_m + SETTLE_M + BRAKE_M]])
+        after = np.array([[radius_m, radius_m + lead_m], [radius_m, radius_m + lead_m + SETTLED_M]])
         passages.append(Passage(Move(START, rows, PATH_KINDS[0], 0.0), before, after))
     missed_m2 = [drive.missed_m2 if drive else 0.0 for drive in MoveDrives(site, is_level=True).drive(passages)]
     return np.array([LEADS_M, [compute_missed_s(site, each) for each in missed_m2]])
@@ -245,7 +243,7 @@ def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool
     for gear, sampled in path.sample(PATH_STEP_M):
         steps_m = np.hypot(*np.diff(sampled, axis=0).T)
         points = sampled[np.concatenate([[True], steps_m > MIN_STEP_M])]
-        if float(steps_m.sum()) <= MIN_LEG_M:
+        if float(steps_m.sum()) <= SHORTEST_PIECE_M:
             continue
         x, y = points[len(points) // 2].tolist()
         speed_mps = site.rules.work_speed_mps if is_work else site.rules.get_path_speed_mps(gear)

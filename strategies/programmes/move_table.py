@@ -152,7 +152,7 @@ class MoveTable:
     def _take_drive(self, pair: tuple[int, int], usual_s: float) -> None:
         """Replace the cheapest move of a pair by what a drive made of it; others are dearer than they seem."""
         options = self._options[pair]
-        proven = self.moves.get_driven(*pair, options.pop(0))
+        proven = self.moves.driven[options.pop(0)]
         if proven is not None:
             self._driven.add(proven)
             insort(options, proven, key=lambda one: one.cost_s + (0.0 if one in self._driven else usual_s))

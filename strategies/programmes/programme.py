@@ -14,21 +14,19 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from fields.arrays import Flags, Floats, Integers
-from strategies.moves.drives import BRAKE_M, SETTLE_M, build_move_legs
+from strategies.moves.drives import build_move_legs
 from strategies.path_planning.paths import Pose
-from strategies.programmes.driven_search import search_driven_tours, search_estimated_tours
+from strategies.programmes.driven_search import TourProblem, search_driven_tours, search_estimated_tours
 from strategies.programmes.move_table import MoveTable, split_apart
 from strategies.programmes.order_tours import DETOUR_S
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission, build_run_parts, build_stand, stand_to_unfold
-from strategies.programmes.tour_problem import TourProblem
 from strategies.programmes.waiting_places import WAIT_STEP_M
 from strategies.programmes.ways_home import Way, WayBook
+from strategies.site.site import SETTLED_M
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.path_conflicts import ClearanceCheck
-
-SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +80,13 @@ def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
     """Seconds that a tour is driven from rest to rest: its lines and its moves, without what these are charged."""
     if not tour:
         return 0.0
-    work_m = sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
-    moves_s = table.sum_drive_s(list_pairs(table, [tour]))
-    return work_m / table.site.rules.work_speed_mps + moves_s + table.moves.drives.rest_s
+    return measure_way_s(table, add_gates(table, tour), tour) + table.moves.drives.rest_s
+
+
+def measure_way_s(table: MoveTable, nodes: Sequence[int], worked: Sequence[int]) -> float:
+    """Seconds of the moves between nodes, and of the lines of those that are worked."""
+    work_m = math.fsum(table.lines[node // 2].measure_path_m(node % 2) for node in worked)
+    return work_m / table.site.rules.work_speed_mps + table.sum_drive_s(list(pairwise(nodes)))
 
 
 def list_pairs(table: MoveTable | SiteMoves, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:

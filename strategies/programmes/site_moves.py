@@ -18,13 +18,11 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.arrays import Flags, Floats, Integers
+from fields.arrays import Flags, Floats, Integers, cut_line
 from strategies.lines.lay_lines import measure_proof_rooms, unite_strips
-from strategies.lines.work_line import WorkLine, cut_line
+from strategies.lines.work_line import WorkLine, compute_most_cut_m
 from strategies.moves.drives import (
-    BRAKE_M,
     ROOM_TOLERANCE_M,
-    SETTLE_M,
     MoveDrives,
     Passage,
     build_work_leg,
@@ -33,9 +31,9 @@ from strategies.moves.drives import (
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_estimates import CUTS_M, MOST_CUT_SHARE, MoveEstimates
+from strategies.programmes.move_estimates import CUTS_M, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
-from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, Site
+from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, SETTLE_M, SETTLED_M, Site
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, Leg, Mission, Plan
 from vehicle.missions.run import DONE
 
@@ -54,6 +52,7 @@ class SiteMoves:
         clashes: by who says so, the nodes (2, n, n) of which no two tractors may begin or end with both.
         legs: by nodes, moves and what is cut off, the legs of a tour.
         options, cut_moves, folded_moves, searched_moves: the moves found between nodes.
+        stop_moves: those driven from so far along a node to a place to be served, or on from there; None for none.
         driven: by the moves found, what a drive made of them; None where it refused them.
     """
 
@@ -74,6 +73,7 @@ class SiteMoves:
     cut_moves: dict[tuple[int, int, float], tuple[Move, ...]] = field(default_factory=dict)
     folded_moves: dict[tuple[int, int], tuple[Move, ...]] = field(default_factory=dict)
     searched_moves: dict[tuple[int, int], Move | None] = field(default_factory=dict)
+    stop_moves: dict[tuple[int, float, Pose, bool], Move | None] = field(default_factory=dict)
     driven: dict[Move, Move | None] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -124,6 +124,7 @@ class SiteMoves:
             "cut": self.cut_moves,
             "folded": self.folded_moves,
             "searched": self.searched_moves,
+            "stops": self.stop_moves,
             "driven": self.driven,
             "lost": self.lost_in_runs,
         }
@@ -184,15 +185,10 @@ class SiteMoves:
         return self.searched_moves[u, v]
 
     def drive(self, wanted: Sequence[tuple[int, int, Move]]) -> None:
-        """Drive moves between two nodes each, all at once."""
+        """Drive moves between two nodes each, all at once; `driven` has what comes of them."""
         todo = [(self._build_passage(*one), one[2]) for one in wanted if one[2] not in self.driven]
         proven = self.drives.prove([passage for passage, _ in todo])
         self.driven.update((move, one) for (_, move), one in zip(todo, proven, strict=True))
-
-    def get_driven(self, u: int, v: int, move: Move) -> Move | None:
-        """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
-        self.drive([(u, v, move)])
-        return self.driven[move]
 
     def has_way(self, u: int, v: int) -> bool:
         """Whether more than a pocket of ground is reached from where u ends, and leads to where v begins."""
@@ -239,7 +235,7 @@ class SiteMoves:
         line, following = self.lines[u // 2], self.lines[v // 2]
         lengths_m = line.measure_path_m(u % 2), following.measure_path_m(v % 2)
         if any(
-            cut and cut > MOST_CUT_SHARE * length_m - 1.0
+            cut and cut > compute_most_cut_m(length_m)
             for cut, length_m in zip((leave_m, join_m), lengths_m, strict=True)
         ):
             return None
@@ -266,7 +262,7 @@ class SiteMoves:
     def cut_after(self, node: int, join_m: float) -> Floats:
         """The stretch (n, 2) of a node that is driven with the move which joins it so far after its begin."""
         line, way = self.lines[node // 2], node % 2
-        return cut_line(line.paths[way], join_m, min(line.measure_path_m(way), join_m + SETTLE_M + BRAKE_M))
+        return cut_line(line.paths[way], join_m, min(line.measure_path_m(way), join_m + SETTLED_M))
 
     def find_lost_legs(self, legs: Sequence[Leg]) -> list[int]:
         """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""

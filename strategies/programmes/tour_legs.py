@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
-from strategies.lines.work_line import cut_line
+from fields.arrays import SHORTEST_PIECE_M, cut_line
 from strategies.moves.drives import build_move_legs, build_work_leg
 from strategies.moves.move import Move
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.waiting_places import WAIT_STEP_M, list_parts_m
-from strategies.rules.legs import MIN_LEG_M, add_wait_points, make_mission
+from strategies.rules.legs import add_wait_points, make_mission
 from strategies.site.site import Site
 from vehicle.missions.plan import DRIVE, ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission
 
@@ -32,20 +32,30 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
 
 def build_stand(table: MoveTable, node: int) -> Mission:
     """The mission of a tractor that stays where it stands, at the begin of its first line."""
-    points, speed_mps = cut_line(table.lines[node // 2].paths[0], 0.0, MIN_LEG_M), table.site.rules.turn_speed_mps
-    return make_mission([Leg(points, speed_mps, task=LegTask(DRIVE), folded=node in table.moves.folded)])
+    points, is_folded = cut_line(table.lines[node // 2].paths[0], 0.0, SHORTEST_PIECE_M), node in table.moves.folded
+    return make_mission([Leg(points, table.site.rules.turn_speed_mps, task=LegTask(DRIVE), folded=is_folded)])
 
 
 def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
-    pairs, legs, join_m = list(pairwise([table.gate, *tour, table.gate])), build_way_in(table, tour[0]), 0.0
-    for node, following in pairs[1:]:
-        is_last = following == table.gate
-        move = None if is_last and table.site.lane is None else table.get_move(node, following)
-        legs += split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)
-        if move is not None and not is_last:
-            legs += build_move(table, following, move)
-            join_m = move.join_m
+    legs = build_way_in(table, tour[0])
+    for (node,), join_m, leave_m, onward in iter_passes(table, [(node,) for node in tour]):
+        legs += [*split_work_leg(table, node, leave_m, join_m), *onward]
     return make_mission(stand_to_unfold(table.site, [*legs, *build_way_out(table, tour[-1])]))
+
+
+def iter_passes(
+    table: MoveTable, passes: Sequence[Sequence[int]]
+) -> Iterator[tuple[Sequence[int], float, float, Sequence[Leg]]]:
+    """Every pass of a tour, a row of nodes, with what moves cut from its begin and its end (m), and the legs of the
+    move to the next."""
+    join_m = 0.0
+    for nodes, following in pairwise([*passes, ()]):
+        if not following:
+            yield nodes, join_m, 0.0, ()
+            return
+        move = _require_move(table, nodes[-1], following[0])
+        yield nodes, join_m, move.leave_m, build_move(table, following[0], move)
+        join_m = move.join_m
 
 
 def stand_to_unfold(site: Site, legs: Sequence[Leg]) -> list[Leg]:
@@ -120,7 +130,7 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
     if key not in known:
         whole = table.moves.build_work_leg(node, leave_m, join_m)
         known[key] = tuple(
-            replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
+            whole.cut(first, last).copy_with(may_wait=first > 0.0)
             for first, last in pairwise(list_parts_m(table.moves, node, whole.length_m))
         )
     return known[key]

@@ -10,8 +10,7 @@ import math
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, build_directions, compute_angles, measure_along
-from strategies.lines.work_line import cut_line, locate_at
+from fields.arrays import Flags, Floats, build_directions, compute_angles, cut_line, locate_at, measure_along
 from strategies.programmes.site_moves import SiteMoves
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses

@@ -14,6 +14,21 @@ MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre
 THESIS_MACHINE_M = 5.0  # length of tractor and implement that rows 10 m apart are for
 
 
+def list_turn_costs(
+    turn_mps: float,
+    reverse_mps: float,
+    cusp_s: float = 0.0,
+    swing_sm: float = 0.0,
+    limits: DrivingLimits = UNLIMITED,
+) -> Floats:
+    """What driving turns costs, as compiled functions take it (path_planning.primitives.compute_drive_time_s).
+
+    The values are those of DrivingRules.
+    """
+    bends = limits.lateral_mps2, limits.steering_mps, limits.window_m, limits.length_m, limits.deceleration_mps2
+    return np.array([turn_mps, reverse_mps, cusp_s, swing_sm, *bends])
+
+
 @dataclass(frozen=True)
 class DrivingRules:
     """How every tractor of the fleet drives.
@@ -43,11 +58,8 @@ class DrivingRules:
 
     @cached_property
     def turn_costs(self) -> Floats:
-        """What driving turns costs, as compiled functions take it (path_planning.primitives.compute_drive_time_s)."""
-        own = self.turn_speed_mps, self.reverse_speed_mps, self.cusp_s, self.swing_sm
-        limits = self.limits
-        bends = limits.lateral_mps2, limits.steering_mps, limits.window_m, limits.length_m, limits.deceleration_mps2
-        return np.array([*own, *bends])
+        """As list_turn_costs gives them."""
+        return list_turn_costs(self.turn_speed_mps, self.reverse_speed_mps, self.cusp_s, self.swing_sm, self.limits)
 
     def get_path_speed_mps(self, gear: float) -> float:
         """Largest speed on a turn or route in a gear; bends are driven more slowly (vehicle.control.speed_profile)."""

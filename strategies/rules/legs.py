@@ -11,7 +11,6 @@ import numpy as np
 from vehicle.missions.plan import Leg, Mission
 
 PATH_STEP_M = 0.25  # between the points of a path, and between places on a line where the body's room is measured
-MIN_LEG_M = 0.05  # shorter paths are no leg, and points of a line this close to a cut are left out
 MIN_STEP_M = 1e-3  # of a path: no leg begins with a shorter one, which would give it no direction
 
 

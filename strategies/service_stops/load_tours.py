@@ -77,9 +77,8 @@ class LoadTours:
     @cached_property
     def trips_s(self) -> tuple[Floats, Floats]:
         """Seconds (2 n) from the place to every node, and from every node to the place with the time to be served."""
-        trips = [self.moves.list_trips((way.node, way.last_m), (way.node, way.first_m)) for way in self.ways]
-        estimates_s = [[[self.moves.estimate_s(trip) for trip in both] for both in of_node] for of_node in trips]
-        off_s, on_s = np.array(estimates_s).min(axis=1).T
+        ends = [(way.node, way.last_m, way.first_m) for way in self.ways]
+        off_s, on_s = self.moves.estimate_trips_s(ends).min(axis=1).T
         return on_s, off_s + self.gaps.supply.estimate_stop_s(self.gaps.total_need)
 
     @cached_property

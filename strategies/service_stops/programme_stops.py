@@ -130,7 +130,7 @@ def _build_stopped_mission(
     legs, placed = build_way_in(table, parts[0].node), list[ServiceStop]()
     begun_m = 0.0
     for gap, part in enumerate(parts, start=1):
-        stop, direct = stop_by_gap.get(gap), gaps.get_direct_move(gap)
+        stop, direct = stop_by_gap.get(gap), gaps.direct_moves[gap]
         if stop is None and gaps.is_inside_line(gap):
             continue
         arrive, depart = (None, None) if stop is None else (stop.detour.arrive, stop.detour.depart)
@@ -166,12 +166,8 @@ def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None)
     """How long a tractor takes to be served for each line (n,): its part of a load by what a load takes in the mean."""
     trips_s = np.zeros(2)
     if moves is not None:
-        nodes = [
-            (2 * number + way, line.measure_path_m(way)) for number, line in enumerate(table.lines) for way in (0, 1)
-        ]
-        trips = [moves.list_trips((node, length_m), (node, 0.0)) for node, length_m in nodes]
-        estimates_s = np.array([[[moves.estimate_s(way) for way in ways] for ways in of_node] for of_node in trips])
-        trips_s = np.median(estimates_s, axis=0).min(axis=0)
+        ends = [(node, table.lines[node // 2].measure_path_m(node % 2), 0.0) for node in range(table.gate)]
+        trips_s = np.median(moves.estimate_trips_s(ends), axis=0).min(axis=0)
     needs = np.array([measure_line_need(table, supply, 2 * number) for number in range(len(table.lines))])
     stops = max(float(needs.sum()) / supply.capacity - 1.0, 0.0)
     served_s = stops * (supply.estimate_stop_s(float(needs.sum())) + float(trips_s.sum()))

@@ -7,34 +7,39 @@ from it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from operator import attrgetter
+from typing import NamedTuple
 
+import numpy as np
+
+from fields.arrays import SHORTEST_PIECE_M, Floats
+from strategies.lines.work_line import compute_most_cut_m
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_estimates import CUTS_M, DETOUR_FACTOR, MOST_CUT_SHARE
+from strategies.programmes.move_estimates import CUTS_M, DETOUR_FACTOR
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
-from strategies.rules.legs import MIN_LEG_M
 
 STOP_CUTS_M = tuple(sorted({cut for cuts in CUTS_M for cut in cuts}))  # of one line, at its end or begin
 
 
-@dataclass(frozen=True)
-class Trip:
-    """A way between a line and a place: to `place` after `at_m` metres of `node`, or from there on to work the rest."""
+class Trip(NamedTuple):
+    """A way between a line and a place: to `place`, a pose of the guided point to stand in, after `at_m` metres of
+    `node`, or from there on to work the rest."""
 
     node: int
     at_m: float
-    place: int
+    place: Pose
     is_arriving: bool
 
 
 @dataclass(eq=False)
 class StopMoves:
-    """The moves between the lines of a table and the places at which tractors are served; each found and driven once.
+    """The moves between the lines of a table and the places at which tractors are served, as far as one search knows
+    them; each is found and driven once for a site.
 
     Attributes:
         places: poses of the guided point to stand in.
@@ -45,14 +50,22 @@ class StopMoves:
     _moves: dict[Trip, Move | None] = field(default_factory=dict)
     _guesses_s: dict[Trip, float] = field(default_factory=dict)
 
+    def estimate_trips_s(self, ends: Sequence[tuple[int, float, float]]) -> Floats:
+        """Seconds (n, places, 2) to every place and on, for nodes with where a tractor leaves and joins them (m)."""
+        trips = [self.list_trips((node, leave_m), (node, join_m)) for node, leave_m, join_m in ends]
+        return np.array([[[self.estimate_s(trip) for trip in both] for both in of_node] for of_node in trips])
+
     def list_trips(self, before: tuple[int, float], after: tuple[int, float]) -> list[tuple[Trip, Trip]]:
         """For every place the trips to it and on, between two nodes after so many metres of each."""
-        return [(Trip(*before, place, True), Trip(*after, place, False)) for place in range(len(self.places))]
+        return [(Trip(*before, place, True), Trip(*after, place, False)) for place in self.places]
 
     def get_move(self, trip: Trip) -> Move | None:
         """The cheapest move that was driven well; None if there is none."""
         if trip not in self._moves:
-            self._moves[trip] = None if self._is_barred(trip) else self._find(trip)
+            found = self.table.moves.stop_moves
+            if trip not in found:
+                found[trip] = None if self._is_barred(trip) else self._find(trip)
+            self._moves[trip] = found[trip]
         return self._moves[trip]
 
     def estimate_s(self, trip: Trip) -> float:
@@ -106,10 +119,10 @@ class StopMoves:
 
     def _list_ends(self, trip: Trip, cuts_m: tuple[float, ...]) -> Iterator[tuple[float, Pose, Pose]]:
         """By how much the line is cut back, and from where to where a move then leads."""
-        line, way, place = self.table.lines[trip.node // 2], trip.node % 2, self.places[trip.place]
+        line, way, place = self.table.lines[trip.node // 2], trip.node % 2, trip.place
         worked_m = trip.at_m if trip.is_arriving else line.measure_path_m(way) - trip.at_m
         for cut_m in cuts_m:
-            if cut_m > max(0.0, MOST_CUT_SHARE * worked_m - 1.0):
+            if cut_m > max(0.0, compute_most_cut_m(worked_m)):
                 return
             pose = line.get_pose(way, trip.at_m - cut_m if trip.is_arriving else trip.at_m + cut_m)
             yield (cut_m, pose, place) if trip.is_arriving else (cut_m, place, pose)
@@ -124,6 +137,6 @@ class StopMoves:
         is_after_work = trip.is_arriving and trip.at_m > 0.0
         before = moves.cut_before(node, rest_m + move.leave_m) if is_after_work else None
         after = None if trip.is_arriving else moves.cut_after(node, trip.at_m + move.join_m)
-        if before is None and after is None and move.path.length_m <= MIN_LEG_M:
+        if before is None and after is None and move.path.length_m <= SHORTEST_PIECE_M:
             return move  # it stands at the place already
         return moves.drives.prove([Passage(move, before, after)])[0]

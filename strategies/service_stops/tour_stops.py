@@ -50,14 +50,12 @@ class TourNeeds:
     ways_off: Sequence[float]
     ways_on: Sequence[float]
 
-    def sum_load(self, first: int, last: int) -> float:
-        """What a load from one gap to another takes."""
-        parts = [*self.lines[first:last], *self.moves[first + 1 : last], self.ways_on[first], self.ways_off[last]]
-        return math.fsum(parts)
-
     def list_loads(self, gaps: Sequence[int]) -> list[float]:
         """What the loads take if there is a stop in each of some gaps."""
-        return [self.sum_load(first, last) for first, last in pairwise([0, *gaps, len(self.lines)])]
+        return [
+            math.fsum([*self.lines[i:k], *self.moves[i + 1 : k], self.ways_on[i], self.ways_off[k]])
+            for i, k in pairwise([0, *gaps, len(self.lines)])
+        ]
 
 
 def choose_stops(
@@ -164,8 +162,12 @@ class TourGaps:
         """Whether the part after a gap goes on where that before it ends."""
         return 0 < gap < len(self.parts) and self.parts[gap - 1].leads_to(self.parts[gap])
 
-    def get_direct_move(self, gap: int) -> Move | None:
-        """The move in a gap without a stop; None inside a line, where none was driven, and where no entrance is."""
+    @cached_property
+    def direct_moves(self) -> list[Move | None]:
+        """The move in every gap without a stop; None inside a line, where none was driven, and where no entrance is."""
+        return [self._find_direct_move(gap) for gap in range(len(self.parts) + 1)]
+
+    def _find_direct_move(self, gap: int) -> Move | None:
         gate, count = self.table.gate, len(self.parts)
         is_whole = (gap == 0 or self.parts[gap - 1].is_last) and (gap == count or self.parts[gap].is_first)
         u, v = self.parts[gap - 1].node if gap else gate, self.parts[gap].node if gap < count else gate
@@ -177,13 +179,12 @@ class TourGaps:
     def has_ends(self) -> bool:
         """Whether moves lead into the field and out of it, where it has an entrance."""
         ends = (0, len(self.parts)) if self.parts[0].node not in self.table.starts else (len(self.parts),)
-        return self.table.site.lane is None or all(self.get_direct_move(gap) is not None for gap in ends)
+        return self.table.site.lane is None or all(self.direct_moves[gap] is not None for gap in ends)
 
     @cached_property
     def direct_times_s(self) -> list[tuple[float, float]]:
         """Seconds of the move in every gap without a stop, and with all charges; nothing where there is none."""
-        moves = [self.get_direct_move(gap) for gap in range(len(self.parts) + 1)]
-        return [(0.0, 0.0) if move is None else (move.drive_s, move.cost_s) for move in moves]
+        return [(0.0, 0.0) if move is None else (move.drive_s, move.cost_s) for move in self.direct_moves]
 
     @cached_property
     def part_needs(self) -> list[float]:
@@ -203,8 +204,7 @@ class TourGaps:
     @cached_property
     def direct_needs(self) -> list[float]:
         """What the move in every gap takes without a stop, less what it saves on the lines that it cuts."""
-        moves = [self.get_direct_move(gap) for gap in range(len(self.parts) + 1)]
-        return [0.0 if move is None else self._measure_move_need(gap, move) for gap, move in enumerate(moves)]
+        return [0.0 if one is None else self._measure_move_need(gap, one) for gap, one in enumerate(self.direct_moves)]
 
     @property
     def mean_move_need(self) -> float:
@@ -260,7 +260,7 @@ class TourGaps:
         """A stop at the end of a part, which the move after it may cut."""
         if not self.is_passable(gap):
             return NOWHERE
-        move = self.get_direct_move(gap)
+        move = self.direct_moves[gap]
         cut = 0.0 if move is None else self.share_need(self.parts[gap - 1], move.leave_m)
         return Detour(0.0, 0.0, 0.0, -cut, self.direct_needs[gap] + cut)
 
@@ -326,7 +326,7 @@ class TourGaps:
 
     def is_passable(self, gap: int) -> bool:
         """Whether a gap can be driven without a stop."""
-        return self.is_inside_line(gap) or self.get_direct_move(gap) is not None
+        return self.is_inside_line(gap) or self.direct_moves[gap] is not None
 
     def build_needs(self) -> TourNeeds:
         """What the parts of the tour take of a load, as far as known."""

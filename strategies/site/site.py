@@ -26,7 +26,10 @@ LEFT_FACTOR = 2.0 * MISSED_FACTOR  # the same for a whole line: a machine comes 
 ORDER_S = 120.0  # charged for a move that leaves the order of passes or furrows: more than any such move saves
 WHEELS_S_PER_M, SPOILING_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
 KEPT_DEPTH_M = 0.5  # ground counts as driven on from so far inside
-STRAIGHT_M = 60.0  # driven from rest to rest, to see what starting and stopping take
+SETTLE_M = 20.0  # of a line: a tractor that begins it, or starts on it, has settled by then
+BRAKE_M = 10.0  # beyond, so that stopping at the end is not measured
+SETTLED_M = SETTLE_M + BRAKE_M  # longer lines pass on nothing of how they were begun
+STRAIGHT_M = 2.0 * SETTLED_M  # driven from rest to rest, to see what starting and stopping take
 Drive = Callable[[Plan], SimulationRun]
 """Simulates tractors that pass each other by, each as if it were alone, without errors of position."""
 
@@ -50,7 +53,7 @@ class Site:
             the one before; else 0.
         kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
         standing: the ground inside the outline, where a machine works its way into a crop that stands.
-        axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
+        axle_m: rear axle behind the centre of mass.
         turn_kinds: kinds of turns that may be driven.
         lane: through the entrance, None without one; `folds_at_gate` is whether it is too narrow for the implement.
         drive, drive_level: simulate tractors, on the ground of the field and on level ground.
@@ -74,7 +77,6 @@ class Site:
     kept: Ground
     standing: Ground | None
     axle_m: float
-    bar_m: float
     turn_kinds: tuple[str, ...]
     lane: EntranceLane | None
     folds_at_gate: bool
@@ -105,6 +107,11 @@ class Site:
     def back_m(self) -> float:
         """How far the centre of mass is behind the guided point."""
         return self.body.guide_m - self.axle_m
+
+    @property
+    def bar_m(self) -> float:
+        """How far the implement is behind the centre of mass."""
+        return self.rules.tool_m - self.back_m
 
     def get_body(self, is_folded: bool) -> MachineBody:
         """The machine, with its implement folded or not."""

@@ -9,13 +9,13 @@ import shapely
 
 from fields import Field
 from planner import SerialExecutor, plan
-from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate, simulate_candidates
-from planner.evaluation.candidates.line_programme import sketch_plans
-from planner.evaluation.candidates.pruning import (
+from planner.evaluation.candidates.best_drive import (
     estimate_loss_s,
     find_incumbent,
     prunes_candidates,
 )
+from planner.evaluation.candidates.evaluate import Candidate, Outcome, simulate_candidate, simulate_candidates
+from planner.evaluation.candidates.line_programme import sketch_plans
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder

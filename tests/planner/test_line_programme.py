@@ -25,11 +25,11 @@ from reports.common.plan_records import OBSTACLE
 from reports.common.plan_results import PlanResult
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.lines.work_line import HOLE_PASS
+from strategies.programmes.driven_search import TourProblem
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, build_plan, charge_waiting, make_programme
 from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.tour_legs import build_mission
-from strategies.programmes.tour_problem import TourProblem
 from strategies.programmes.ways_home import WayBook
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fields.errors import HeadlandError
 from fields.geometry.field import Field
-from planner.evaluation.ground.left_out import measure_left_out_m2
+from planner.evaluation.ground.coverage import measure_left_out_m2
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder

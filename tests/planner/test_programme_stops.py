@@ -19,10 +19,10 @@ from planner.evaluation.work_order import WorkOrder
 from planner.request.plan_request import PlanRequest
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.path_planning.errors import StrategyError
+from strategies.programmes.driven_search import TourProblem
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.tour_problem import TourProblem
 from strategies.rules.battery_supply import BatterySupply
 from strategies.rules.supply import HEADLAND, Supply
 from strategies.service_stops.programme_stops import (
@@ -186,6 +186,19 @@ def test_a_track_longer_than_a_load_is_left_half_way(refill: str) -> None:
     assert done.compute_tractor_s()[0] == pytest.approx(run.duration_s, rel=0.02)
     legs = [plan.missions[0].legs[entry.leg] for entry in plan.notes.stops]
     assert any(leg.task.kind == SWATH or refill != HEADLAND for leg in legs), "some within a track"
+
+
+def test_a_move_to_a_place_is_found_once_for_a_site() -> None:
+    context = prepare("0,45")
+    assert context.supply is not None
+    table = make_table(context)
+    first, second = (build_stop_moves(MoveTable(table.moves), context.supply) for _ in range(2))
+    assert first is not None and second is not None
+    (trip, _), *_ = first.list_trips((0, table.lines[0].measure_path_m(0)), (0, 0.0))
+    guess_s, move = second.estimate_s(trip), first.get_move(trip)
+    assert move is not None and first.estimate_s(trip) == move.cost_s != guess_s
+    assert second.estimate_s(trip) == guess_s, "what one search asks changes nothing for another"
+    assert second.get_move(trip) is move
 
 
 def test_a_place_that_no_move_leads_to_is_refused() -> None:

@@ -17,6 +17,7 @@ import pytest
 import shapely
 from playwright.sync_api import Browser
 
+from fields.arrays import cut_line
 from planner.cli.robots import DEMO_FIELD, DEMO_TRACTORS, DEMO_WIDTH_M
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
@@ -36,7 +37,7 @@ from planner.pipeline.planning import plan as make_plan
 from planner.request.plan_request import PlanRequest
 from planner.service.errors import ServiceError
 from planner.service.fleets.robot_client import request_json
-from strategies.lines.work_line import build_tool_strip, cut_line
+from strategies.lines.work_line import build_tool_strip
 from strategies.programmes.site_moves import SiteMoves
 from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service

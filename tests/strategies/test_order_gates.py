@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from strategies.programmes.order_gates import add_order_gates
+from strategies.programmes.stages import add_order_gates
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 
 SITE: Any = SimpleNamespace(rules=SimpleNamespace(tool_m=1.0), width_m=4.0)

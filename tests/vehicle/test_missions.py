@@ -8,7 +8,7 @@ import pytest
 
 from tests.vehicle.bits import change_leg
 from vehicle.errors import MissionError, VehicleError
-from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, Leg, LegGate, LegTask, Mission, Plan, check_plan
 from vehicle.missions.run import DONE
 from vehicle.sim.compile import compile_plan
 from vehicle.sim.world import World
@@ -28,6 +28,18 @@ def plan(build: Any) -> Plan:
 ])  # fmt: skip
 def test_length_by_hand(build: Any, points: list[tuple[float, float]], expected: float) -> None:
     assert build.leg(*points).length_m == pytest.approx(expected)
+
+
+def test_a_cut_leg_begins_with_its_stops() -> None:
+    points = np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 10.0]])
+    leg = Leg(points, 1.0, gates=(LegGate(1, 0, 1.0),), may_wait=True, stand_s=9.0, fold_s=4.0, folded=True)
+    first, second = leg.cut(-1.0, 4.0), leg.cut(4.0, 99.0)
+    assert first.points == pytest.approx(np.array([[0.0, 0.0], [2.4, 3.2]]))
+    assert second.points == pytest.approx(np.array([[2.4, 3.2], [3.0, 4.0], [3.0, 10.0]]))
+    assert (first.gates, first.may_wait, first.standing_s) == (leg.gates, True, 13.0)
+    assert (second.gates, second.may_wait, second.standing_s, second.folded) == ((), False, 0.0, True)
+    assert leg.cut(0.0, leg.length_m) is leg, "nothing is cut"
+    assert leg.cut(5.04, 11.0).points == pytest.approx(np.array([[3.0, 4.04], [3.0, 10.0]]))
 
 
 def test_a_copied_leg_has_the_same_length(build: Any) -> None:

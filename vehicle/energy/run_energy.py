@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, measure_along
+from fields.arrays import Flags, Floats, locate_at, measure_along
 from vehicle.control.speed import STANDSTILL_MPS
 from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, ElectricDrive, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
@@ -273,4 +273,4 @@ def _cut_into_steps(points: Floats) -> Floats:
     places = measure_along(points)
     count = max(int(np.ceil(places[-1] / STEP_M)), 1)
     wanted = np.union1d(np.linspace(0.0, places[-1], count + 1), places)
-    return np.column_stack([np.interp(wanted, places, points[:, axis]) for axis in (0, 1)])
+    return locate_at(points, places, wanted)

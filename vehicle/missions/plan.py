@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from fields.arrays import Floats
+from fields.arrays import Floats, cut_line
 from vehicle.errors import MissionError
 from vehicle.model.ground import list_ground_names
 
@@ -145,6 +145,13 @@ class Leg:
         leg = replace(self, points=self.points, **changes)
         leg.__dict__.update((name, self.__dict__[name]) for name in ("length_m", "ends") if name in self.__dict__)
         return leg
+
+    def cut(self, first_m: float, last_m: float) -> Leg:
+        """The part between two distances along it (m); gates, hold point and stops stay with its first part."""
+        if first_m <= 0.0 and last_m >= self.length_m:
+            return self
+        part = replace(self, points=cut_line(self.points, max(first_m, 0.0), min(last_m, self.length_m)))
+        return part if first_m <= 0.0 else part.copy_with(gates=(), may_wait=False, stand_s=0.0, fold_s=0.0)
 
     def copy_with_gates(self, gates: Iterable[LegGate]) -> Leg:
         """The same leg with further gates."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fields.arrays import Flags, Floats, Integers, measure_along
+from fields.arrays import Flags, Floats, Integers, locate_at, measure_along
 from vehicle.control.steering import SLEW
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission
 from vehicle.model.gnss import NO_ERROR
@@ -97,7 +97,7 @@ def compute_deviation(place: Floats, angle: Floats, path: Floats, lookahead_m: f
         segment += offset
         (ux, uy), (rx, ry) = unit[segment], relative[offset]
         along[row], lateral[row] = start[segment] + rx * ux + ry * uy, ux * ry - uy * rx
-    target = np.stack([np.interp(along + lookahead_m, start, path[:, axis]) for axis in (0, 1)], axis=1) - place
+    target = locate_at(path, start, along + lookahead_m) - place
     turned = angle - np.arctan2(target[:, 1], target[:, 0])
     return PathDeviation(along, lateral, np.arctan2(np.sin(turned), np.cos(turned)))
 

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 
 from fields.units import MINUTE_S
-from planner.evaluation.candidates.best_drive import drive_best
+from planner.evaluation.candidates.best_drive import (
+    describe_loss,
+    describe_nearness,
+    drive_best,
+    estimate_loss_s,
+    find_incumbent,
+)
 from planner.evaluation.candidates.energy_figures import find_flat_battery, find_service_conflict
 from planner.evaluation.candidates.figures import CandidateRun, appraise_drive, measure_candidate
 from planner.evaluation.candidates.fleet_drive import FleetDriver, compute_machine_gap_m, compute_nearness_m
 from planner.evaluation.candidates.line_programme import ComposedPlan, SketchedPlan, drive_composed, sketch_plans
-from planner.evaluation.candidates.pruning import (
-    describe_loss,
-    describe_nearness,
-    estimate_loss_s,
-    find_incumbent,
-)
 from planner.evaluation.candidates.slope_figures import (
     describe_stall,
     find_overturning,

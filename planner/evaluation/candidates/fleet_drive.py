@@ -90,19 +90,15 @@ class SoloRuns:
         is_large = _estimate_rows(plan.missions) > MAX_PLAN_ROWS
         batch = dict(list(missing.items())[: 1 if is_large else BATCH_SIZE])
         missions = [plan.missions[number] for number in batch.values()]
-        self._drop_oldest_runs(missions)
+        needed_rows = _estimate_rows(missions)
+        while self._runs and sum(len(run.time_s) for run in self._runs.values()) + needed_rows > MAX_ROWS:
+            del self._runs[next(iter(self._runs))]  # the oldest
         limits_s = [compute_timeout_s(Plan((mission,))) for mission in missions]
         if is_large:
             runs = [self.rehearsal.simulate_mission(missions[0], limits_s[0])]
         else:
             runs = self.rehearsal.simulate_alone(plan, list(batch.values()), limits_s)
         self._runs.update(zip(batch, runs, strict=True))
-
-    def _drop_oldest_runs(self, missions: Sequence[Mission]) -> None:
-        """Drop the oldest runs until the next missions fit."""
-        needed_rows = _estimate_rows(missions)
-        while self._runs and sum(len(run.time_s) for run in self._runs.values()) + needed_rows > MAX_ROWS:
-            del self._runs[next(iter(self._runs))]
 
 
 class FleetDriver:

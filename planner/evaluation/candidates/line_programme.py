@@ -25,8 +25,8 @@ from strategies.formations.formation_site import FleetOrder, FormationSite
 from strategies.lines.line_wishes import LineWishes
 from strategies.path_planning.errors import SOLITARY_STRATEGIES, StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.driven_search import TourProblem
 from strategies.programmes.move_table import MoveTable
-from strategies.programmes.order_gates import add_order_gates
 from strategies.programmes.programme import (
     Programme,
     Sketch,
@@ -37,8 +37,7 @@ from strategies.programmes.programme import (
     sketch_programme,
 )
 from strategies.programmes.site_moves import SiteMoves
-from strategies.programmes.stages import charge_order, find_first_tasks, list_stages, stagger_starts
-from strategies.programmes.tour_problem import TourProblem
+from strategies.programmes.stages import add_order_gates, charge_order, find_first_tasks, list_stages, stagger_starts
 from strategies.rules.dealing import LineDeal
 from strategies.service_stops.programme_stops import build_stop_moves, estimate_served_s, stop_programme
 from strategies.service_stops.stop_moves import StopMoves

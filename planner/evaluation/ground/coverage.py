@@ -12,11 +12,21 @@ import shapely
 
 from fields.arrays import Floats, build_directions
 from fields.geometry.arithmetic import EDGE_M, MITRE_LIMIT
-from fields.geometry.overlays import Areas, clip_area, drop_slivers, extract_polygons, subtract_area, unite, unite_areas
+from fields.geometry.overlays import (
+    Areas,
+    clip_area,
+    drop_slivers,
+    extract_polygons,
+    subtract_area,
+    subtract_on_grid,
+    unite,
+    unite_areas,
+)
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.left_out import find_left_out_ground
 from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
+from planner.evaluation.site import get_site_moves
 from reports.common.plan_records import UnworkedPiece
+from strategies.lines.lay_lines import unite_strips
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import SimulationRun
 
@@ -170,3 +180,24 @@ def measure_outside_m(run: SimulationRun, tractor: int, context: PlanningContext
 def count_reversals(run: SimulationRun) -> int:
     """Number of changes of direction in the plan of a run."""
     return sum(a.gear != b.gear for mission in run.plan.missions for a, b in pairwise(mission.legs))
+
+
+def find_left_out_ground(context: PlanningContext) -> shapely.Geometry:
+    """The ground of lines that were to be left out, as far as no other line covers it."""
+    wishes = context.request.line_wishes
+    if not wishes.left_out:
+        return shapely.Polygon()
+    moves = get_site_moves(context)
+    out = set(wishes.find_left_out(moves.lines))
+    sides = [[line for number, line in enumerate(moves.lines) if (number in out) == is_out] for is_out in (True, False)]
+    left, worked = (unite_strips(moves.site, lines) for lines in sides)
+    return extract_polygons(subtract_on_grid(left, worked))
+
+
+def measure_left_out_m2(context: PlanningContext) -> float:
+    """The ground that was to be left out; 0 without such a wish."""
+    wishes = context.request.line_wishes
+    if not wishes.left_out:
+        return 0.0
+    lines = get_site_moves(context).lines
+    return math.fsum(lines[number].own_m2 for number in wishes.find_left_out(lines))

@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from fields.arrays import Floats
+from fields.arrays import SHORTEST_PIECE_M, Floats
 from planner.fleet.manager.fleet_state import FleetState
 from planner.fleet.model.fleet_plan import FleetPlan
 from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.tractor_state import BY_HAND, MANUAL, REMOTE, Hold, TractorState
 from planner.fleet.safety.motion_prediction import compute_braking_distance_m
-from strategies.rules.legs import MIN_LEG_M
 
 STAND_TOLERANCE_M = 1.0  # of a tractor that stands
 LOST_STEP_M = 1.0  # between the places that one who hears nothing may go on to: a part of its length
@@ -40,7 +39,7 @@ class RemainingWork:
     def has_tractor_driven(self, number: int) -> bool:
         """Whether a tractor has driven anything of its plan."""
         state = self.states[number]
-        return state.leg > 0 or state.leg_m > MIN_LEG_M
+        return state.leg > 0 or state.leg_m > SHORTEST_PIECE_M
 
     def count_base_legs(self, number: int) -> int:
         """How many legs a tractor cannot be told to wait on, from the present one on: it drives, or they are

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import shapely
-import shapely.ops
 
+from fields.arrays import SHORTEST_PIECE_M
 from fields.errors import HeadlandError
 from planner.evaluation.candidates.energy_figures import find_service_conflict
 from planner.evaluation.candidates.fleet_drive import FleetDriver
@@ -24,7 +23,6 @@ from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
 from planner.fleet.model.rules import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
 from planner.fleet.model.tractor_state import is_passed
-from strategies.rules.legs import MIN_LEG_M
 from strategies.service_stops.service_gates import add_service_gates, list_stops, note_stops
 from vehicle.missions.plan import ENTER, FollowOrder, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
@@ -114,10 +112,9 @@ def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg
 
 def cut_leg(leg: Leg, done_m: float) -> Leg:
     """The part of a leg that remains."""
-    line = shapely.LineString(leg.points)
-    remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - MIN_LEG_M), line.length)
+    rest = leg.cut(min(done_m, leg.length_m - SHORTEST_PIECE_M), leg.length_m)
     stand_s, fold_s = (leg.stand_s, leg.fold_s) if done_m <= STAND_TOLERANCE_M else (0.0, 0.0)  # it may have just come
-    return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s, fold_s=fold_s)
+    return rest.copy_with(gates=(), may_wait=leg.may_wait, stand_s=stand_s, fold_s=fold_s)
 
 
 def build_whole_plan(
