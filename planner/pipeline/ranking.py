@@ -85,16 +85,17 @@ def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
     start_s = request.start_s
     if start_s is None:
         return ()
-    times = []
+    times = {}
     if request.deadline_s is not None and request.deadline_s < start_s:
-        times.append(("The deadline", format_clock(request.deadline_s)))
-    for hours, minutes in re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or ""):
-        rain_s = 3600 * int(hours) + 60 * int(minutes)
-        if rain_s <= start_s:
-            times.append(("Rain", format_clock(rain_s)))
+        times["The deadline"] = [request.deadline_s]
+    clocks = re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or "")
+    rain_s = [3600 * int(hours) + 60 * int(minutes) for hours, minutes in clocks]
+    if early_s := [one for one in rain_s if one <= start_s]:
+        times["Rain"] = early_s
     return tuple(
-        f"{subject} at {clock_text} means {clock_text} the next day, as the start is at {format_clock(start_s)}."
-        for subject, clock_text in times
+        f"{subject} at {', '.join(map(format_clock, clocks_s))} is taken as the next day's: the start is at "
+        f"{format_clock(start_s)}."
+        for subject, clocks_s in times.items()
     )
 
 
@@ -160,7 +161,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     """
     field = context.layout.field
     results = [
-        replace(one, largest_missed=locate_piece(field, piece.m2, piece.x_m, piece.y_m))
+        replace(one, largest_missed=replace(locate_piece(field, piece.m2, piece.x_m, piece.y_m), reason=piece.reason))
         if (piece := one.largest_missed)
         else one
         for one in mark_worked_shares(results, context)

@@ -70,9 +70,9 @@ class PullFigures:
 
 @dataclass(frozen=True)
 class UnworkedPiece:
-    """A piece of unworked ground: its area, and a place in it in metres of the field and in degrees.
+    """A piece of unworked ground: its area, a place in it in metres of the field and in degrees, and why it is left.
 
-    `lon` and `lat` are None for a field in local metres.
+    `lon` and `lat` are None for a field in local metres; the `reason` is "" where it is not known.
     """
 
     m2: float
@@ -80,6 +80,7 @@ class UnworkedPiece:
     y_m: float
     lon: float | None = None
     lat: float | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
 LEAST_ANSWER_COLUMNS = 80  # from here on an answer keeps to its lines
-MOST_ANSWER_LINES, MOST_NARROW_LINES = 5, 14
+MOST_ANSWER_LINES, MOST_NARROW_LINES = 7, 16
 Item = TypeVar("Item")
 _GAP_COLUMNS = 1
 _LEAST_TEXT_COLUMNS = 8
@@ -217,7 +217,7 @@ class WrappedSentence:
 
 @dataclass(frozen=True)
 class AnswerLines:
-    """An answer before its table, in at most five lines below its title where the console has 80 columns.
+    """An answer before its table, in at most seven lines below its title where the console has 80 columns.
 
     The title and `sentences` always stand there, the first of these in bold, shortened with dots if need be. Where
     lines are lacking, remarks (`faults`) are counted instead, all but the first and then this one too, and then

@@ -33,7 +33,8 @@ from reports.common.wording import (
     format_yes_no,
     has_start_time,
 )
-from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.answer import write_answer
+from reports.plan.other_plans import format_stated_end
 from reports.plan.plan_wording import (
     format_in_time_probability,
     get_clearance_m,

@@ -38,9 +38,10 @@ from reports.common.wording import (
     is_us,
     join_list,
 )
-from reports.plan.answer import name_plan, write_answer
+from reports.plan.answer import write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
 from reports.plan.figures import FIGURES, build_ranking_entry, list_csv_columns, list_csv_entries
+from reports.plan.other_plans import name_plan
 from reports.plan.plan_wording import list_feasible
 from reports.plan.shortfall_wording import list_shortfall_sentences
 

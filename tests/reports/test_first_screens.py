@@ -24,9 +24,10 @@ from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_price
 from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
-from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.answer import write_answer
 from reports.plan.figures import format_ranking_json
 from reports.plan.many_fields import build_many_fields_screen, render_many_fields_page
+from reports.plan.other_plans import format_stated_end
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import (
     build_answer_table,
@@ -78,9 +79,9 @@ def test_screens_are_as_stored(name: str, width: int) -> None:
     [*SCREENS.values(), build_day_screen(build_day(30)), build_many_fields_screen(build_records(40))],
     ids=[*SCREENS, "long-day", "forty-fields"],
 )
-def test_eighty_columns_have_a_title_and_five_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
+def test_eighty_columns_have_a_title_and_seven_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
     before, after = split_screen(print_text(what))
-    assert len(before) <= 6 and len(before) + 1 + len(after) <= 21
+    assert len(before) <= 8 and len(before) + 1 + len(after) <= 23
 
 
 def test_the_recommended_plan_comes_first_then_the_front() -> None:
@@ -105,7 +106,7 @@ def test_headline_and_table_have_the_same_plan_of_every_number_of_tractors() -> 
 
 def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain() -> None:
     before, _ = split_screen(print_text(build_first_screen(REMARKED)))
-    assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 2 more: --explain."
+    assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 3 more: --explain."
     explained = " ".join(print_text(build_ranking_table(REMARKED)).split())
     assert explained.count(REMARK) == 1, "not once per plan"
 
@@ -228,7 +229,7 @@ def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
         text = print_text(build_first_screen(ranking), width)
         assert max(map(len, text.splitlines())) <= width
     before, after = split_screen(print_text(build_first_screen(ranking)))
-    assert len(before) <= 6 and len(before) + 1 + len(after) <= 21
+    assert len(before) <= 8 and len(before) + 1 + len(after) <= 23
     rows = [line for line in after if re.match(r" *>?\d+[* ]", line)]
     assert len(rows) == len(choose_first_plans(ranking)), "every row is one line"
 
