@@ -214,7 +214,17 @@ def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Sho
         return ()
     found = [Shortfall("pull")] if ranking.pull is not None and ranking.pull.is_infeasible else []
     found += [] if best.works_enough else [Shortfall("worked", _describe_worked_share(best, context))]
-    return (*found, *ranking.shortfalls, *([] if ranking.missed_by_s is None else [Shortfall("late")]))
+    late = () if ranking.missed_by_s is None else (Shortfall("late", _suggest_start(ranking.missed_by_s, context)),)
+    return (*found, *ranking.shortfalls, *late)
+
+
+def _suggest_start(missed_by_s: float, context: PlanningContext) -> str:
+    """The start with which the best plan would be in time; "" where the hours of a farm or work that goes on set it."""
+    start_s = context.request.start_s
+    if start_s is None or context.workday is not None or context.going_on is not None:
+        return ""  # else the drive is the same at another time of day
+    earlier_s = start_s - round_up_to_minute(missed_by_s)
+    return "" if earlier_s < 0.0 else f"With --start {format_clock(earlier_s)} it would be in time."
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
@@ -340,19 +350,20 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "elevation": None if physics.elevation is None else physics.elevation.source,
         "soil": None if physics.soil is None else physics.soil.name,
         "moisture_pct": None if physics.soil is None else physics.soil.moisture_pct,
-        "defaults": {} if context.cost_terms else _pick_default_machines(context),
+        "defaults": _pick_default_machines(context),
         **implement,
         **estimated,
     }
 
 
 def _pick_default_machines(context: PlanningContext) -> dict[str, Any]:
-    """Tractor, width and speed by their options, where they are the defaults."""
-    request, usual = context.request, PlanRequest
+    """Tractor, width and speed by their options, where they are the defaults and no farm has them."""
+    request, usual, terms = context.request, PlanRequest, context.cost_terms
+    implement = None if terms is None else terms.implement
     is_default = {
-        "tractor": context.bare_tractor == load_tractor(usual.tractor),
-        "width": request.width_m == usual.width_m,
-        "speed_kmh": request.speed_mps == usual.speed_mps,
+        "tractor": (terms is None or terms.tractor is None) and context.bare_tractor == load_tractor(usual.tractor),
+        "width": implement is None and request.width_m == usual.width_m,
+        "speed_kmh": (implement is None or implement.speed_kmh is None) and request.speed_mps == usual.speed_mps,
     }
     return {option.name: option.default for option in PLAN_OPTIONS if is_default.get(option.name)}
 

@@ -22,7 +22,8 @@ OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
 class Shortfall:
     """What the best plan lacks of what was asked for; kinds are listed in the order in which they are said.
 
-    `sentence` says so in English; it is "" for pull and late, which reports word from the figures of the ranking.
+    `sentence` says so in English. Reports word pull and late from the figures of the ranking: for pull it is "", for
+    late what would help, if that is known.
     """
 
     kind: ShortfallKind

@@ -73,7 +73,8 @@ class Answer:
         decision: the plan to take, when it is done and what it costs; "" where its tractor cannot pull the implement.
         question: what of the request should be checked: whether the tractor can pull the implement.
         day: times of day that a reader may take for others: those of the next day, and the hours of a farm.
-        work: how much of the field is worked, when its headland, the end that is nearly sure, the largest piece left.
+        work: how much of the field is worked, when its headland, and the end that is nearly sure.
+        ground: the largest piece left, where and why.
         certainty: how sure that is, and what late ground may cost.
         rule: why so many tractors, where nothing but time and cost decides: what one more saves.
         alternatives: the other plans to take, with fewer and with more tractors.
@@ -86,6 +87,7 @@ class Answer:
     question: str = ""
     day: str = ""
     work: str = ""
+    ground: str = ""
     certainty: str = ""
     rule: str = ""
     alternatives: str = ""
@@ -95,12 +97,13 @@ class Answer:
     @property
     def conditions(self) -> str:
         """When, how much and how sure, in one paragraph."""
-        return " ".join(filter(None, (self.day, self.work, self.certainty)))
+        return " ".join(filter(None, (self.day, self.work, self.ground, self.certainty)))
 
     def list_sentences(self) -> list[str]:
         """All sentences but the details, the most important first."""
-        first = (self.verdict, self.decision, self.question, self.day, self.work, self.certainty)
-        return [text for text in (*first, self.rule, self.alternatives, *self.faults) if text]
+        conditions = (self.day, self.work, self.ground, self.certainty)
+        texts = (self.verdict, self.decision, self.question, *conditions, self.rule, self.alternatives, *self.faults)
+        return [text for text in texts if text]
 
 
 def write_answer(ranking: PlanRanking) -> Answer:
@@ -124,7 +127,8 @@ def write_answer(ranking: PlanRanking) -> Answer:
         translate("{plan}: {figures}", plan=name_plan(best), figures=", ".join(figures)),
         question,
         " ".join(map(translate_sentence, ranking.day_sentences)),
-        " ".join(filter(None, (_describe_work(ranking, best), describe_largest_piece(best)))),
+        _describe_work(ranking, best),
+        describe_largest_piece(best),
         _describe_certainty(ranking, best),
         describe_rule(ranking, best),
         describe_alternatives(ranking, best),
@@ -184,17 +188,23 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     return f"{', '.join(parts)}." if parts else ""
 
 
+def describe_limit(ranking: PlanRanking) -> str:
+    """By when work is to be done: ``before 17:00 and the rain``; "" without a limit."""
+    has_rain = ranking.scenario.get("rain") is not None
+    if ranking.allowed_s is None:
+        return translate("before the rain") if has_rain else ""
+    if has_rain:
+        return translate("before {deadline} and the rain", deadline=format_deadline(ranking))
+    return translate("before {deadline}", deadline=format_deadline(ranking))
+
+
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.p50_s is None:
         return ""
     if plan.finish_probability is None:
         samples = f"{ranking.samples or 0:,}"
         return translate("Median and 95 % of {samples} samples with late starts, stops, breakdowns.", samples=samples)
-    limit = translate("before the rain")
-    if ranking.allowed_s is not None:
-        limit = translate("before {deadline}", deadline=format_deadline(ranking))
-        if ranking.scenario.get("rain") is not None:
-            limit = translate("before {deadline} and the rain", deadline=format_deadline(ranking))
+    limit = describe_limit(ranking)
     probability, interval = format_percent(plan.finish_probability), format_wide_interval(plan)
     share = translate("{share} %", share=probability)
     if interval is not None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_records import SlopePlace, UnworkedPiece
@@ -129,9 +130,8 @@ def describe_machines(ranking: PlanRanking) -> str | None:
     return ", ".join(texts + ([format_speed(scenario["speed_kmh"])] if "speed_kmh" in scenario else []))
 
 
-def describe_defaults(ranking: PlanRanking) -> list[str]:
+def describe_defaults(defaults: Mapping[str, Any]) -> list[str]:
     """Which values that nobody gave were planned with, as options that would change them; empty without any."""
-    defaults = ranking.scenario.get("defaults") or {}
     texts = {name: value if isinstance(value, str) else f"{value:g}" for name, value in defaults.items()}
     options = " ".join(f"--{name.replace('_', '-')} {text}" for name, text in texts.items())
     return [translate("Planned with the defaults {options}.", options=options)] if options else []

@@ -60,8 +60,9 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
         hints = [translate("Add --explain (all reasons), --html plan.html (map of the places that fail).")]
     elif plans and not ranking.samples and not ranking.start:
         hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
+    hints += describe_defaults(ranking.scenario.get("defaults") or {})
     parts += [] if plans else [Text("")]
-    return Group(*parts, *(format_sentence(text, style="dim") for text in (*hints, *describe_defaults(ranking))))
+    return Group(*parts, *(format_sentence(text, style="dim") for text in hints))
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:

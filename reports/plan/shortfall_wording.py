@@ -26,11 +26,10 @@ def describe_shortfall(ranking: PlanRanking, shortfall: Shortfall) -> str:
         return question_pull(ranking.pull)
     if shortfall.kind == "late":
         late = math.ceil((ranking.missed_by_s or 0.0) / 60.0)
-        return translate(
-            "No plan is done by {deadline}; the best is {late} min late.",
-            deadline=format_deadline(ranking),
-            late=late,
+        sentence = translate(
+            "No plan is done by {deadline}; the best is {late} min late.", deadline=format_deadline(ranking), late=late
         )
+        return f"{sentence} {translate_sentence(shortfall.sentence)}".rstrip()
     return translate_sentence(shortfall.sentence)
 
 

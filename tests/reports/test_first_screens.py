@@ -26,7 +26,7 @@ from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
 from reports.plan.answer import write_answer
 from reports.plan.figures import format_ranking_json
-from reports.plan.many_fields import build_many_fields_screen, render_many_fields_page
+from reports.plan.many_fields import build_many_fields_screen, list_remarks, render_many_fields_page
 from reports.plan.other_plans import format_stated_end
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import (
@@ -267,3 +267,25 @@ def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() ->
     reason = "north at 3 m: No recommendation: only 19.7 % of the field is worked; 78 % is cut off by obstacles."
     assert reason in text
     assert reason in render_many_fields_page(records).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_many_fields_say_what_is_planned_alike_and_each_remark_once() -> None:
+    """Remarks of one field have its name; defaults are those of all: that of a width not where there are several."""
+    defaults = {"width": 3.0, "speed_kmh": 5.0}
+    plans = tuple(replace(plan, headland_order="last", remarks=(REMARK,)) for plan in DEADLINE.plans)
+    alike = replace(DEADLINE, plans=plans, scenario={**DEADLINE.scenario, "defaults": defaults})
+    first, *others = (replace(one, ranking=one.ranking and alike) for one in build_records(3))
+    legend = "Each starts at 13:00. In time: before 17:00. Headland last. Planned with the defaults --speed-kmh 5"
+    assert f"{legend} --width 3." in " ".join(print_text(build_many_fields_screen([first, *others])).split())
+    assert list_remarks([first, *others]) == [f"{REMARK[0].upper()}{REMARK[1:]}."]
+    wider = replace(alike, scenario={**alike.scenario, "defaults": {"speed_kmh": 5.0}}, plans=DEADLINE.plans)
+    widths = [first, replace(first, way=replace(first.way, width_m=6.0), ranking=wider)]
+    text = " ".join(print_text(build_many_fields_screen(widths)).split())
+    assert text.startswith("3 m: 2 tractors, split-field: done 14:50, 143 EUR. 6 m: 2 tractors, split-field: done")
+    assert "--speed-kmh 5." in text and "--width" not in text and f"denmark at 3 m: {REMARK[0].upper()}" in text
+
+
+def test_a_width_that_the_tractor_cannot_pull_has_no_plan_in_a_table() -> None:
+    first = build_records(2)[0]
+    text = " ".join(print_text(build_many_fields_screen([first, replace(first, ranking=RANKINGS["too weak"])])).split())
+    assert "denmark 3.92 - no plan - - -" in text and text.count("Not feasible at this speed.") == 1
