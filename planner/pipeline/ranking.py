@@ -224,7 +224,7 @@ def _suggest_start(missed_by_s: float, context: PlanningContext) -> str:
     if start_s is None or context.workday is not None or context.going_on is not None:
         return ""  # else the drive is the same at another time of day
     earlier_s = start_s - round_up_to_minute(missed_by_s)
-    return "" if earlier_s < 0.0 else f"With --start {format_clock(earlier_s)} it would be in time."
+    return "" if earlier_s < 0.0 else f"In time with --start {format_clock(earlier_s)}."
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:

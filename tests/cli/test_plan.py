@@ -113,7 +113,7 @@ def test_a_deadline_that_no_plan_meets(headland: Run, small: Path) -> None:
     assert outcome.status == 3 and answer["best"]["stated_end_s"] == min(times)
     assert not any(plan["meets_deadline"] for plan in answer["plans"])
     late = math.ceil((min(times) - 300) / 60)
-    assert f"the best is {late} min late. With --start 07:{60 - late:02d} it would be in time." in outcome.err
+    assert f"the best is {late} min late. In time with --start 07:{60 - late:02d}." in outcome.err
     earlier = headland(*words[:-5], "--start", f"7:{60 - late:02d}", "--deadline", "8:05", "--json")
     assert earlier.status == 0 and json.loads(earlier.out)["best"]["meets_deadline"] is True
     night = headland(*words[:-5], "--start", "23:50", "--deadline", "0:50", "--json")
