@@ -22,7 +22,7 @@ from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
 LEAST_ANSWER_COLUMNS = 80  # from here on an answer keeps to its lines
-MOST_ANSWER_LINES, MOST_NARROW_LINES = 7, 16
+MOST_ANSWER_LINES, MOST_NARROW_LINES = 8, 16
 Item = TypeVar("Item")
 _GAP_COLUMNS = 1
 _LEAST_TEXT_COLUMNS = 8
@@ -217,7 +217,7 @@ class WrappedSentence:
 
 @dataclass(frozen=True)
 class AnswerLines:
-    """An answer before its table, in at most seven lines below its title where the console has 80 columns.
+    """An answer before its table, in at most eight lines below its title where the console has 80 columns.
 
     The title and `sentences` always stand there whole, the first of these in bold. Where lines are lacking, as many of
     the remarks (`faults`) as have no room are counted instead, the last first, and then `alternatives` go, the last

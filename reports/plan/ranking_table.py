@@ -1,7 +1,7 @@
 """A ranking for a terminal: its first screen (the answer, a short table, what to type next), then all of its plans; and
 tables of the study. Plain text survives a pipe and an ASCII console.
 
-At 80 columns the first screen has at most 22 lines below its title, of which at most seven stand before the table.
+At 80 columns the first screen has at most 23 lines below its title, of which at most eight stand before the table.
 """
 
 from __future__ import annotations

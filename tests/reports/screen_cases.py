@@ -96,7 +96,7 @@ RAIN = replace(
 )
 LATE_RANKING = build_sampled(dict.fromkeys(SURE, 0.0), dict.fromkeys(SURE, 157.0), 600.0, deadline="13:10",
                              chosen=None, shortfalls=(Shortfall("late"),))  # fmt: skip
-REMARKS = (REMARK, "12 m of the headland cannot be reached and are skipped", f"tractor 1 {'waits and ' * 12}goes on")
+REMARKS = (REMARK, "12 m of the headland cannot be reached and are skipped", f"tractor 1 {'waits and ' * 22}goes on")
 REMARKED = replace(
     DEADLINE, plans=tuple(replace(plan, remarks=REMARKS) for plan in DEADLINE.plans),
     cut_off=UnworkedPiece(3400.0, 0.0, 0.0),
