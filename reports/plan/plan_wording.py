@@ -96,11 +96,6 @@ def list_feasible(ranking: PlanRanking) -> list[PlanResult]:
     return [] if is_too_weak else [plan for plan in ranking.plans if plan.feasible]
 
 
-def list_refused(ranking: PlanRanking) -> list[PlanResult]:
-    """The infeasible plans, in the order of the ranking."""
-    return [plan for plan in ranking.plans if not plan.feasible]
-
-
 def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
     """Remarks on feasible plans, each once with its plans: ``row-by-row-optimised with 2 and 3: ... .``
 

@@ -12,7 +12,7 @@ from reports.common.plan_records import PullFigures, Shortfall, ShortfallKind
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.wording import format_deadline, format_number, format_speed, format_width, group_alike, join_list
 
-REFUSED, NOT_SIMULATED = "Refused", "Not simulated"
+NOT_SIMULATED = "Not simulated"
 
 
 def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:
@@ -119,7 +119,7 @@ def split_refused(ranking: PlanRanking) -> dict[str, list[PlanResult]]:
     """The infeasible plans by what happened to them, under its heading."""
     refused = [plan for plan in ranking.plans if not plan.feasible]
     return {
-        REFUSED: [plan for plan in refused if plan.is_simulated],
+        "Refused": [plan for plan in refused if plan.is_simulated],
         NOT_SIMULATED: [plan for plan in refused if not plan.is_simulated],
     }
 

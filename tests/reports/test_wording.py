@@ -129,10 +129,8 @@ class TestWhatIsLeft:
         plans = tuple(replace(plan, meets_deadline=None) for plan in leaving.plans)
         quickest = plans[0].strategy, plans[0].tractors
         answer = write_answer(replace(leaving, plans=plans, deadline=None, allowed_s=None, chosen=quickest))
-        assert answer.work == (
-            "80.0 % worked (0.38 ha left: 5 min and 1.72 of work, without ways there). The largest piece left, "
-            "0.12 ha, is at latitude 43.20000, longitude 141.75000."
-        )
+        assert answer.work == "80.0 % worked (0.38 ha left: 5 min and 1.72 of work, without ways there)."
+        assert answer.ground == "The largest piece left, 0.12 ha, is at latitude 43.20000, longitude 141.75000."
         assert answer.details[1:] == (
             "At the plan's own rate, without ways there, finishing the missed 0.38 ha adds 5 min (field work done "
             "at 08:27) and 1.72.",
