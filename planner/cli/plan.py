@@ -107,7 +107,8 @@ def plan_batch(
     # Remarks on field files and machines, each once: with its field, unless it is said of several.
     fields_by_remark: dict[str, dict[str, None]] = {}
     for ranking in (record.ranking for record in records if record.ranking is not None):
-        for text in filter(None, (*ranking.field_remarks, question_pull(ranking.pull))):
+        question = question_pull(ranking.pull) if form.is_for_programs else ""  # which tables say
+        for text in filter(None, (*ranking.field_remarks, question)):
             fields_by_remark.setdefault(text, {})[ranking.field_name] = None
     print_remarks(
         text if len(fields) > 1 else f"{next(iter(fields))}: {text}" for text, fields in fields_by_remark.items()

@@ -85,16 +85,17 @@ def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
     start_s = request.start_s
     if start_s is None:
         return ()
-    times = []
+    times = {}
     if request.deadline_s is not None and request.deadline_s < start_s:
-        times.append(("The deadline", format_clock(request.deadline_s)))
-    for hours, minutes in re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or ""):
-        rain_s = 3600 * int(hours) + 60 * int(minutes)
-        if rain_s <= start_s:
-            times.append(("Rain", format_clock(rain_s)))
+        times["The deadline"] = [request.deadline_s]
+    clocks = re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or "")
+    rain_s = [3600 * int(hours) + 60 * int(minutes) for hours, minutes in clocks]
+    if early_s := [one for one in rain_s if one <= start_s]:
+        times["Rain"] = early_s
     return tuple(
-        f"{subject} at {clock_text} means {clock_text} the next day, as the start is at {format_clock(start_s)}."
-        for subject, clock_text in times
+        f"{subject} at {', '.join(map(format_clock, clocks_s))} is taken as the next day's: the start is at "
+        f"{format_clock(start_s)}."
+        for subject, clocks_s in times.items()
     )
 
 
@@ -160,7 +161,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     """
     field = context.layout.field
     results = [
-        replace(one, largest_missed=locate_piece(field, piece.m2, piece.x_m, piece.y_m))
+        replace(one, largest_missed=replace(locate_piece(field, piece.m2, piece.x_m, piece.y_m), reason=piece.reason))
         if (piece := one.largest_missed)
         else one
         for one in mark_worked_shares(results, context)
@@ -213,7 +214,17 @@ def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Sho
         return ()
     found = [Shortfall("pull")] if ranking.pull is not None and ranking.pull.is_infeasible else []
     found += [] if best.works_enough else [Shortfall("worked", _describe_worked_share(best, context))]
-    return (*found, *ranking.shortfalls, *([] if ranking.missed_by_s is None else [Shortfall("late")]))
+    late = () if ranking.missed_by_s is None else (Shortfall("late", _suggest_start(ranking.missed_by_s, context)),)
+    return (*found, *ranking.shortfalls, *late)
+
+
+def _suggest_start(missed_by_s: float, context: PlanningContext) -> str:
+    """The start with which the best plan would be in time; "" where the hours of a farm or work that goes on set it."""
+    start_s = context.request.start_s
+    if start_s is None or context.workday is not None or context.going_on is not None:
+        return ""  # else the drive is the same at another time of day
+    earlier_s = start_s - round_up_to_minute(missed_by_s)
+    return "" if earlier_s < 0.0 else f"In time with --start {format_clock(earlier_s)}."
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
@@ -339,19 +350,20 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "elevation": None if physics.elevation is None else physics.elevation.source,
         "soil": None if physics.soil is None else physics.soil.name,
         "moisture_pct": None if physics.soil is None else physics.soil.moisture_pct,
-        "defaults": {} if context.cost_terms else _pick_default_machines(context),
+        "defaults": _pick_default_machines(context),
         **implement,
         **estimated,
     }
 
 
 def _pick_default_machines(context: PlanningContext) -> dict[str, Any]:
-    """Tractor, width and speed by their options, where they are the defaults."""
-    request, usual = context.request, PlanRequest
+    """Tractor, width and speed by their options, where they are the defaults and no farm has them."""
+    request, usual, terms = context.request, PlanRequest, context.cost_terms
+    implement = None if terms is None else terms.implement
     is_default = {
-        "tractor": context.bare_tractor == load_tractor(usual.tractor),
-        "width": request.width_m == usual.width_m,
-        "speed_kmh": request.speed_mps == usual.speed_mps,
+        "tractor": (terms is None or terms.tractor is None) and context.bare_tractor == load_tractor(usual.tractor),
+        "width": implement is None and request.width_m == usual.width_m,
+        "speed_kmh": (implement is None or implement.speed_kmh is None) and request.speed_mps == usual.speed_mps,
     }
     return {option.name: option.default for option in PLAN_OPTIONS if is_default.get(option.name)}
 

@@ -22,7 +22,8 @@ OBSTACLE, FENCE, OUTLINE, STUCK = "obstacle", "fence", "outline", "stuck"
 class Shortfall:
     """What the best plan lacks of what was asked for; kinds are listed in the order in which they are said.
 
-    `sentence` says so in English; it is "" for pull and late, which reports word from the figures of the ranking.
+    `sentence` says so in English. Reports word pull and late from the figures of the ranking: for pull it is "", for
+    late what would help, if that is known.
     """
 
     kind: ShortfallKind
@@ -70,9 +71,9 @@ class PullFigures:
 
 @dataclass(frozen=True)
 class UnworkedPiece:
-    """A piece of unworked ground: its area, and a place in it in metres of the field and in degrees.
+    """A piece of unworked ground: its area, a place in it in metres of the field and in degrees, and why it is left.
 
-    `lon` and `lat` are None for a field in local metres.
+    `lon` and `lat` are None for a field in local metres; the `reason` is "" where it is not known.
     """
 
     m2: float
@@ -80,6 +81,7 @@ class UnworkedPiece:
     y_m: float
     lon: float | None = None
     lat: float | None = None
+    reason: str = ""
 
 
 @dataclass(frozen=True)

@@ -319,8 +319,7 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
     With a deadline it is the cheapest in time, and the quickest if none is; plans that could finish the whole field
     within `allowed_s` come before those that are in time but leave ground. Without one it is that of the knee: with the
     number of tractors from which one more does not pay. Where prices are known that is the cheapest: time saved has no
-    price of its own. Where none are, the next tractor has to save the time to bring it, and a share of an even split of
-    the work, WORTHWHILE_SHARE: of T seconds with n tractors, T / (n + 1).
+    price of its own. Where none are, the next tractor has to save as much as `find_least_saving_s` says.
     """
     lacks = []  # less first: a strong enough tractor; enough work; being in time, or so with all ground
     for plan in plans:
@@ -334,11 +333,16 @@ def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_
     if in_time or is_priced:  # of those that cost as much within the error of the model that with the fewest tractors
         least = min(by_count.values(), key=attrgetter("ranked_cost"))
         return next(plan for plan in by_count.values() if not is_dearer(plan, least))
-    for (count, plan), (more, next_plan) in pairwise(by_count.items()):
-        even_split_s, brought = plan.ranked_s * (more - count) / more, more - count
-        if plan.ranked_s - next_plan.ranked_s < max(WORTHWHILE_SHARE * even_split_s, brought * BRINGING_S):
+    for plan, next_plan in pairwise(by_count.values()):
+        if plan.ranked_s - next_plan.ranked_s < find_least_saving_s(plan, next_plan):
             return plan
     return list(by_count.values())[-1]
+
+
+def find_least_saving_s(plan: PlanResult, larger: PlanResult) -> float:
+    """Seconds that more tractors have to save without prices: those to bring them, or a share of an even split."""
+    brought = larger.tractors - plan.tractors
+    return brought * max(BRINGING_S, WORTHWHILE_SHARE * plan.ranked_s / larger.tractors)
 
 
 @dataclass(frozen=True)
@@ -471,10 +475,9 @@ class PlanRanking(ShownResult):
     @property
     def priced_tractors(self) -> int | None:
         """How many tractors assumed prices would take, where time alone takes another number; else None."""
-        best = self.best
+        best, plans = self.best, [plan for plan in self.plans if plan.feasible]
         if best is None or not self.has_knee or not self.prices_assumed or not best.cost:
             return None
-        plans = [plan for plan in self.plans if plan.feasible]
         priced = choose_plan(plans, self.allowed_s, is_priced=True).tractors
         return None if priced == best.tractors else priced
 

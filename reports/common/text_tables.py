@@ -22,7 +22,7 @@ from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 MOST_NAMED = 3  # runs, fields or tractors in a sentence of a screen; how many more there are is counted
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
 LEAST_ANSWER_COLUMNS = 80  # from here on an answer keeps to its lines
-MOST_ANSWER_LINES, MOST_NARROW_LINES = 5, 14
+MOST_ANSWER_LINES, MOST_NARROW_LINES = 8, 16
 Item = TypeVar("Item")
 _GAP_COLUMNS = 1
 _LEAST_TEXT_COLUMNS = 8
@@ -217,11 +217,11 @@ class WrappedSentence:
 
 @dataclass(frozen=True)
 class AnswerLines:
-    """An answer before its table, in at most five lines below its title where the console has 80 columns.
+    """An answer before its table, in at most eight lines below its title where the console has 80 columns.
 
-    The title and `sentences` always stand there, the first of these in bold, shortened with dots if need be. Where
-    lines are lacking, remarks (`faults`) are counted instead, all but the first and then this one too, and then
-    `alternatives` go, the last first. One that `is_whole` has as many lines as it takes.
+    The title and `sentences` always stand there whole, the first of these in bold. Where lines are lacking, as many of
+    the remarks (`faults`) as have no room are counted instead, the last first, and then `alternatives` go, the last
+    first. One that `is_whole` has as many lines as it takes.
     """
 
     sentences: tuple[str, ...]
@@ -234,22 +234,18 @@ class AnswerLines:
         width = min(options.max_width, LINE_COLUMNS)
         most = MOST_ANSWER_LINES if options.max_width >= LEAST_ANSWER_COLUMNS else MOST_NARROW_LINES
         most = sys.maxsize if self.is_whole else most
-        first, *others = self.sentences
-        room = max(most - count_lines(others, width) - bool(self.faults), 1)
-        while count_lines([first], width) > room:
-            first = f"{first.removesuffix(' ...').rpartition(' ')[0]} ..."
-        sentences = [first, *others]
+        sentences = self.sentences
         room, count, notes = most - count_lines(sentences, width), len(self.faults), [" ".join(self.faults)]
-        if count > 1:
-            more = translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count - 1)
-            notes += [more, self.faults[0]]
+        for more in range(1, count):
+            remark = " ".join(self.faults[: count - more])
+            notes.append(translate("{remark} {count} more: --explain.", remark=remark, count=more))
         if count:
             notes.append(translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count))
         first_ones = [self.alternatives[:count] for count in range(len(self.alternatives), -1, -1)]
         choices = [(alternatives, note) for alternatives in first_ones for note in notes]
         alternatives, note = next(
             ((some, note) for some, note in choices if count_lines([*some, note], width) <= room),
-            ((), notes[-1] if room > 0 else ""),
+            ((), notes[-1]),
         )
         if self.title:
             yield format_title(self.title)

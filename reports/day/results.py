@@ -192,11 +192,13 @@ def _describe_day_certainty(result: DayResult) -> list[str]:
     share = format_percent(result.finish_probability)
     weakest = min(result.jobs, key=lambda job: (round(job.finish_probability, 6), job.p50_end_s))
     least = format_percent(weakest.finish_probability)
+    limit = translate("within the hours of each field")
+    if result.rain:
+        limit = translate("before the rain and within the hours of each field")
     if len(result.jobs) == 1 or weakest.finish_probability >= SURE_SHARE:
-        return [translate("In time: {share} % sure.", share=share)]
-    return [
-        translate("In time: {share} % sure, least {field} ({least} %).", share=share, field=weakest.field, least=least)
-    ]
+        return [translate("Done {limit}: {share} % sure.", limit=limit, share=share)]
+    values = {"limit": limit, "share": share, "field": weakest.field, "least": least}
+    return [translate("Done {limit}: {share} % sure, least {field} ({least} %).", **values)]
 
 
 def _describe_unworked_fields(result: DayResult) -> list[str]:

@@ -18,8 +18,9 @@ from reports.common.language import translate, translate_count, translate_senten
 from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.wording import format_area, format_width
+from reports.plan.answer import write_answer
 from reports.plan.map_data import SmallMap
-from reports.plan.plan_wording import describe_part, format_ground_place
+from reports.plan.plan_wording import describe_part, format_ground_place, list_feasible
 
 HEADLAND_KEYS = ("corners", "headland_order", "headland_passes", "width_m")
 YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
@@ -57,15 +58,15 @@ class ComparisonRow:
 
     @cached_property
     def best(self) -> PlanResult | None:
-        """The best plan; None where there is none."""
-        return None if self.ranking is None else self.ranking.best
+        """The best plan; None where there is none that its tractor can pull."""
+        return self.ranking.best if self.ranking is not None and list_feasible(self.ranking) else None
 
     @property
     def reason(self) -> str | None:
         """Why there is no plan; None where there is one."""
         if self.ranking is None or self.best is not None:
             return self.refusal
-        return self.ranking.refusal
+        return write_answer(self.ranking).verdict
 
     @property
     def field_name(self) -> str:

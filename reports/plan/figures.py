@@ -33,7 +33,8 @@ from reports.common.wording import (
     format_yes_no,
     has_start_time,
 )
-from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.answer import write_answer
+from reports.plan.other_plans import format_stated_end
 from reports.plan.plan_wording import (
     format_in_time_probability,
     get_clearance_m,
@@ -267,10 +268,11 @@ def choose_figures(
         for figure in (FIGURES[key] for key in keys if key not in skipped)
         if not figure.is_optional or any(figure.get_value(plan) is not None for plan in plans)
     ]
-    return [_fit_to_ranking(figure, ranking, is_brief) for figure in shown]
+    return [fit_to_ranking(figure, ranking, is_brief=is_brief) for figure in shown]
 
 
-def _fit_to_ranking(figure: Figure, ranking: PlanRanking, is_brief: bool) -> Figure:
+def fit_to_ranking(figure: Figure, ranking: PlanRanking, *, is_brief: bool = False) -> Figure:
+    """A figure with the currency, the clock times and the stops of a ranking; see `choose_figures`."""
     if figure.key in ("fuel_l", "energy_kwh"):
         heading = name_energy_column(figure.key == "energy_kwh")
         return replace(figure, heading=heading, short_heading=heading.replace(" ", "\n"))

@@ -24,8 +24,10 @@ from reports.common.text_tables import (
 )
 from reports.common.wording import (
     FIELD_AREA,
+    HEADLAND_ORDERS,
     LENGTH,
     NO_VALUE,
+    capitalize_first,
     format_assumed_money,
     format_duration,
     format_money,
@@ -38,10 +40,18 @@ from reports.common.wording import (
     is_us,
     join_list,
 )
-from reports.plan.answer import name_plan, write_answer
+from reports.plan.answer import Answer, describe_limit, write_answer
 from reports.plan.comparison import Comparison, ComparisonRow, ComparisonTotals
-from reports.plan.figures import FIGURES, build_ranking_entry, list_csv_columns, list_csv_entries
-from reports.plan.plan_wording import list_feasible
+from reports.plan.figures import (
+    FIGURES,
+    Figure,
+    build_ranking_entry,
+    fit_to_ranking,
+    list_csv_columns,
+    list_csv_entries,
+)
+from reports.plan.other_plans import name_plan
+from reports.plan.plan_wording import describe_defaults, list_feasible
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
@@ -100,7 +110,8 @@ def sum_over_fields(records: Sequence[ComparisonRow]) -> list[ComparisonTotals]:
 
 def tabulate_records(records: Sequence[ComparisonRow]) -> FittedTable:
     """The best plan of every record, then in bold the totals of every width where there are several fields."""
-    figures = [FIGURES[key] for key in _PLAN_DROPS if key != "finish_probability" or has_probability(records)]
+    keys = [key for key in _PLAN_DROPS if key != "finish_probability" or has_probability(records)]
+    figures = _fit_figures(records, keys)
     columns = (
         TableColumn("Field", is_text=True), TableColumn("ha"), TableColumn("Width"),
         TableColumn("Headland", "Head-\nland", drop_order=4), TableColumn("Bearing", "Bea-\nring", drop_order=3),
@@ -110,7 +121,7 @@ def tabulate_records(records: Sequence[ComparisonRow]) -> FittedTable:
     for record in records:
         ranking, best = record.ranking, record.best
         scenario = {} if ranking is None else ranking.scenario
-        cells = [NO_VALUE if best is None else figure.format(best) for figure in figures]
+        cells = [NO_VALUE if best is None else figure.format(best) for figure in _fit_figures([record], keys)]
         cells[0] = translate("none") if best is None else cells[0]
         area = NO_VALUE if ranking is None else format_number(ranking.area_ha, 2)
         headland, bearing = format_number(scenario.get("headland_m"), 1), format_number(scenario.get("bearing_deg"), 0)
@@ -131,10 +142,13 @@ def has_probability(records: Sequence[ComparisonRow]) -> bool:
 
 def build_many_fields_table(records: Sequence[ComparisonRow]) -> RenderableType:
     """The best plan of every field at every width with totals, and which fields have none and why."""
-    parts: list[RenderableType] = [replace(tabulate_records(records), notes=tuple(describe_records(records)))]
+    notes = (*describe_records(records), *describe_plans(records))
+    parts: list[RenderableType] = [replace(tabulate_records(records), notes=notes)]
     lacking, without = list_shortfalls(records), list_records_without_plan(records)
     if lacking:
         parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
+    if remarks := list_remarks(records):
+        parts += [Text(""), format_title("Remarks"), *map(format_sentence, remarks)]
     if without:
         title = translate(
             "Without a plan: {count} of {all}", count=sum(record.best is None for record in records), all=len(records)
@@ -164,14 +178,7 @@ def list_records_without_plan(records: Sequence[ComparisonRow], *, names_file: b
     widths: dict[tuple[str, str], list[str]] = {}
     for record in records:
         if record.best is None:
-            reason = translate_sentence(record.refusal or "")
-            if record.ranking is not None:
-                reasons = [translate_sentence(plan.reason) for plan in record.ranking.plans if plan.reason]
-                reason = translate(
-                    "no plan is feasible; the first of {count} reasons: {reason}.",
-                    count=len(reasons),
-                    reason=reasons[0],
-                )
+            reason = translate_sentence(record.reason or "")
             widths.setdefault((record.requested_field, reason), []).append(format_width(record.way.width_m))
     return [
         _describe_field(field if names_file else PurePath(field).name, join_list(each), reason)
@@ -184,9 +191,33 @@ def list_shortfalls(records: Sequence[ComparisonRow]) -> list[str]:
     return [
         _describe_field(record.field_name, format_width(record.way.width_m), sentence)
         for record in records
-        if record.ranking is not None
+        if record.ranking is not None and record.best is not None
         for sentence in list_shortfall_sentences(record.ranking)
     ]
+
+
+def list_remarks(records: Sequence[ComparisonRow]) -> list[str]:
+    """What is said of single plans beside their figures, each once: with its field, unless it is said of several."""
+    labels: dict[str, list[tuple[str, str]]] = {}
+    for record in records:
+        answer = Answer() if record.ranking is None else write_answer(record.ranking)
+        for text in filter(None, (answer.day, answer.question, *answer.faults, answer.ground)):
+            labels.setdefault(text, []).append((record.field_name, format_width(record.way.width_m)))
+    return [text if len(some) > 1 else _describe_field(*some[0], text) for text, some in labels.items()]
+
+
+def describe_plans(records: Sequence[ComparisonRow]) -> list[str]:
+    """What is planned alike for all fields: start, limit, order of the headland, defaults."""
+    rankings = [record.ranking for record in records if record.ranking is not None and record.best is not None]
+    orders = {record.best.headland_order or "" for record in records if record.best is not None}
+    starts, limits = {ranking.start or "" for ranking in rankings}, {describe_limit(ranking) for ranking in rankings}
+    defaults = [set((ranking.scenario.get("defaults") or {}).items()) for ranking in rankings]
+    texts = [translate("Each starts at {start}.", start=start) for start in sorted(starts) if start]
+    texts += [translate("In time: {limits}.", limits=limit) for limit in sorted(limits) if limit]
+    texts += [
+        f"{capitalize_first(translate(HEADLAND_ORDERS[order]))}." for order in orders if order and len(orders) == 1
+    ]
+    return [*texts, *describe_defaults(dict(sorted(set.intersection(*defaults))) if defaults else {})]
 
 
 def _describe_field(name: str, width: str, reason: str) -> str:
@@ -195,11 +226,11 @@ def _describe_field(name: str, width: str, reason: str) -> str:
 
 def build_many_fields_screen(records: Sequence[ComparisonRow], *, with_next: bool = True) -> RenderableType:
     """What the fields come to at each width, the plan of every field, and what to type next."""
-    faults = [*list_shortfalls(records), *list_records_without_plan(records, names_file=False)]
+    faults = [*list_shortfalls(records), *list_records_without_plan(records, names_file=False), *list_remarks(records)]
     legend = translate("The recommended plan of each field; times and costs are as simulated.")
     if any(record.best is not None and record.best.p50_s is not None for record in records):
         legend = translate("The recommended plan of each field; times are medians, costs means of the samples.")
-    notes, hidden = [legend], len(records) - MOST_ROWS
+    notes, hidden = [" ".join((legend, *describe_plans(records)))], len(records) - MOST_ROWS
     is_whole = not with_next or (hidden <= 0 and not any(record.best for record in records))
     if hidden > 0:
         notes.append(translate_count("{count} more row: --explain.", "{count} more rows: --explain.", hidden))
@@ -219,11 +250,16 @@ def list_many_sentences(records: Sequence[ComparisonRow]) -> list[str]:
     currency = Comparison(tuple(records)).currency
     sentences = []
     for total in sum_over_fields(records):
+        width = format_width(total.way.width_m)
+        if fields == 1:
+            decisions = [write_answer(row.ranking).decision for row in total.rows if row.ranking is not None]
+            sentences += [translate("{width}: {plan}.", width=width, plan=decision) for decision in decisions]
+            continue
         paid = format_assumed_money(format_money(total.paid_cost, currency), is_assumed)
         text = translate(
             "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % "
             "worked.",
-            width=format_width(total.way.width_m),
+            width=width,
             count=len(total.driven),
             fields=fields,
             area=FIELD_AREA.format(total.area_ha, 2),
@@ -243,18 +279,15 @@ def list_many_sentences(records: Sequence[ComparisonRow]) -> list[str]:
 def _build_screen_table(records: Sequence[ComparisonRow]) -> FittedTable:
     """At most seven columns; the width, which is in metres if nothing is said, only where there are several."""
     has_widths = len({record.way.width_m for record in records}) > 1
-    last = FIGURES["finish_probability" if has_probability(records) else "worked_pct"]
+    last = "finish_probability" if has_probability(records) else "worked_pct"
+    drops = {"tractors": 0, "strategy": 3, "stated_end_s": 0, "stated_cost": 1, last: 2}
+    figures = _fit_figures(records, list(drops))
     width = translate("Width {unit}", unit=LENGTH.unit) if is_us() else translate("Width")
     columns = (
         TableColumn(translate("Field"), is_text=True, is_unbroken=True),
         TableColumn(width) if has_widths else TableColumn(FIELD_AREA.unit, drop_order=4),
-        FIGURES["tractors"].build_column(),
-        FIGURES["strategy"].build_column(3),
-        FIGURES["stated_end_s"].build_column(),
-        TableColumn(translate("Cost {currency}", currency=Comparison(tuple(records)).currency).strip(), drop_order=1),
-        last.build_column(2),
+        *(figure.build_column(drops[figure.key]) for figure in figures),
     )
-    figures = [*(FIGURES[key] for key in ("tractors", "strategy", "stated_end_s", "stated_cost")), last]
     rows = []
     for record in records:
         area_ha = None if record.ranking is None else record.ranking.area_ha
@@ -262,9 +295,15 @@ def _build_screen_table(records: Sequence[ComparisonRow]) -> FittedTable:
         size = format_width(record.way.width_m).partition(" ")[0] if has_widths else size
         cells = [NO_VALUE, translate("no plan"), *[NO_VALUE] * 3]
         if record.best is not None:
-            cells = [figure.format(record.best) for figure in figures]
+            cells = [figure.format(record.best) for figure in _fit_figures([record], list(drops))]
         rows.append((record.field_name, size, *cells))
     return FittedTable(columns, tuple(rows), more_hint=translate("--explain shows more"))
+
+
+def _fit_figures(records: Sequence[ComparisonRow], keys: Sequence[str]) -> list[Figure]:
+    """Figures as the first of some records with a plan has them: clock times where it has a start, its currency."""
+    ranking = next((record.ranking for record in records if record.ranking is not None and record.best), None)
+    return [FIGURES[key] if ranking is None else fit_to_ranking(FIGURES[key], ranking) for key in keys]
 
 
 def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
@@ -292,7 +331,11 @@ def render_many_fields_page(records: Sequence[ComparisonRow]) -> str:
                 {"cells": [row[place] for place in places], "is_total": bool(style), "anchor": anchor}
                 for row, style, anchor in zip_longest(table.rows, table.styles, anchors, fillvalue="")
             ],
-            "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
+            "legend": [
+                "The best plan of each field. Times are h:mm:ss.",
+                *describe_records(records)[1:],
+                *describe_plans(records),
+            ],
             "without": list_records_without_plan(records),
             "sections": sections,
             "maps": [one["map"] for one in sections if one["map"]],

@@ -20,11 +20,12 @@ from reports.common.rendering import (
 )
 from reports.common.text_tables import build_plain_table, render_fragment
 from reports.common.wording import format_duration, format_number, format_price, format_tractor_count
-from reports.plan.answer import name_plan, write_answer
+from reports.plan.answer import write_answer
 from reports.plan.drive_geometry import compute_extent
 from reports.plan.figures import build_plan_entry, flatten_entry, format_ranking_csv, format_ranking_json
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.map_labels import count_tracks
+from reports.plan.other_plans import name_plan
 from reports.plan.plan_wording import describe_machines, list_feasible
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, choose_first_plans

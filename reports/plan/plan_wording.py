@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_records import SlopePlace, UnworkedPiece
-from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult, is_dearer
+from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.wording import (
     FIELD_AREA,
     LEAST_COST,
     VOLUME,
     format_area,
-    format_deadline,
     format_duration,
     format_effect_values,
     format_effect_with_id,
@@ -28,7 +28,6 @@ from reports.common.wording import (
     group_alike,
     join_list,
 )
-from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
@@ -92,13 +91,9 @@ def get_clearance_m(plan: PlanResult) -> float | None:
 
 
 def list_feasible(ranking: PlanRanking) -> list[PlanResult]:
-    """The feasible plans, in the order of the ranking."""
-    return [plan for plan in ranking.plans if plan.feasible]
-
-
-def list_refused(ranking: PlanRanking) -> list[PlanResult]:
-    """The infeasible plans, in the order of the ranking."""
-    return [plan for plan in ranking.plans if not plan.feasible]
+    """The feasible plans, in the order of the ranking; none where the tractor cannot pull the implement."""
+    is_too_weak = ranking.pull is not None and ranking.pull.is_infeasible
+    return [] if is_too_weak else [plan for plan in ranking.plans if plan.feasible]
 
 
 def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
@@ -130,6 +125,13 @@ def describe_machines(ranking: PlanRanking) -> str | None:
     return ", ".join(texts + ([format_speed(scenario["speed_kmh"])] if "speed_kmh" in scenario else []))
 
 
+def describe_defaults(defaults: Mapping[str, Any]) -> list[str]:
+    """Which values that nobody gave were planned with, as options that would change them; empty without any."""
+    texts = {name: value if isinstance(value, str) else f"{value:g}" for name, value in defaults.items()}
+    options = " ".join(f"--{name.replace('_', '-')} {text}" for name, text in texts.items())
+    return [translate("Planned with the defaults {options}.", options=options)] if options else []
+
+
 def describe_simulated_effects(ranking: PlanRanking) -> str | None:
     """Which effects of the tractor file were simulated, a sentence; None when it has none."""
     parts = [
@@ -140,72 +142,6 @@ def describe_simulated_effects(ranking: PlanRanking) -> str | None:
     if "discrepancy_model" in ranking.tractor_effects:
         parts.append("a discrepancy model")
     return f"Simulated with what measured logs showed of this tractor: {'; '.join(parts)}." if parts else None
-
-
-def describe_ranking(ranking: PlanRanking) -> list[str]:
-    """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
-    best = ranking.best
-    if best is None:
-        return [explain_no_plan(ranking)]
-    plans = list_feasible(ranking)
-    priced = [plan for plan in plans if plan.cost is not None]
-    cheapest = min(priced, key=lambda plan: plan.ranked_cost, default=None)
-    best_is_cheapest = len(priced) > 1 and cheapest is not None and cheapest.ranked_cost == best.ranked_cost
-    fastest = min((plan for plan in plans if plan.time_s is not None), key=lambda plan: plan.ranked_s, default=best)
-    result = _describe_plan_result(ranking, best)
-    details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
-    if ranking.shortfalls:
-        sentences = [
-            *list_shortfall_sentences(ranking),
-            *_list_money_sentences(ranking),
-            translate("The best of them: {result}.", result=result),
-            *details,
-        ]
-    else:
-        sentences = [*_list_money_sentences(ranking), translate("Best plan: {result}.", result=result), *details]
-        sentences += _describe_deadline(ranking, best, best_is_cheapest)
-    sentences += [describe_part(part) for part in ranking.parts]
-    if ranking.cut_off_m2 and not ranking.parts:
-        sentences.append(f"Obstacles cut off {format_area(ranking.cut_off_m2)} of the field, which no plan works.")
-    others = {}
-    if fastest is not best and fastest.ranked_s != best.ranked_s:
-        others[translate("Fastest")] = fastest
-    if cheapest is not None and cheapest is not best and not best_is_cheapest:
-        others[translate("Cheapest")] = cheapest
-    if len(others) == 2 and fastest is cheapest:
-        others = {translate("Fastest and cheapest"): fastest}
-    sentences += [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in others.items()]
-    if best_is_cheapest and not best.meets_deadline:
-        best_too = translate("The best plan is also the cheapest.")
-        sentences.append(translate("This plan is also the cheapest.") if ranking.shortfalls else best_too)
-    return sentences
-
-
-def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
-    """Who, how long by the time driven and the clock (named where it is not that of the last tractor's end), cost."""
-    unworked, end_s = format_unworked(plan), plan.stated_end_s
-    clock = format_end_clock(ranking, end_s)
-    driven_s = plan.stated_s if clock else end_s
-    is_done = abs(driven_s - end_s) < SAME_TIME_S
-    when = format_duration(driven_s)
-    if clock and is_done:
-        when = translate("{time} (at {clock})", time=when, clock=clock)
-    elif clock:
-        when = translate("{time} (field work done at {clock})", time=when, clock=clock)
-    done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
-    if plan.charges:
-        done += translate_count(" with {count} stop to charge", " with {count} stops to charge", plan.charges)
-    elif plan.refills:
-        done += translate(" with {stops}", stops=count_service_stops(ranking, plan.refills))
-    elif plan.refills is not None:
-        done += translate(" with no stops to unload") if ranking.unloads else translate(" with no refills")
-    leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
-    tractors = name_fleet(plan)
-    name = translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
-    left_out = None if plan.left_out_m2 is None else describe_left_out(plan.left_out_m2)
-    money = format_money(plan.stated_cost, ranking.currency)
-    cost = None if plan.stated_cost is None else translate("cost {cost}", cost=money)
-    return ", ".join(part for part in (name, done, cost, leaves, left_out) if part)
 
 
 def describe_part(part: FieldPartPlan) -> str:
@@ -220,26 +156,6 @@ def describe_part(part: FieldPartPlan) -> str:
         time = format_duration(part.plan.time_s)
         own = f"Planned on its own (part {part.number}) it takes {time}{worked}; tractors go round by road."
     return f"{format_area(part.ground.m2)} at {format_ground_place(part.ground)} are cut off: {way}. {own}"
-
-
-def _list_money_sentences(ranking: PlanRanking) -> list[str]:
-    """With samples: what the costs include, how that of the best plan is made up, and what its times are."""
-    sentences, best = [] if ranking.samples is None else [*ranking.money_sentences], ranking.best
-    if best is not None and best.expected_cost is not None and best.paid_cost is not None:
-        loss = best.expected_cost - best.paid_cost
-        amounts = (best.expected_cost, best.paid_cost, loss)
-        whole, paid, lost = (format_money(value, ranking.currency) for value in amounts)
-        if loss >= LEAST_COST:
-            sentences.append(
-                f"Of the cost of the best plan ({whole}) {paid} is paid and {lost} is expected loss on late ground."
-            )
-    if best is not None and best.p50_s is not None:
-        undelayed = format_duration(best.time_s)
-        sentences.append(
-            "Times are medians of the samples; without late starts, stops and breakdowns the best plan takes "
-            f"{undelayed}."
-        )
-    return sentences
 
 
 def name_fleet(plan: PlanResult) -> str:
@@ -264,61 +180,40 @@ def get_spoilt_m2(plan: PlanResult) -> float | None:
     return plan.spoilt_m2 if (plan.spoilt_m2 or 0.0) >= LEAST_UNWORKED_M2 else None
 
 
-def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
-    """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
-    due_m2, spoilt_m2 = plan.due_missed_m2, get_spoilt_m2(plan)
-    is_missed = due_m2 >= LEAST_UNWORKED_M2
-    grounds = []
-    if is_missed and plan.spared_m2 >= LEAST_UNWORKED_M2:
+def describe_share(plan: PlanResult) -> str:
+    """``98.4 % worked``."""
+    return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
+
+
+def describe_largest_piece(plan: PlanResult) -> str:
+    """Area, place and reason of the largest piece that a plan leaves of what was to be worked; "" without any."""
+    piece = plan.largest_missed
+    if piece is None or plan.due_missed_m2 < LEAST_UNWORKED_M2:
+        return ""
+    values = {"area": format_area(piece.m2), "place": format_ground_place(piece)}
+    if not piece.reason:
+        return translate("The largest piece left, {area}, is at {place}.", **values)
+    reason = translate_sentence(piece.reason)
+    return translate("The largest piece left, {area}, is at {place}: {reason}.", reason=reason, **values)
+
+
+def describe_finishing(ranking: PlanRanking, plan: PlanResult) -> list[str]:
+    """What it takes to finish the ground that a plan leaves or spoils."""
+    due_m2, spoilt_m2, grounds = plan.due_missed_m2, get_spoilt_m2(plan), []
+    if due_m2 >= LEAST_UNWORKED_M2 and plan.spared_m2 >= LEAST_UNWORKED_M2:
         grounds.append(translate("the {area} of it that was to be worked", area=format_area(due_m2)))
-    elif is_missed:
+    elif due_m2 >= LEAST_UNWORKED_M2:
         grounds.append(translate("the missed {area}", area=format_area(due_m2)))
     if spoilt_m2 is not None:
         grounds.append(translate("the {area} spoilt by wheels", area=format_area(spoilt_m2)))
-    sentences = []
-    if grounds and plan.finished_s is not None:
-        added = format_time_span(plan.finishing_s)
-        clock = format_end_clock(ranking, plan.stated_finished_end_s)
-        done = translate(" (field work done at {clock})", clock=clock) if clock else ""
-        added_cost = 0.0 if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
-        cost = [format_money(added_cost, ranking.currency)] if added_cost >= LEAST_COST else []
-        is_late = ranking.allowed_s is not None and plan.stated_finished_end_s > ranking.allowed_s
-        late = translate(", too late for the deadline") if plan.meets_deadline and is_late else ""
-        extra = join_list([f"{added}{done}", *cost])
-        values = {"ground": join_list(grounds), "extra": extra + late}
-        sentences.append(
-            translate("At the plan's own rate, without ways there, finishing {ground} adds {extra}.", **values)
-        )
-    if plan.largest_missed is not None and is_missed:
-        piece = plan.largest_missed
-        sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
-    return sentences
-
-
-def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
-    """Who meets the deadline, if anybody, and that the best plan is the cheapest of those or of all plans."""
-    judged = [plan for plan in list_feasible(ranking) if plan.meets_deadline is not None]
-    if not any(plan.meets_deadline for plan in judged):
+    if not grounds or plan.finished_s is None:
         return []
-    name = translate("The deadline ({clock})", clock=format_deadline(ranking))
-    meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
-    late = sorted({plan.tractors for plan in judged} - set(meeting))
-    missed = translate(", not with {counts}", counts=join_list(late, "or")) if late else ""
-    counts = translate("{counts} tractors", counts=join_list(meeting, "or"))
-    who = {"name": name, "tractors": format_tractor_count(1) if meeting == [1] else counts, "missed": missed}
-    text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of them."
-    if len(judged) == 1:
-        text = "{name} can be met with {tractors}{missed}."
-    elif ranking.chosen is not None:
-        text = "{name} can be met with {tractors}{missed}, in half of the samples or more."
-    elif is_dearer(best, min((plan for plan in judged if plan.meets_deadline), key=lambda plan: plan.ranked_cost)):
-        text = (
-            "{name} can be met with {tractors}{missed}; the best plan is the cheapest that could finish the field by "
-            "then."
-        )
-    elif best_is_cheapest:
-        text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of all."
-    return [translate(text, **who)]
+    clock = format_end_clock(ranking, plan.stated_finished_end_s)
+    done = translate(" (field work done at {clock})", clock=clock) if clock else ""
+    cost = [format_money(plan.finishing_cost, ranking.currency)] if plan.finishing_cost >= LEAST_COST else []
+    extra = join_list([format_time_span(plan.finishing_s) + done, *cost])
+    text = "At the plan's own rate, without ways there, finishing {ground} adds {extra}."
+    return [translate(text, ground=join_list(grounds), extra=extra)]
 
 
 def format_energy(plan: PlanResult) -> str:

@@ -28,16 +28,15 @@ from reports.common.wording import (
     has_start_time,
     insert_non_breaking_spaces,
 )
-from reports.plan.answer import format_stated_cost, format_stated_end, write_answer
+from reports.plan.answer import format_stated_cost, write_answer
 from reports.plan.drive_geometry import SERVICE_STATE, list_states
 from reports.plan.figures import FIGURES, PAGE_EXTRA_KEYS, PAGE_KEYS, Figure, choose_figures
 from reports.plan.leg_list import LEG_HEADINGS, Steps, format_leg_heading, list_leg_cells
 from reports.plan.map_data import build_page_map, build_time_bars
+from reports.plan.other_plans import format_stated_end
 from reports.plan.plan_wording import (
     UNWORKED_HELP,
     describe_machines,
-    describe_physics,
-    describe_ranking,
     describe_simulated_effects,
     format_energy,
     format_in_time_probability,
@@ -46,11 +45,10 @@ from reports.plan.plan_wording import (
     has_late_ground_loss,
     list_feasible,
     list_plan_remarks,
-    list_refused,
     name_fleet,
 )
 from reports.plan.ranking_table import choose_first_plans, choose_plan_per_count
-from reports.plan.shortfall_wording import group_refusals
+from reports.plan.shortfall_wording import group_refusals, split_refused
 
 _POINT_DISTANCE = 10.0  # between two points, in units of the picture
 _BETWEEN, _INSET = 30.0, 20.0  # room between two curves, and at their ends
@@ -182,10 +180,9 @@ def render_plan_page(
 
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
     """What the template of the page takes."""
-    plans, refused, effects = list_feasible(ranking), list_refused(ranking), describe_simulated_effects(ranking)
+    plans, effects, answer = list_feasible(ranking), describe_simulated_effects(ranking), write_answer(ranking)
     columns = [(figure, False) for figure in choose_figures(ranking, plans, PAGE_KEYS)]
     columns += [(figure, True) for figure in choose_figures(ranking, plans, PAGE_EXTRA_KEYS)]
-    details = [*describe_ranking(ranking), *describe_physics(ranking)] if plans else []
     labels = {  # to choose a drive by, such as ``6. split-field, 3 tractors, u, 0:25:57``
         (plan.strategy, plan.tractors): f"{plan.rank}. {plan.strategy}, {name_fleet(plan)}, {plan.turn}, "
         f"{format_duration(plan.stated_end_s)}"
@@ -201,8 +198,8 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "area": format_number(ranking.area_ha, 2),
         "machines": describe_machines(ranking),
         "seed": ranking.seed,
-        "headline": [insert_non_breaking_spaces(text) for text in write_answer(ranking).list_sentences()],
-        "details": [insert_non_breaking_spaces(text) for text in details],
+        "headline": [insert_non_breaking_spaces(text) for text in answer.list_sentences()],
+        "details": [insert_non_breaking_spaces(text) for text in answer.details],
         "facts": _list_plan_facts(ranking, ranking.best),
         "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else build_time_bars(first, states),
@@ -222,10 +219,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "remarks": _list_remarks(ranking, plans),
         "refusals": [
             {"heading": heading, "count": len(some), "groups": group_refusals(some)}
-            for heading, some in (
-                ("Refused", [plan for plan in refused if plan.is_simulated]),
-                ("Not simulated", [plan for plan in refused if not plan.is_simulated]),
-            )
+            for heading, some in split_refused(ranking).items()
         ],
         "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }
@@ -274,7 +268,7 @@ def _build_page_column(figure: Figure, is_extra: bool) -> dict[str, Any]:
 
 def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tuple[str, str]]:
     """The figures of the best plan, label and value; unknown ones are left out."""
-    if best is None:
+    if best is None or not list_feasible(ranking):
         return []
     has_start, cost = has_start_time(ranking), best.stated_cost
     paid = best.paid_cost if has_late_ground_loss(ranking) else None

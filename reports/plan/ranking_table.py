@@ -1,7 +1,7 @@
 """A ranking for a terminal: its first screen (the answer, a short table, what to type next), then all of its plans.
 Plain text survives a pipe and an ASCII console.
 
-At 80 columns the first screen has at most 20 lines below its title, of which at most five stand before the table.
+At 80 columns the first screen has at most 23 lines below its title, of which at most eight stand before the table.
 """
 
 from __future__ import annotations
@@ -24,15 +24,13 @@ from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     SAME_TIME_S,
     UNWORKED_HELP,
+    describe_defaults,
     describe_machines,
-    describe_physics,
-    describe_ranking,
     describe_simulated_effects,
     list_feasible,
     list_plan_remarks,
-    list_refused,
 )
-from reports.plan.shortfall_wording import group_refusals
+from reports.plan.shortfall_wording import NOT_SIMULATED, group_refusals, split_refused
 
 MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7
@@ -55,30 +53,22 @@ def build_first_screen(
     Without what is next it is the head of an explanation, and nothing is shortened. A page and a plan that are written
     anyhow are not suggested.
     """
-    plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
     answer, name = write_answer(ranking), shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
+    plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
     title = ", ".join(filter(None, (name, FIELD_AREA.format(ranking.area_ha, 2), describe_machines(ranking))))
-    certainty = " ".join(filter(None, (answer.work, answer.certainty)))
-    must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, answer.question, certainty)
-    apart = (answer.certainty, answer.work) if answer.verdict else ()
-    others = tuple(filter(None, (*apart, answer.counting, answer.alternatives)))
-    faults = (answer.question, *answer.faults) if answer.question and answer.verdict else answer.faults
-    lines = AnswerLines(tuple(filter(None, must)), others, faults, title, is_whole=not with_next)
-    parts: list[RenderableType] = [lines]
+    must = filter(None, (answer.verdict, answer.decision, answer.question, answer.conditions))
+    others = tuple(filter(None, (answer.rule, answer.alternatives)))
+    parts: list[RenderableType] = [AnswerLines(tuple(must), others, answer.faults, title, is_whole=not with_next)]
     if plans:
         parts += [Text(""), build_answer_table(ranking, plans)]
+    if not with_next:
+        return Group(*parts)
     hints = [_suggest_outputs(ranking.best is not None, has_page, has_plan)]
-    if ranking.best is not None:
-        if not ranking.samples and not ranking.start:
-            hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
-        if defaults := ranking.scenario.get("defaults"):
-            texts = {name: value if isinstance(value, str) else f"{value:g}" for name, value in defaults.items()}
-            options = " ".join(f"--{name.replace('_', '-')} {text}" for name, text in texts.items())
-            hints.append(translate("Planned with the defaults {options}.", options=options))
-    if with_next:
-        parts += [] if plans else [Text("")]
-        parts += [format_sentence(text, style="dim") for text in hints]
-    return Group(*parts)
+    if ranking.best is not None and plans and not ranking.samples and not ranking.start:
+        hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
+    hints += describe_defaults(ranking.scenario.get("defaults") or {})
+    parts += [] if plans else [Text("")]
+    return Group(*parts, *(format_sentence(text, style="dim") for text in hints))
 
 
 def _suggest_outputs(is_feasible: bool, has_page: bool, has_plan: bool) -> str:
@@ -99,9 +89,11 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
     Numbers of tractors are those beside that of the best and those of the Pareto front, as many as have room.
     """
     plans, best = list_feasible(ranking), ranking.best
+    if best is None or not plans:
+        return []
     front = {plan.tractors for plan in plans if plan.on_pareto_front}
     to_take = [*ranking.neighbours, *(plan for count, plan in ranking.by_count.items() if count in front)]
-    first = [] if best is None else [best]
+    first = [best]
     for plan in to_take:
         first += [plan] if len(first) < most and all(plan is not each for each in first) else []
     others = [plan for plan in plans if all(plan is not each for each in first)]
@@ -111,7 +103,8 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
 
 def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
     """The plan to take with every number of tractors that has a cost from samples, fewest first."""
-    return [plan for plan in ranking.by_count.values() if plan.expected_cost is not None]
+    by_count = ranking.by_count if list_feasible(ranking) else {}
+    return [plan for plan in by_count.values() if plan.expected_cost is not None]
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
@@ -163,14 +156,13 @@ def _shows_front(plans: Sequence[PlanResult]) -> bool:
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
     """How many plans the table leaves out, were refused, or were not simulated for which reason."""
-    refused = list_refused(ranking)
-    simulated_count = sum(plan.is_simulated for plan in refused)
-    near_count = sum(not plan.is_simulated and not plan.keeps_clearance for plan in refused)
-    worse_count = len(refused) - simulated_count - near_count
+    refused, pruned = split_refused(ranking).values()
+    near_count = sum(not plan.keeps_clearance for plan in pruned)
+    worse_count = len(pruned) - near_count
     hidden = len(list_feasible(ranking)) - len(plans)
     counts = [translate_count("{count} more plan", "{count} more plans", hidden)] if hidden else []
-    if simulated_count:
-        counts.append(translate("{count} refused", count=simulated_count))
+    if refused:
+        counts.append(translate("{count} refused", count=len(refused)))
     if near_count:
         values = {"near": near_count, "distance": format_width(ranking.scenario["clearance_m"])}
         text = translate(
@@ -183,7 +175,7 @@ def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list
     elif worse_count:
         counts.append(translate("{count} not simulated as others are better (--all)", count=worse_count))
     listed = ", ".join(counts)
-    return [translate("Not shown: {counts}.", counts=listed)] if listed and ranking.best is not None else []
+    return [translate("Not shown: {counts}.", counts=listed)] if listed and plans else []
 
 
 def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> RenderableType:
@@ -197,7 +189,7 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
         for place, plan in enumerate(plans)
         if most_plans is None or place < most_plans or plan.on_pareto_front or plan is ranking.best
     ]
-    parts: list[RenderableType] = [*map(format_sentence, (*describe_ranking(ranking), *describe_physics(ranking)))]
+    parts: list[RenderableType] = [*map(format_sentence, write_answer(ranking).details)]
     if shown:
         figures = choose_figures(ranking, shown, TABLE_DROPS, is_brief=True)
         notes = _list_table_notes(ranking, shown, figures)
@@ -210,11 +202,10 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
     effects = describe_simulated_effects(ranking)
     remarks = [*ranking.check_sentences, *([effects] if effects else [])]
     parts += [format_sentence(text, style="dim") for text in remarks]
-    refused = list_refused(ranking)
-    pruned = [plan for plan in refused if not plan.is_simulated]
-    parts += _list_refusal_reasons("Refused", [plan for plan in refused if plan.is_simulated])
-    parts += _list_refusal_reasons("Not simulated", pruned)
-    parts += [format_sentence("--all simulates these too.", style="dim")] if pruned else []
+    by_heading = split_refused(ranking)
+    for heading, plans_without in by_heading.items():
+        parts += _list_refusal_reasons(heading, plans_without)
+    parts += [format_sentence("--all simulates these too.", style="dim")] if by_heading[NOT_SIMULATED] else []
     return Group(*parts)
 
 

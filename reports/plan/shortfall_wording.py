@@ -12,6 +12,8 @@ from reports.common.plan_records import PullFigures, Shortfall, ShortfallKind
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.wording import format_deadline, format_number, format_speed, format_width, group_alike, join_list
 
+NOT_SIMULATED = "Not simulated"
+
 
 def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:
     """What the best plan lacks of what was asked for, the most serious first; empty for a recommendation."""
@@ -24,11 +26,10 @@ def describe_shortfall(ranking: PlanRanking, shortfall: Shortfall) -> str:
         return question_pull(ranking.pull)
     if shortfall.kind == "late":
         late = math.ceil((ranking.missed_by_s or 0.0) / 60.0)
-        return translate(
-            "No plan is done by {deadline}; the best is {late} min late.",
-            deadline=format_deadline(ranking),
-            late=late,
+        sentence = translate(
+            "No plan is done by {deadline}; the best is {late} min late.", deadline=format_deadline(ranking), late=late
         )
+        return f"{sentence} {translate_sentence(shortfall.sentence)}".rstrip()
     return translate_sentence(shortfall.sentence)
 
 
@@ -112,6 +113,15 @@ def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
         RefusalGroup(group[0][1], tuple(plan for plan, _ in group), len({reason for _, reason in group}) > 1)
         for group in sorted(groups, key=len, reverse=True)
     ]
+
+
+def split_refused(ranking: PlanRanking) -> dict[str, list[PlanResult]]:
+    """The infeasible plans by what happened to them, under its heading."""
+    refused = [plan for plan in ranking.plans if not plan.feasible]
+    return {
+        "Refused": [plan for plan in refused if plan.is_simulated],
+        NOT_SIMULATED: [plan for plan in refused if not plan.is_simulated],
+    }
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:

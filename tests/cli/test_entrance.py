@@ -59,6 +59,6 @@ def test_the_day_of_a_farm_is_told_in_lines(headland: Run, small: Path, tmp_path
     assert result["done_s"] == pytest.approx(60.0 + result["time_s"], abs=1e-3)
     late = headland(*words, "--start", "11:55", "--deadline", "10:00", "--samples", "0", "--explain")
     text = " ".join(late.out.split())
-    assert "The deadline at 10:00 means 10:00 the next day, as the start is at 11:55." in text
+    assert "The deadline at 10:00 is taken as the next day's: the start is at 11:55." in text
     assert "The shift ends at 12:00 before the work is done; it continues at 07:00 next day." in text
     assert "field work from 11:56 to 07:" in text

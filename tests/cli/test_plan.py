@@ -113,7 +113,10 @@ def test_a_deadline_that_no_plan_meets(headland: Run, small: Path) -> None:
     times = [plan["stated_end_s"] for plan in answer["plans"]]
     assert outcome.status == 3 and answer["best"]["stated_end_s"] == min(times)
     assert not any(plan["meets_deadline"] for plan in answer["plans"])
-    assert f"the best is {math.ceil((min(times) - 300) / 60)} min late" in outcome.err
+    late = math.ceil((min(times) - 300) / 60)
+    assert f"the best is {late} min late. In time with --start 07:{60 - late:02d}." in outcome.err
+    earlier = headland(*words[:-5], "--start", f"7:{60 - late:02d}", "--deadline", "8:05", "--json")
+    assert earlier.status == 0 and json.loads(earlier.out)["best"]["meets_deadline"] is True
     night = headland(*words[:-5], "--start", "23:50", "--deadline", "0:50", "--json")
     assert night.status == 0 and json.loads(night.out)["best"]["meets_deadline"] is True
 

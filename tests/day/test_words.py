@@ -62,7 +62,7 @@ def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
                      finish_probability=0.6, lost_cost=4.5)  # fmt: skip
     assert list_told((JOB, second), (), 0.55) == [
         "All 2 fields are done by 11:00 (95 % by 12:01), 199 EUR paid and 122 EUR at risk.",
-        "In time: 55 % sure, least other (60 %).",
+        "Done within the hours of each field: 55 % sure, least other (60 %).",
         "one (2): Home $1, then other.",
     ]
 
@@ -72,7 +72,7 @@ def test_a_day_names_what_is_not_worked() -> None:
     told = list_told((JOB,), left, 1.0)
     assert told[:2] == [
         "1 of 5 fields is done by 10:06 (95 % by 11:00), 100 EUR paid and 222 EUR at risk.",
-        "In time: 100 % sure.",
+        "Done within the hours of each field: 100 % sure.",
     ]
     assert told[-2:] == ["c is not worked: it is far.", "1 more is not worked."]
     assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is not worked: it is far."]

@@ -111,7 +111,7 @@ def test_a_way_says_how_far_it_is_reversed_and_over_what() -> None:
     assert [step.kind for step in steps] == ["track", "way"]
     assert (steps[0].reversing_m, steps[0].over_finished) == (0.0, ())
     assert steps[1].reversing_m == pytest.approx(40.0, abs=3.0)
-    assert find_longest_reversing(run) == (steps[1].reversing_m, 1), "the remark has the metres of this list"
+    assert find_longest_reversing(run) == (steps[1].reversing_m, 1, False), "the remark has the metres of this list"
     assert steps[1].over_finished == ("5",) and steps[1].over_finished_m == pytest.approx(40.0, abs=4.0)
     assert not steps[1].over_standing
 

@@ -16,7 +16,6 @@ from reports.common.plan_records import OBSTACLE, PlanFault
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.plan.answer import write_answer
 from reports.plan.map_figure import draw_plan_map, render_png
-from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_page import render_plan_page
 
 pytestmark = pytest.mark.usefixtures("first_layout")
@@ -47,7 +46,7 @@ class TestDivided:
         assert part.plan.worked_pct > 90.0
 
     def test_the_answer_tells_it(self, divided_ranking: PlanRanking) -> None:
-        (sentence,) = [each for each in describe_ranking(divided_ranking) if each.startswith("0.39 ha")]
+        (sentence,) = [each for each in write_answer(divided_ranking).details if each.startswith("0.39 ha")]
         assert sentence.startswith("0.39 ha at x 50 m, y ") and "no way leads there within the field" in sentence
         assert "Planned on its own (part 2) it takes 0:" in sentence
 
@@ -81,5 +80,5 @@ def test_without_a_plan_the_field_is_drawn_with_the_places() -> None:
     assert render_png(draw_plan_map(picture, "bare")).startswith(b"\x89PNG")
     page = render_plan_page(ranking, None, {}, picture)
     assert "<svg" in page and "cannot be driven" in page
-    (sentence,) = describe_ranking(ranking)
+    (sentence,) = write_answer(ranking).list_sentences()
     assert "it touches the pond" in sentence

@@ -35,7 +35,6 @@ from planner.request.plan_request import PlanRequest
 from reports.common.wording import format_duration
 from reports.plan.answer import write_answer
 from reports.plan.leg_list import describe_leg
-from reports.plan.plan_wording import describe_ranking
 from strategies.lines.done_lines import START_OVERLAP_M
 from strategies.lines.work_line import STRAIGHT_RAD
 from strategies.rules.supply import Supply
@@ -150,7 +149,6 @@ def test_who_has_no_work_is_counted_as_resting_and_drives_out_of_the_way(heading
     best, run = rest.ranking.best, rest.run
     assert best.resting == (2,)
     assert "1 tractor (tractor 2 rests), split-field" in write_answer(rest.ranking).decision
-    assert "1 tractor (tractor 2 rests), split-field" in " ".join(describe_ranking(rest.ranking))
     assert "no work that is left is worth the drive for tractor 2" in best.remarks
     assert "tractor 2 is tractor 3 of the plan before" in best.remarks
     _, y, _ = run.plan.missions[1].end

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from fields import Field
 from planner.evaluation.candidates.evaluate import Candidate
+from planner.evaluation.ground.unworked_area import KEPT_HEADLAND
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.pipeline.ranking import list_candidates, rank_plans
@@ -173,6 +174,8 @@ class TestEqualWork:
         assert plan.finished_cost == pytest.approx(plan.cost * plan.finished_s / plan.time_s, rel=1e-9)
         assert plan.largest_missed.m2 == pytest.approx(36 * small_site.layout.headland_m, rel=0.02)
         assert min(plan.largest_missed.y_m, 80 - plan.largest_missed.y_m) < small_site.layout.headland_m
+        assert plan.largest_missed.reason == KEPT_HEADLAND
+        assert rank_plans(small_site, [plan]).best.largest_missed.reason == KEPT_HEADLAND
 
 
 def test_what_was_planned_stands_in_the_ranking(small_site: Any) -> None:

@@ -30,7 +30,6 @@ from planner.risk.monte_carlo import sample_outcomes
 from reports.plan.answer import write_answer
 from reports.plan.figures import format_ranking_json
 from reports.plan.leg_list import describe_leg
-from reports.plan.plan_wording import describe_ranking
 from reports.plan.ranking_table import build_ranking_table
 from strategies.rules.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Supply
 from tests.printing import print_text
@@ -181,7 +180,8 @@ def test_what_fills_goes_as_often_as_what_empties() -> None:
     assert found.run.plan.notes.stops == same.run.plan.notes.stops
     context = site_for(HEADLAND, True, collecting)
     ranking = rank_plans(context, [found.result])
-    assert "stops to unload" in write_answer(ranking).work and "refill" not in " ".join(describe_ranking(ranking))
+    answer = write_answer(ranking)
+    assert "stops to unload" in answer.work and "refill" not in " ".join((*answer.list_sentences(), *answer.details))
     table = print_text(build_ranking_table(ranking), 160)
     assert "Unloads" in table and "Refills" not in table
     assert build_run_picture(context, found.run, found.result).service == "unload"
@@ -279,7 +279,7 @@ def test_the_ranking_tells() -> None:
     site, found = site_for("0,30", False), driven("0,30", 1, "split-field", False)
     ranking = rank_plans(site, [found.result])
     count = found.result.refills
-    assert f"with {count} refills" in describe_ranking(ranking)[0]
+    assert f"{count} refills" in write_answer(ranking).work
     entry = json.loads(format_ranking_json(ranking))["plans"][0]
     assert (entry["refills"], entry["refilling_s"]) == (count, pytest.approx(found.result.refilling_s))
     assert json.loads(format_ranking_json(ranking))["scenario"]["capacity"] == TANK.capacity

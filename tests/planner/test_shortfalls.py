@@ -45,6 +45,14 @@ def test_from_ninety_percent_on_a_plan_is_a_recommendation() -> None:
     )
 
 
+@pytest.mark.parametrize(("start_s", "told"), [(8 * 3600, "In time with --start 07:55."), (120, "")])
+def test_where_no_plan_is_in_time_the_start_that_would_be_is_told(start_s: int, told: str) -> None:
+    """Ten minutes of work in five; nothing can begin before midnight."""
+    context = build_context(start_s=start_s, deadline_s=start_s + 300, samples=0)
+    (late,) = rank_plans(context, [build_result(97.0, meets_deadline=False)]).shortfalls
+    assert (late.kind, late.sentence) == ("late", told)
+
+
 def test_ground_behind_a_ditch_is_named_as_such() -> None:
     (lacking,) = rank_plans(build_context(is_divided=True), [build_result(48.0)]).shortfalls
     assert lacking.sentence == "No recommendation: only 48.0 % of the field is worked; 49 % is cut off by obstacles."

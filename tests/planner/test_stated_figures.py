@@ -17,8 +17,8 @@ from planner.pipeline.planning import PlanningResult, plan
 from planner.request.plan_request import PlanRequest
 from reports.common.wording import format_price
 from reports.day.tables import build_day_screen
-from reports.plan.answer import format_stated_end
 from reports.plan.figures import format_ranking_json
+from reports.plan.other_plans import format_stated_end
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_first_screen
 from tests.drawn_fields import rectangle

@@ -208,8 +208,8 @@ class TestWords:
     def test_a_time_before_the_start_is_said_to_be_of_the_next_day(self) -> None:
         asked_for = PlanRequest(start_s=13 * HOUR, deadline_s=12 * HOUR, rain="11:30=20,17:00=50")
         assert describe_next_day_times(asked_for) == (
-            "The deadline at 12:00 means 12:00 the next day, as the start is at 13:00.",
-            "Rain at 11:30 means 11:30 the next day, as the start is at 13:00.",
+            "The deadline at 12:00 is taken as the next day's: the start is at 13:00.",
+            "Rain at 11:30 is taken as the next day's: the start is at 13:00.",
         )
         assert describe_next_day_times(PlanRequest(start_s=13 * HOUR, deadline_s=17 * HOUR, rain="0.2/h")) == ()
 

@@ -96,9 +96,10 @@ RAIN = replace(
 )
 LATE_RANKING = build_sampled(dict.fromkeys(SURE, 0.0), dict.fromkeys(SURE, 157.0), 600.0, deadline="13:10",
                              chosen=None, shortfalls=(Shortfall("late"),))  # fmt: skip
+REMARKS = (REMARK, "12 m of the headland cannot be reached and are skipped", f"tractor 1 {'waits and ' * 22}goes on")
 REMARKED = replace(
-    DEADLINE, plans=tuple(replace(plan, remarks=(REMARK, "12 m of the headland cannot be reached and are skipped"))
-                          for plan in DEADLINE.plans), cut_off=UnworkedPiece(3400.0, 0.0, 0.0),
+    DEADLINE, plans=tuple(replace(plan, remarks=REMARKS) for plan in DEADLINE.plans),
+    cut_off=UnworkedPiece(3400.0, 0.0, 0.0),
 )  # fmt: skip
 WEAK = replace(
     DEADLINE, pull=PullFigures("cultivator", 6.0, 8.0, 15.0, 40.0, 70.0, 90.0, 56.0, 3.7, 4.9, 30.0),

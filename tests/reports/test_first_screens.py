@@ -24,9 +24,10 @@ from reports.common.plan_results import PlanRanking
 from reports.common.wording import format_price
 from reports.day.page import render_day_page
 from reports.day.tables import build_day_screen, format_day_json
-from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.answer import write_answer
 from reports.plan.figures import format_ranking_json
-from reports.plan.many_fields import build_many_fields_screen, render_many_fields_page
+from reports.plan.many_fields import build_many_fields_screen, list_remarks, render_many_fields_page
+from reports.plan.other_plans import format_stated_end
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import (
     build_answer_table,
@@ -78,9 +79,9 @@ def test_screens_are_as_stored(name: str, width: int) -> None:
     [*SCREENS.values(), build_day_screen(build_day(30)), build_many_fields_screen(build_records(40))],
     ids=[*SCREENS, "long-day", "forty-fields"],
 )
-def test_eighty_columns_have_a_title_and_five_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
+def test_eighty_columns_have_a_title_and_eight_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
     before, after = split_screen(print_text(what))
-    assert len(before) <= 6 and len(before) + 1 + len(after) <= 21
+    assert len(before) <= 9 and len(before) + 1 + len(after) <= 24
 
 
 def test_the_recommended_plan_comes_first_then_the_front() -> None:
@@ -105,7 +106,9 @@ def test_headline_and_table_have_the_same_plan_of_every_number_of_tractors() -> 
 
 def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain() -> None:
     before, _ = split_screen(print_text(build_first_screen(REMARKED)))
-    assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 2 more: --explain."
+    assert before[-3].startswith("Obstacles cut off 0.34 ha, which no plan works.") and before[-1].endswith(
+        "1 more: --explain."
+    )
     explained = " ".join(print_text(build_ranking_table(REMARKED)).split())
     assert explained.count(REMARK) == 1, "not once per plan"
 
@@ -228,7 +231,7 @@ def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
         text = print_text(build_first_screen(ranking), width)
         assert max(map(len, text.splitlines())) <= width
     before, after = split_screen(print_text(build_first_screen(ranking)))
-    assert len(before) <= 6 and len(before) + 1 + len(after) <= 21
+    assert len(before) <= 9 and len(before) + 1 + len(after) <= 24
     rows = [line for line in after if re.match(r" *>?\d+[* ]", line)]
     assert len(rows) == len(choose_first_plans(ranking)), "every row is one line"
 
@@ -266,3 +269,25 @@ def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() ->
     reason = "north at 3 m: No recommendation: only 19.7 % of the field is worked; 78 % is cut off by obstacles."
     assert reason in text
     assert reason in render_many_fields_page(records).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_many_fields_say_what_is_planned_alike_and_each_remark_once() -> None:
+    """Remarks of one field have its name; defaults are those of all: that of a width not where there are several."""
+    defaults = {"width": 3.0, "speed_kmh": 5.0}
+    plans = tuple(replace(plan, headland_order="last", remarks=(REMARK,)) for plan in DEADLINE.plans)
+    alike = replace(DEADLINE, plans=plans, scenario={**DEADLINE.scenario, "defaults": defaults})
+    first, *others = (replace(one, ranking=one.ranking and alike) for one in build_records(3))
+    legend = "Each starts at 13:00. In time: before 17:00. Headland last. Planned with the defaults --speed-kmh 5"
+    assert f"{legend} --width 3." in " ".join(print_text(build_many_fields_screen([first, *others])).split())
+    assert list_remarks([first, *others]) == [f"{REMARK[0].upper()}{REMARK[1:]}."]
+    wider = replace(alike, scenario={**alike.scenario, "defaults": {"speed_kmh": 5.0}}, plans=DEADLINE.plans)
+    widths = [first, replace(first, way=replace(first.way, width_m=6.0), ranking=wider)]
+    text = " ".join(print_text(build_many_fields_screen(widths)).split())
+    assert text.startswith("3 m: 2 tractors, split-field: done 14:50, 143 EUR. 6 m: 2 tractors, split-field: done")
+    assert "--speed-kmh 5." in text and "--width" not in text and f"denmark at 3 m: {REMARK[0].upper()}" in text
+
+
+def test_a_width_that_the_tractor_cannot_pull_has_no_plan_in_a_table() -> None:
+    first = build_records(2)[0]
+    text = " ".join(print_text(build_many_fields_screen([first, replace(first, ranking=RANKINGS["too weak"])])).split())
+    assert "denmark 3.92 - no plan - - -" in text and text.count("Not feasible at this speed.") == 1

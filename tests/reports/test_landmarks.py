@@ -62,7 +62,7 @@ def test_ground_that_is_cut_off_is_named_where_it_lies(drive: PlanDrive, ranking
     assert "98.8 % worked" in title and "0.17 ha cut off by obstacles" in title
     page = render_plan_page(replace(ranking, cut_off=UnworkedPiece(1703.0, 20.0, 30.0)), cut)
     assert ">0.17 ha cut off</text>" in page
-    assert "Obstacles cut off 0.17 ha of the field" in page.replace("\N{NO-BREAK SPACE}", " ")
+    assert "Obstacles cut off 0.17 ha, which no plan works." in page.replace("\N{NO-BREAK SPACE}", " ")
 
 
 def test_the_title_says_when_the_headland_is_worked(drive: PlanDrive) -> None:

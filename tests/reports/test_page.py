@@ -144,8 +144,9 @@ def test_columns_say_what_they_hold_and_remarks_stand_below_them(ranking: PlanRa
 def test_page_says_what_matters(ranking: PlanRanking, drive: PlanDrive) -> None:
     page = render_plan_page(ranking, drive)
     words = Outline(page).text
-    for part in ("Best plan: 3 tractors", "can be met with 3 or 5", "Refused: 4 plans", "Tractors 2 and 3 touch.",
-                 "Working width 3.00 m.", "Seed 7", "0:28:32", "deadline 09:00", drive.title):  # fmt: skip
+    for part in ("3 tractors, split-field: done 08:29", "can be met with 3 or 5", "Refused: 4 plans",
+                 "Tractors 2 and 3 touch.", "Working width 3.00 m.", "Seed 7", "0:28:32", "deadline 09:00",
+                 drive.title):  # fmt: skip
         assert part in words
     assert "Colli\N{SOFT HYPHEN}sions" in page and "Rever\N{SOFT HYPHEN}sals" in page, "for narrow paper"
     assert "not worked" not in words and "Unworked:" not in words and "to finish" not in words
@@ -269,8 +270,9 @@ def test_front_is_drawn_to_scale_with_a_deadline_that_there_is(ranking: PlanRank
 def test_ground_that_is_not_worked_is_hatched_on_the_map_and_told(leaving: PlanRanking, open_drive: PlanDrive) -> None:
     page = render_plan_page(leaving, open_drive)
     words = Outline(page).text
-    for part in ("leaves 0.19 ha (10 %)", "not worked by the plan shown", "590 m2 missed here, 690 m2 in all",
-                 "Time to finish, h:mm", "Unworked: ground that no implement worked", "Unworked0.19 ha (10 %)",
+    for part in ("The largest piece left, 0.12 ha, is at", "not worked by the plan shown",
+                 "590 m2 missed here, 690 m2 in all", "Time to finish, h:mm",
+                 "Unworked: ground that no implement worked", "Unworked0.19 ha (10 %)",
                  "Wheel traffic off the headland12 m2",
                  "Farthest outside1.20 m"):  # fmt: skip
         assert part in words.replace("\n", "").replace("  ", ""), part

@@ -22,7 +22,7 @@ from reports.common.wording import (
 from reports.plan.answer import write_answer
 from reports.plan.figures import FIGURES, TABLE_DROPS
 from reports.plan.plan_wording import (
-    describe_ranking,
+    describe_largest_piece,
     describe_simulated_effects,
     format_ground_place,
     format_in_time_probability,
@@ -30,6 +30,12 @@ from reports.plan.plan_wording import (
     list_plan_remarks,
 )
 from reports.plan.shortfall_wording import group_refusals
+
+
+def list_told(ranking: PlanRanking) -> list[str]:
+    """All sentences of the answer, as an explanation has them."""
+    answer = write_answer(ranking)
+    return [*answer.list_sentences(), *answer.details]
 
 
 @pytest.mark.parametrize(
@@ -62,24 +68,26 @@ def test_numbers_have_no_negative_zero_prices_stay_short_and_lists_are_words() -
 
 
 def test_headline_with_a_deadline(ranking: PlanRanking) -> None:
-    assert describe_ranking(ranking) == [
-        "Best plan: 3 tractors, split-field, turns switch-back, done in 0:28:32 (at 08:29), cost 5.65.",
+    assert list_told(ranking) == [
+        "3 tractors, split-field: done 08:29, 5.65",
+        "98.7 % worked.",
+        "Or 2 tractors: 09:03, +2.54; 5 tractors: 08:21, +1.24.",
+        "It turns switch-back and is driven in 0:28:32.",
         "The deadline (09:00) can be met with 3 or 5 tractors, not with 1 or 2; the best plan is the cheapest of them.",
-        "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
-        "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92.",
+        "Fastest: 5 tractors, row-by-row: 08:21, +1.24.",
+        "Cheapest: 1 tractor: 09:15, 0.73 cheaper.",
     ]
     late = replace(ranking, start="22:00", deadline="02:00", allowed_s=4 * 3600.0)
-    assert describe_ranking(late)[1].startswith("The deadline (02:00 next day) can be met with")
+    assert write_answer(late).details[1].startswith("The deadline (02:00 next day) can be met with")
 
 
 def test_sentence_and_table_of_all_plans_state_the_end_of_field_work(ranking: PlanRanking) -> None:
-    """Not the way out after it, which the headline leaves out too, and the clock says what it is of."""
+    """Not the way out after it, which the headline leaves out too; the details say how long the drive is."""
     plans = tuple(replace(plan, done_s=plan.time_s and plan.time_s - 60.0) for plan in ranking.plans)
-    told = describe_ranking(replace(ranking, plans=plans))[0]
-    assert "driven in 0:28:32 (field work done at 08:28), cost 5.65." in told
+    answer = write_answer(replace(ranking, plans=plans))
+    assert answer.decision.endswith("done 08:28, 5.65") and answer.details[0].endswith("is driven in 0:28:32.")
     plans = tuple(replace(plan, meets_deadline=None) for plan in plans)
     free = replace(ranking, plans=plans, start=None, deadline=None, allowed_s=None, chosen=("split-field", 3))
-    assert "split-field, turns switch-back, done in 0:27:32, cost" in describe_ranking(free)[0]
     assert FIGURES["stated_end_s"].format(free.best) == "0:27:32"
     assert "stated_end_s" in TABLE_DROPS and write_answer(free).decision.endswith("done in 0:27:32, 5.65")
 
@@ -88,20 +96,24 @@ def test_headline_without_a_deadline_takes_the_knee(ranking: PlanRanking) -> Non
     """From 4,475 s with one tractor a second saves 750, less than half of 2,237.5."""
     plans = tuple(replace(plan, meets_deadline=None) for plan in ranking.plans)
     free = replace(ranking, plans=plans, start=None, deadline=None, allowed_s=None, prices_assumed=True)
-    sentences = describe_ranking(free)
-    assert sentences[0] == "Best plan: 1 tractor, split-field, turns u, done in 1:14:35, cost 4.92."
-    assert [sentence.split(":")[0] for sentence in sentences] == [
-        "Best plan", "Fastest", "The best plan is also the cheapest.",
+    answer = write_answer(free)
+    assert answer.decision == "1 tractor: done in 1:14:35, 4.92 (assumed prices)"
+    assert answer.rule == "1 tractor; a fleet of 3 saves 46 min for 0.73."
+    assert [sentence.split(":")[0] for sentence in answer.details] == [
+        "It turns u and is driven in 1", "Fastest", "The best plan is also the cheapest.",
     ]  # fmt: skip
 
 
 def test_headline_when_nobody_is_in_time(ranking: PlanRanking) -> None:
     plans = tuple(replace(plan, meets_deadline=False if plan.feasible else None) for plan in ranking.plans)
     late = replace(ranking, plans=plans, deadline="08:10", allowed_s=600.0, shortfalls=(Shortfall("late"),))
-    assert describe_ranking(late) == [
+    assert list_told(late) == [
         "No plan is done by 08:10; the best is 11 min late.",
-        "The best of them: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
-        "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92.",
+        "5 tractors, row-by-row: done 08:21, 6.89",
+        "98.7 % worked.",
+        "Or 3 tractors: 08:29, 1.24 cheaper.",
+        "It turns omega and is driven in 0:20:53.",
+        "Cheapest: 1 tractor: 09:15, 1.97 cheaper.",
     ]
 
 
@@ -109,23 +121,28 @@ def test_a_single_plan_is_not_called_the_cheapest(ranking: PlanRanking) -> None:
     plan = next(plan for plan in ranking.plans if plan.meets_deadline)
     for meets in (True, None):
         alone = replace(ranking, plans=(replace(plan, meets_deadline=meets),))
-        assert not any("cheapest" in text.lower() for text in describe_ranking(alone))
+        assert not any("cheapest" in text.lower() for text in list_told(alone))
 
 
 class TestWhatIsLeft:
     def test_the_best_plan_says_what_it_leaves_and_what_finishing_comes_to(self, leaving: PlanRanking) -> None:
         plans = tuple(replace(plan, meets_deadline=None) for plan in leaving.plans)
         quickest = plans[0].strategy, plans[0].tractors
-        sentences = describe_ranking(replace(leaving, plans=plans, deadline=None, allowed_s=None, chosen=quickest))
-        assert sentences == [
-            "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89, leaves 0.38 ha "
-            "(20 %) unworked.",
+        answer = write_answer(replace(leaving, plans=plans, deadline=None, allowed_s=None, chosen=quickest))
+        assert answer.work == "80.0 % worked (0.38 ha left: 5 min and 1.72 of work, without ways there)."
+        assert answer.ground == "The largest piece left, 0.12 ha, is at latitude 43.20000, longitude 141.75000."
+        assert answer.details[1:] == (
             "At the plan's own rate, without ways there, finishing the missed 0.38 ha adds 5 min (field work done "
             "at 08:27) and 1.72.",
-            "The largest missed piece, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
-            "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92, leaves 0.19 ha (10 %) "
-            "unworked.",
-        ]
+            "Cheapest: 1 tractor: 09:15, 3.15 cheaper, 90.0 % worked.",
+        )
+
+    def test_the_largest_piece_left_is_told_with_its_reason(self, leaving: PlanRanking) -> None:
+        piece = UnworkedPiece(306.0, 12.4, -3.6, reason="between headland passes and tracks")
+        best = replace(leaving.best, largest_missed=piece)
+        told = "The largest piece left, 306 m2, is at x 12 m, y -4 m: between headland passes and tracks."
+        assert describe_largest_piece(best) == told
+        assert describe_largest_piece(replace(best, spared_m2=best.missed_m2)) == "", "nothing of it was to be worked"
 
     def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:
         """Not of what was left out on request, which no time is charged for."""
@@ -135,31 +152,29 @@ class TestWhatIsLeft:
             (0.0, "the missed 0."),
         ):
             plans = tuple(replace(plan, spared_m2=spared_m2 if plan is best else 0.0) for plan in leaving.plans)
-            assert f"finishing {told}" in " ".join(describe_ranking(replace(leaving, plans=plans)))
+            assert f"finishing {told}" in " ".join(list_told(replace(leaving, plans=plans)))
         plans = tuple(replace(plan, spared_m2=plan.missed_m2 or 0.0) for plan in leaving.plans)
-        assert "finishing" not in " ".join(describe_ranking(replace(leaving, plans=plans)))
+        assert "finishing" not in " ".join(list_told(replace(leaving, plans=plans)))
 
     def test_fastest_and_cheapest_are_those_of_the_finished_field(self, leaving: PlanRanking) -> None:
         little = replace(leaving.plans[4], worked_pct=30.0, missed_m2=13_230.0, finished_s=14_917.0, finished_cost=16.4)
         plans = (*leaving.plans[:4], little, *leaving.plans[5:])
-        sentences = describe_ranking(replace(leaving, plans=plans))
-        assert sentences[-1].startswith("Cheapest: 1 tractor, split-field, turns switch-back")
+        sentences = list_told(replace(leaving, plans=plans))
+        assert sentences[-1].startswith("Cheapest: 1 tractor: 09:24")
         quick = replace(leaving.plans[1], time_s=900.0, finished_s=4500.0, missed_m2=15_120.0, worked_pct=20.0)
-        sentences = describe_ranking(replace(leaving, plans=(leaving.plans[0], quick, *leaving.plans[2:])))
+        sentences = list_told(replace(leaving, plans=(leaving.plans[0], quick, *leaving.plans[2:])))
         assert next(s for s in sentences if s.startswith("Fastest")).startswith("Fastest: 5 tractors, row-by-row")
 
     def test_finishing_too_late_for_the_deadline_is_said(self, leaving: PlanRanking) -> None:
-        said = describe_ranking(replace(leaving, plans=leaving.plans[2:3], allowed_s=1800.0))
-        assert said[1].endswith("(field work done at 08:32) and 0.63, too late for the deadline.")
-        assert not any("too late" in sentence for sentence in describe_ranking(leaving))
+        late = "Finishing the missed 0.19 ha as well takes longer than the deadline allows."
+        assert write_answer(replace(leaving, plans=leaving.plans[2:3], allowed_s=1800.0)).faults == (late,)
+        assert late not in write_answer(leaving).faults
 
     def test_a_plan_that_could_finish_in_time_is_best_and_called_so(self, leaving: PlanRanking) -> None:
         cheap = replace(leaving.plans[3], time_s=3500.0, meets_deadline=True, finished_s=3889.0, finished_cost=1.0)
         ranking = replace(leaving, plans=(*leaving.plans[:3], cheap))
         assert ranking.best is leaving.plans[2]
-        assert "the best plan is the cheapest that could finish the field by then." in " ".join(
-            describe_ranking(ranking)
-        )
+        assert "the best plan is the cheapest that could finish the field by then." in " ".join(list_told(ranking))
 
     @pytest.mark.parametrize(
         ("m2", "pct", "words"),
@@ -195,11 +210,11 @@ def test_effects_are_told_by_their_words_with_ids_and_units(ranking: PlanRanking
 
 def test_headline_when_nothing_works(ranking: PlanRanking) -> None:
     refused_only = replace(ranking, plans=ranking.plans[6:])
-    assert describe_ranking(refused_only) == [
+    assert list_told(refused_only) == [
         "No plan works: all 4 were refused, 2 of them because: Turning radius 4.10 m needs 8.20 m, "
         "rows are 10.00 m apart (figures of the first)."
     ]
-    assert describe_ranking(replace(ranking, plans=()))[0].startswith("No plan was tried")
+    assert list_told(replace(ranking, plans=()))[0].startswith("No plan was tried")
     assert group_refusals(ranking.plans[6:])[0].members == "row-by-row (u) with 7 and 9"
 
 
@@ -216,7 +231,7 @@ def test_headline_when_nothing_works(ranking: PlanRanking) -> None:
 )
 def test_how_many_were_refused_and_why(ranking: PlanRanking, reasons: list[str], words: str) -> None:
     plans = tuple(PlanResult("s", 1, "u", False, reason) for reason in reasons)
-    assert describe_ranking(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
+    assert list_told(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
 
 
 def test_remarks_name_the_strategy_and_the_counts_or_are_one_line_with_a_count(ranking: PlanRanking) -> None:
@@ -230,14 +245,14 @@ def test_remarks_name_the_strategy_and_the_counts_or_are_one_line_with_a_count(r
 
 def test_the_cheapest_is_told_once(ranking: PlanRanking) -> None:
     in_time = replace(ranking, plans=ranking.plans[:3])
-    assert describe_ranking(in_time) == [
-        "Best plan: 3 tractors, split-field, turns switch-back, done in 0:28:32 (at 08:29), cost 5.65.",
-        "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of all.",
-        "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
-    ]
-    late = describe_ranking(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall("late"),)))
+    assert write_answer(in_time).details[1:] == (
+        "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of them.",
+        "Fastest: 5 tractors, row-by-row: 08:21, +1.24.",
+        "The best plan is also the cheapest.",
+    )
+    late = list_told(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall("late"),)))
     assert late[0].startswith("No plan is done by 09:00; the best is ")
-    assert late[-1].startswith("The best of them: 1 tractor, split-field"), "of one plan it says nothing"
+    assert late[-1].startswith("It turns"), "of one plan it says nothing"
 
 
 def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> None:
@@ -248,19 +263,11 @@ def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> Non
     )  # fmt: skip
     drawn = replace(ranking, plans=plans, deadline=None, allowed_s=None, currency="EUR", samples=100,
                     money_sentences=("Money.",), chosen=("split-field", 1))  # fmt: skip
-    told = describe_ranking(drawn)
-    divided = "Of the cost of the best plan (69 EUR) 51 EUR is paid and 18 EUR is expected loss on late ground."
-    assert told[:2] == ["Money.", divided]
-    assert told[2].endswith("cost 69 EUR.")
-    assert told[-1].startswith("Fastest and cheapest: 5 tractors, row-by-row")
-    best = describe_ranking(replace(drawn, chosen=("row-by-row", 5)))
-    assert best[-1] == "The best plan is also the cheapest."
-    unmet = describe_ranking(
-        replace(drawn, chosen=("row-by-row", 5), shortfalls=(Shortfall("rain", "No plan is in time."),))
-    )
-    assert unmet[-1] == "This plan is also the cheapest."
-    sure = replace(drawn, plans=tuple(replace(plan, paid_cost=plan.expected_cost) for plan in plans))
-    assert describe_ranking(sure)[1].endswith(", cost 69 EUR.")
+    answer = write_answer(drawn)
+    assert answer.decision.endswith(", 69 EUR") and answer.details[0] == "Money."
+    assert answer.details[-1].startswith("Fastest and cheapest: 5 tractors, row-by-row")
+    best = write_answer(replace(drawn, chosen=("row-by-row", 5)))
+    assert best.details[-1] == "The best plan is also the cheapest."
 
 
 def test_a_probability_of_few_draws_is_from_and_to(ranking: PlanRanking) -> None:
@@ -283,7 +290,7 @@ def test_of_reasons_why_no_plan_works_one_whose_fix_was_refused_is_told_last(ran
     rows = [PlanResult(name, 3, "u", False, "Too few tracks; use split-field.") for name in ("a-row", "b-col")]
     for name, told in (("split-field", "one of them because: No work"), ("other", "2 of them because: Too few tracks")):
         split = PlanResult(name, 3, "u", False, "No work for tractor 3; use fewer tractors.")
-        (sentence,) = describe_ranking(replace(ranking, plans=(*rows, split)))
+        (sentence,) = list_told(replace(ranking, plans=(*rows, split)))
         assert told in sentence
 
 

@@ -252,12 +252,17 @@ def measure_reversing_m(run: SimulationRun, tractor: int, segment: RecordSegment
     return float(np.hypot(*np.diff(path, axis=0).T)[gears[numbers - first] < 0].sum())
 
 
-def find_longest_reversing(run: SimulationRun) -> tuple[float, int]:
-    """The most that a segment of a run is driven in reverse (m), and the number of its tractor from 1."""
+def find_longest_reversing(run: SimulationRun) -> tuple[float, int, bool]:
+    """The most that a segment of a run is driven in reverse (m), the number of its tractor from 1, and whether it is in
+    a corner of the headland: between two sides of its passes."""
     lengths = (
-        (measure_reversing_m(run, tractor, segment), tractor + 1)
+        (measure_reversing_m(run, tractor, segment), tractor, segment.first_row)
         for tractor in range(run.plan.tractors)
         for segment in iter_segments(run, tractor)
         if not segment.is_waiting
     )
-    return max(lengths, key=lambda pair: pair[0], default=(0.0, 1))
+    reverse_m, tractor, row = max(lengths, key=lambda entry: entry[0], default=(0.0, 0, 0))
+    legs, leg = run.plan.missions[tractor].legs, int(run.get_leg_numbers(tractor)[row])
+    before = next((one.task.kind for one in reversed(legs[:leg]) if one.task.is_work), None)
+    after = next((one.task.kind for one in legs[leg:] if one.task.is_work), None)
+    return reverse_m, tractor + 1, before == after == HEADLAND_PASS

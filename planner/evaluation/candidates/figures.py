@@ -16,7 +16,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import Overhang, measure_overhang
 from planner.evaluation.ground.coverage import Coverage, count_reversals, measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.unworked_area import describe_largest_piece
+from planner.evaluation.ground.unworked_area import explain_largest_piece
 from planner.evaluation.ground.wheel_traffic import (
     FinishedGroundTraffic,
     measure_crop_traffic_m2,
@@ -81,9 +81,9 @@ def measure_candidate(
         spoilt_m2 = traffic.area_m2
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2 or 0.0)
     overhang = measure_overhang(run, context) if is_shown else None
-    largest = describe_largest_piece(context, coverage)
-    remarks = [*([] if largest is None else [Remark(Stake.WORK, largest)]), *candidate_run.remarks]
-    remarks += [] if overhang is None else _list_overhang_remarks(overhang, context)
+    coverage = replace(coverage, largest_piece=explain_largest_piece(context, coverage))
+    overhangs = [] if overhang is None else _list_overhang_remarks(overhang, context)
+    remarks = [*candidate_run.remarks, *overhangs]
     return PlanResult(
         strategy=strategy,
         tractors=tractors,

@@ -21,19 +21,18 @@ from fields.geometry.overlays import (
 )
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.contact_places import describe_position
-from planner.evaluation.ground.coverage import Coverage, find_left_out_ground, measure_left_out_m2
+from planner.evaluation.ground.coverage import Coverage
+from planner.evaluation.ground.left_out import find_left_out_ground, measure_left_out_m2
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.site import get_site_moves, recall
 from reports.common.language import mark_text
+from reports.common.plan_records import UnworkedPiece
 from reports.common.plan_results import PlanResult
-from reports.common.wording import LEAST_HA_M2
 
 MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle that lines are interrupted by
-MENTIONED_SHARE = 0.01  # of the field: a smaller piece that a plan leaves is on its map only
 KEPT_HEADLAND = "headland, kept free for turning"
 LEFT_OUT = "left out as asked"
 
@@ -78,23 +77,19 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     return tuple(one for one in areas if one.area_m2 >= MIN_REPORTED_M2)
 
 
-def describe_largest_piece(context: PlanningContext, coverage: Coverage) -> str | None:
-    """Area, place and main reason of the largest piece that a plan leaves; None for a small one or one for turning."""
+def explain_largest_piece(context: PlanningContext, coverage: Coverage) -> UnworkedPiece | None:
+    """The largest piece that a plan leaves with the main reason for it; None without any."""
     piece, ground = coverage.largest_piece, coverage.largest_ground
-    if piece is None or ground is None or piece.m2 < MENTIONED_SHARE * context.layout.field.area_m2:
+    if piece is None or ground is None:
         return None
     areas = [one for one in find_unworked_areas(context) if one.reason != LEFT_OUT]
     shares_m2 = [float(intersect(shapely.multipolygons(one.pieces), ground).area) for one in areas]
     largest = int(np.argmax([ground.area - sum(shares_m2), *shares_m2]))
-    reason = areas[largest - 1].reason if largest else ""
-    if not reason:  # a plan may work another room than the largest, and leave that
-        place = shapely.Point(piece.x_m, piece.y_m)
-        left_whole = [one for one in _list_rooms(context) if one.intersects(place) and 2.0 * piece.m2 > one.area]
-        reason = _describe_cut_off(context) if left_whole else "reached by no pass of this plan"
-    if reason == KEPT_HEADLAND:
-        return None
-    area = f"{piece.m2:.0f} m2" if piece.m2 < LEAST_HA_M2 else f"{1e-4 * piece.m2:.2f} ha"
-    return f"the largest piece left is {area} {describe_position(piece.x_m, piece.y_m, context)}: {reason}"
+    if largest:
+        return replace(piece, reason=areas[largest - 1].reason)
+    place = shapely.Point(piece.x_m, piece.y_m)  # a plan may work another room than the largest, and leave that
+    is_left_whole = any(one.intersects(place) and 2.0 * piece.m2 > one.area for one in _list_rooms(context))
+    return replace(piece, reason=_describe_cut_off(context) if is_left_whole else "reached by no pass of this plan")
 
 
 def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) -> Iterator[tuple[str, shapely.Geometry]]:
