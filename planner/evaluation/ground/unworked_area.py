@@ -21,8 +21,7 @@ from fields.geometry.overlays import (
 )
 from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.coverage import Coverage
-from planner.evaluation.ground.left_out import find_left_out_ground, measure_left_out_m2
+from planner.evaluation.ground.coverage import Coverage, find_left_out_ground, measure_left_out_m2
 from planner.evaluation.machine_outlines import measure_passage_m
 from planner.evaluation.site import get_site_moves, recall
 from reports.common.language import mark_text
