@@ -196,10 +196,9 @@ def lay_swaths(
     choice = _choose_pattern(field, edges, rules, bearing_deg)
     if choice is None:
         advice = _advise_on_turning_room(field, edges, rules, bearing_deg)
-        at_bearing = "" if bearing_deg is None else f" at bearing {bearing_deg:g} degrees"
         raise FieldError(
             f"No track of {MIN_SWATH_LENGTH_M:g} m fits field '{field.name}' ({field.area_ha:.3g} ha) with a headland "
-            f"of {headland_m:g} m{at_bearing}; {advice}."
+            f"of {headland_m:g} m{_describe_bearing(bearing_deg)}; {advice}."
         )
     bearing_rad, pattern = choice
     inner = _trim_region(region, edges, compute_axes(bearing_rad), trim_m)
@@ -379,6 +378,10 @@ def _trim_region(region: shapely.Geometry, edges: Floats, frame: Floats, trim_m:
     blocked = unite_on_grid(swept)
     parts = shapely.get_parts(subtract_on_grid(region, blocked))
     return unite_on_grid(parts[shapely.area(parts) > MIN_THICKNESS_M * shapely.length(parts)])
+
+
+def _describe_bearing(bearing_deg: float | None) -> str:
+    return "" if bearing_deg is None else f" at bearing {bearing_deg:g} degrees"
 
 
 def compute_free_space(field: Field, margin_m: float) -> shapely.Geometry:

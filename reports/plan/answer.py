@@ -46,6 +46,7 @@ from reports.plan.plan_wording import (
     format_unworked,
     format_wide_interval,
     get_spoilt_m2,
+    locate_largest_piece,
 )
 from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences, question_pull
 
@@ -74,7 +75,7 @@ class Answer:
         question: what of the request should be checked: whether the tractor can pull the implement.
         day: times of day that a reader may take for others: those of the next day, and the hours of a farm.
         work: how much of the field is worked, when its headland, and the end that is nearly sure.
-        ground: the largest piece left, where and why.
+        ground: the largest piece left and why.
         certainty: how sure that is, and what late ground may cost.
         rule: why so many tractors, where nothing but time and cost decides: what one more saves.
         alternatives: the other plans to take, with fewer and with more tractors.
@@ -255,6 +256,7 @@ def _list_details(ranking: PlanRanking, best: PlanResult) -> list[str]:
     sentences.append(translate("It turns {turn} and is driven in {time}.", turn=best.turn, time=drive))
     return [
         *sentences,
+        *locate_largest_piece(best),
         *describe_finishing(ranking, best),
         *describe_deadline(ranking, best),
         *map(describe_part, ranking.parts),

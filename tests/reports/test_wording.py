@@ -28,6 +28,7 @@ from reports.plan.plan_wording import (
     format_in_time_probability,
     format_unworked,
     list_plan_remarks,
+    locate_largest_piece,
 )
 from reports.plan.shortfall_wording import group_refusals
 
@@ -140,8 +141,9 @@ class TestWhatIsLeft:
     def test_the_largest_piece_left_is_told_with_its_reason(self, leaving: PlanRanking) -> None:
         piece = UnworkedPiece(306.0, 12.4, -3.6, reason="between headland passes and tracks")
         best = replace(leaving.best, largest_missed=piece)
-        told = "The largest piece left, 306 m2, is at x 12 m, y -4 m: between headland passes and tracks."
+        told = "The largest piece left is 306 m2 (between headland passes and tracks)."
         assert describe_largest_piece(best) == told
+        assert locate_largest_piece(best) == ["The largest piece left is at x 12 m, y -4 m."]
         assert describe_largest_piece(replace(best, spared_m2=best.missed_m2)) == "", "nothing of it was to be worked"
 
     def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:

@@ -258,7 +258,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun) -> list[Remark]:
     reverse_m, number, is_in_corner = find_longest_reversing(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         place = mark_text("in a headland corner") if is_in_corner else mark_text("in a turn")
-        backing = f"tractor {number} reverses {reverse_m:.0f} m at a stretch {place}: check that the implement can"
+        backing = f"tractor {number} reverses {reverse_m:.0f} m {place}: check that the implement can"
         remarks.append(Remark(Stake.TIME, backing))
     if stood := {1 + int(number): run.folding_s[number] / MINUTE_S for number in np.flatnonzero(run.folding_s)}:
         tractors, minutes = " and ".join(map(str, stood)), " and ".join(f"{each:.1f}" for each in stood.values())
