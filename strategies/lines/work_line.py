@@ -18,7 +18,6 @@ HOLE_PASS = "hole"  # group of the sides of a headland pass round a hole
 
 SHARPEST_RAD = 2.0  # corners of the headland beyond this are turned with the implement up
 STRAIGHT_RAD = 0.2  # lines that differ by less have no corner between them, and a tractor is still on its line
-MOST_CUT_SHARE, CUT_SPARE_M = 0.5, 1.0  # of a line moves cut no more than so much less than this share from either end
 MOST_OFF_SHARE = 0.25  # of the width: a tractor farther beside a line has lost it
 
 
@@ -30,11 +29,6 @@ def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
     begin = points[0] + before_m / np.hypot(*first) * first
     end = points[-1] + after_m / np.hypot(*last) * last
     return np.vstack([begin, points[1:-1], end])
-
-
-def compute_most_cut_m(length_m: float) -> float:
-    """How much moves may cut from either end of a line of a length (m); less than nothing of a short one."""
-    return MOST_CUT_SHARE * length_m - CUT_SPARE_M
 
 
 def build_tool_path(path: Floats, tool_m: float) -> Floats:

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from fields.arrays import Flags, Floats, Integers, build_directions
-from strategies.lines.work_line import WorkLine, compute_most_cut_m
+from strategies.lines.work_line import WorkLine
 from strategies.moves.closed_forms import (
     FEW_FORMS,
     LEADS_IN_M,
@@ -32,6 +32,7 @@ Pair = tuple[int, int]
 NEAR_NODES = 16  # nodes whose moves from a node are asked for at once
 OUTS, INS = 1, 3  # how many leads out and leads in are tried
 CUTS_M = ((4.0, 0.0), (0.0, 4.0), (4.0, 4.0), (8.0, 8.0))  # from the line left and that begun, for want of room
+MOST_CUT_SHARE = 0.4
 DETOUR_FACTOR = 2.0  # guess of a move that only a search may find, of the way at turning speed
 SEARCHED_S = 40.0  # and about this much beside it: medians of what searches found on four fields were 34 to 51
 
@@ -137,7 +138,8 @@ class MoveEstimates:
         one."""
         finder, site = self.finder, self.site
         limits = site.allowed_kinds, site.rules.max_reverse_m
-        most_cuts_m = [compute_most_cut_m(line.measure_path_m(way)) for line in self.lines for way in (0, 1)]
+        lengths_m = [line.measure_path_m(way) for line in self.lines for way in (0, 1)]
+        most_cuts_m = np.append(MOST_CUT_SHARE * np.array(lengths_m) - 1.0, 0.0)
         found_s = np.empty((len(pairs), 2))
         passes = np.array([self.count_passes(u, v) for u, v in pairs.tolist()], object)
         a_poses, b_poses = np.array(self.ends)[pairs[:, 0]], np.array(self.begins)[pairs[:, 1]]
@@ -150,7 +152,7 @@ class MoveEstimates:
             found_s[here] = site.get_fold_s(folds) + compute_move_costs(
                 a_poses[here],
                 _see_from(a_poses[here], b_poses[here]),
-                np.array([*most_cuts_m, 0.0])[pairs[here]],
+                most_cuts_m[pairs[here]],
                 np.array([(0.0, 0.0), *CUTS_M]),
                 np.array([MISSED_FACTOR, 1.0]) / site.rules.work_speed_mps,
                 (finder.radii, LEADS_OUT_M[:OUTS], LEADS_IN_M[:INS], *finder.costs, *limits),

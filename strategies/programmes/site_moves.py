@@ -20,7 +20,7 @@ import shapely
 
 from fields.arrays import Flags, Floats, Integers, cut_line
 from strategies.lines.lay_lines import measure_proof_rooms, unite_strips
-from strategies.lines.work_line import WorkLine, compute_most_cut_m
+from strategies.lines.work_line import WorkLine
 from strategies.moves.drives import (
     ROOM_TOLERANCE_M,
     MoveDrives,
@@ -31,7 +31,7 @@ from strategies.moves.drives import (
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_estimates import CUTS_M, MoveEstimates
+from strategies.programmes.move_estimates import CUTS_M, MOST_CUT_SHARE, MoveEstimates
 from strategies.programmes.work_moves import list_work_moves
 from strategies.site.site import LEFT_FACTOR, MISSED_FACTOR, SETTLE_M, SETTLED_M, Site
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, Leg, Mission, Plan
@@ -235,7 +235,7 @@ class SiteMoves:
         line, following = self.lines[u // 2], self.lines[v // 2]
         lengths_m = line.measure_path_m(u % 2), following.measure_path_m(v % 2)
         if any(
-            cut and cut > compute_most_cut_m(length_m)
+            cut and cut > MOST_CUT_SHARE * length_m - 1.0
             for cut, length_m in zip((leave_m, join_m), lengths_m, strict=True)
         ):
             return None

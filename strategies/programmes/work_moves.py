@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from fields.geometry.overlays import intersect, subtract
-from strategies.lines.work_line import SHARPEST_RAD, STRAIGHT_RAD, WorkLine, compute_most_cut_m
+from strategies.lines.work_line import SHARPEST_RAD, STRAIGHT_RAD, WorkLine
 from strategies.moves.move import Move
 from strategies.moves.move_finder import MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
@@ -26,6 +26,7 @@ FARTHEST_M = 50.0  # between the ends of pieces joined with the implement down
 BYPASSES_M = (0.0, 2.0, 4.0, 6.0, 9.0, 12.0, 16.0)  # cut from both pieces of a swath, to leave the line and return
 ROUNDER_M = (0.0, 2.0)  # cut from both sides of a corner beyond the tangent of the arc
 LONGEST_DETOUR, DETOUR_M = 1.7, 2.0  # of the way asked for: more is no longer working the same ground
+MOST_CUT_SHARE = 0.5
 
 
 def list_work_moves(site: Site, finder: MoveFinder, a: WorkLine, way: int, b: WorkLine, next_way: int) -> list[Move]:
@@ -36,9 +37,9 @@ def list_work_moves(site: Site, finder: MoveFinder, a: WorkLine, way: int, b: Wo
     moves = []
     for leave_m, join_m, corner in _list_cuts(site, end, begin, a.task.kind):
         factor = MISSED_FACTOR if corner is None else site.corner_factor
-        if leave_m > compute_most_cut_m(a.measure_path_m(way)):
+        if leave_m > MOST_CUT_SHARE * a.measure_path_m(way) - 1.0:
             continue
-        if join_m > compute_most_cut_m(b.measure_path_m(next_way)):
+        if join_m > MOST_CUT_SHARE * b.measure_path_m(next_way) - 1.0:
             continue
         p = a.get_pose(way, a.measure_path_m(way) - leave_m)
         q = b.get_pose(next_way, join_m)

@@ -15,11 +15,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fields.arrays import SHORTEST_PIECE_M, Floats
-from strategies.lines.work_line import compute_most_cut_m
 from strategies.moves.drives import Passage
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
-from strategies.programmes.move_estimates import CUTS_M, DETOUR_FACTOR
+from strategies.programmes.move_estimates import CUTS_M, DETOUR_FACTOR, MOST_CUT_SHARE
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.order_tours import DETOUR_S, NO_MOVE_S
 
@@ -122,7 +121,7 @@ class StopMoves:
         line, way, place = self.table.lines[trip.node // 2], trip.node % 2, trip.place
         worked_m = trip.at_m if trip.is_arriving else line.measure_path_m(way) - trip.at_m
         for cut_m in cuts_m:
-            if cut_m > max(0.0, compute_most_cut_m(worked_m)):
+            if cut_m > max(0.0, MOST_CUT_SHARE * worked_m - 1.0):
                 return
             pose = line.get_pose(way, trip.at_m - cut_m if trip.is_arriving else trip.at_m + cut_m)
             yield (cut_m, pose, place) if trip.is_arriving else (cut_m, place, pose)
