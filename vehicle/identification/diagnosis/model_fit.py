@@ -234,9 +234,10 @@ class Problem:
         return Linearisation(self.compute_secants(model, amounts, residuals, places, step, is_fresh), white, roots)
 
     def linearise_inside(self, fit: Fit) -> Linearisation:
-        """The linear problem at a fit in the amounts inside their limits: what is at one can take up no more."""
+        """The linear problem at a fit without nuisances at a limit, which can take up no more of an effect."""
         linear, (low, high) = self.linearise(fit.model, fit.amounts, fit.residuals), collect_bounds(fit.model)
-        inside = (fit.amounts > low) & (fit.amounts < high)
+        is_cause = np.repeat([not one.is_nuisance for one in fit.model], [one.size for one in fit.model])
+        inside = is_cause | ((fit.amounts > low) & (fit.amounts < high))
         return replace(linear, changes={channel: values[:, :, inside] for channel, values in linear.changes.items()})
 
     def fit(self, model: Model, amounts: Floats, rounds: int = 3, iterations: int = 12) -> Fit:
