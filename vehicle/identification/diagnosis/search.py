@@ -164,9 +164,9 @@ class Searcher:
         return fit, judgements
 
     def _find_more(self, fit: Fit) -> Fit | None:
-        """The fit with what an exchange left to explain; None where nothing enters."""
+        """The fit with what an exchange left to explain; None where nothing enters, or only what was judged before."""
         noise, more = self.problem.get_noise(), self.add_greedily(fit)
-        if more is not fit and self._may_become(more):
+        if self.may_change and more.causes not in self.visited:
             return more
         self.problem.set_noise(noise)
         return None
