@@ -115,6 +115,17 @@ def test_scatter_between_runs_does_not_hide_what_they_have_in_common() -> None:
     assert slip.value is not None and slip.value["ratio"] == pytest.approx(0.08, abs=0.005)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.92, pytest.param(0.75, marks=pytest.mark.matrix)])
+def test_a_tractor_faster_than_commanded_is_named(share: float) -> None:
+    """Nothing is taken out of the command beforehand, and no law of the slip stands in for it."""
+    frames = make_logs({}, 5, brief_programme(), rate_hz=RATE_HZ)
+    found = told([frame.assign(speed_command_mps=share * frame.speed_command_mps) for frame in frames])
+    (slip,) = (one for one in found.findings if one.id == "wheel_slip")
+    assert found.named == ("wheel_slip",) and slip.law is None and slip.value is not None
+    assert slip.value["ratio"] == pytest.approx(1.0 - 1.0 / share, abs=0.01)
+
+
 # --- What a tractor file gets of an extension ---
 
 

@@ -23,7 +23,7 @@ from vehicle.identification.diagnosis.grammar import (
     sum_fields,
 )
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
-from vehicle.identification.diagnosis.search import build_patch, find_middle_circle
+from vehicle.identification.diagnosis.search import build_patch, list_circles
 from vehicle.identification.diagnosis.verdicts import compute_values
 from vehicle.identification.replay.simulation import CHAINS
 from vehicle.model.effects import CATALOGUE, Effect, compute_effect_fields, get_effect
@@ -69,7 +69,7 @@ def test_the_fields_of_an_amount_are_those_of_its_values(name: str, share: float
 def test_drift_and_circle_change_the_grip_as_their_formulas_do() -> None:
     minutes = problem().data.path["seconds"] / 60.0
     assert sum_of((constant("grip_drift"), [0.3]))["bend"] == pytest.approx(1.0 + 0.3 * minutes)
-    circle = find_middle_circle(problem().data)
+    circle = max(list_circles(problem().data), key=lambda one: problem().bases.find_circle(*one).mean())
     bend = sum_of((build_patch(circle), [-0.2]))["bend"]
     path = problem().data.path
     inside = np.hypot(path["east"] - circle[0], path["north"] - circle[1]) < circle[2]

@@ -147,3 +147,17 @@ def test_a_gain_on_the_wrong_side_of_a_limit_is_none() -> None:
     column = target[:, None].copy()
     assert linear.predict_gain(make_hypothesis(0.0, 9.0), column, 1.0) is not None
     assert linear.predict_gain(make_hypothesis(0.0, 9.0), -column, 1.0) is None
+
+
+def test_a_nuisance_at_its_limit_hides_nothing_from_the_scan() -> None:
+    own = problem("gnss_latency", 0.2)
+    model = tuple(list_nuisances(own.data))
+    base = own.refit(model, np.zeros(len(model)))
+    (lateness,) = [one for one in model if one.id == "_lateness"]
+    assert base.get_amounts(lateness)[0] == lateness.coordinates[0].high
+    hypothesis = build_constant(get_effect("gnss_latency"), own.data, own.rig.tractor)
+    (gain,) = own.scan(base, [hypothesis])
+    added = own.compute_secants((*model, hypothesis), np.append(base.amounts, 0.0), base.residuals, [len(model)], 0.5)
+    free = own.linearise(model, base.amounts, base.residuals)
+    hidden = free.predict_gain(hypothesis, free.stack(added), 1.0)
+    assert hidden is not None and gain.nats > 2.0 * hidden.nats

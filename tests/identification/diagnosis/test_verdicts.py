@@ -3,11 +3,22 @@
 import numpy as np
 import pytest
 
-from tests.identification.diagnosis.problems import build_drive_problem, build_fit, build_hypothesis
+from tests.identification.diagnosis.problems import (
+    build_drive_problem,
+    build_empty_fit,
+    build_fit,
+    build_hypothesis,
+    build_problem,
+)
 from vehicle.identification.diagnosis.grammar import build_scope, list_nuisances
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.search import PredictiveComparison, build_patch, takes_over
-from vehicle.identification.diagnosis.verdicts import centre_laws, compute_value_correlations, compute_values
+from vehicle.identification.diagnosis.verdicts import (
+    centre_laws,
+    compute_value_correlations,
+    compute_values,
+    find_smallest_visible,
+)
 
 # --- Correlations of fitted values: closed forms from the curvature of the cost ---
 
@@ -98,3 +109,9 @@ def test_one_value_alone_has_no_correlation(problem: Problem) -> None:
         compute_value_correlations(problem, build_fit(nuisances, [0.0] * len(nuisances), np.eye(len(nuisances))))
         is None
     )
+
+
+def test_a_place_would_have_shown_only_if_the_tractor_turned_wherever_it_drove() -> None:
+    bends, lines = build_drive_problem("shuffled-bends", {}), build_problem()
+    assert find_smallest_visible(bends, build_empty_fit(bends))["grip_patch"] == pytest.approx(0.11, abs=0.03)
+    assert "grip_patch" not in find_smallest_visible(lines, build_empty_fit(lines))

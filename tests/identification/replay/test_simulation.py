@@ -154,6 +154,15 @@ def test_ages_add_up(segment: DriveSegment) -> None:
     assert speed == pytest.approx(1.1 * 0.3 * (time + 0.1), abs=1e-9)
 
 
+def test_what_is_late_was_under_way_before_the_first_row(segment: DriveSegment) -> None:
+    """As behind a gap: a receiver that stood still there would speak against every latency."""
+    position, heading, _, _ = show_ramps(segment, {"gnss_latency": {"time_s": 0.2}})
+    lever = rig().tractor.antenna_forward_m - rig().tractor.rear_axle_m
+    then = segment.time[:5] - 0.2
+    assert position[:5, 0] == pytest.approx(then + lever * np.cos(0.2 * then), abs=1e-4)
+    assert heading[:5] == pytest.approx(0.2 * then, abs=1e-9)
+
+
 def test_headings_are_smoothed(segment: DriveSegment) -> None:
     smooth = show_ramps(segment, {"heading_filter": {"time_s": 0.4}})[1]
     assert smooth[40:] == pytest.approx(0.2 * (segment.time - 0.4)[40:], abs=4e-3), "it trails a ramp by its time"

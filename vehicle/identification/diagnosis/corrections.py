@@ -25,7 +25,7 @@ from vehicle.identification.logs.column_quality import (
     merge_copies,
 )
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
+from vehicle.identification.logs.sensor_checks import correct_sensors_like_others, drop_commands_not_driven
 from vehicle.identification.logs.series import find_changes, find_new_rows, interpolate_between
 from vehicle.identification.logs.thresholds import FEWEST_EVENTS, HOLDS, MAJORITY, MOST_SHARE, STANDING_FACTOR
 from vehicle.model.tractor import Tractor
@@ -38,12 +38,12 @@ PLACE_COLUMNS = ("easting_m", "northing_m", "heading_deg")
 
 
 def correct_logs(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
-    """Return the logs as they are replayed: each drive once, without coarse columns, courses for headings and rows of
-    faults that begin, with sensors and commanded speeds corrected."""
+    """Return the logs as they are replayed: each drive once, without coarse columns, courses for headings, commanded
+    speeds that were not driven and rows of faults that begin, with sensors corrected."""
     logs = drop_commands_not_logged(drop_columns_coarse_elsewhere(merge_copies(logs)))
     # Steps of a level go first: wheels that stand elsewhere than they say look as if they did not follow.
     logs = mark_onset_faults(mark_level_step(correct_heading_jumps(drop_course_headings(logs, tractor))))
-    return mark_stale_columns_of_set(correct_commanded_speeds(correct_sensors_like_others(logs)))
+    return mark_stale_columns_of_set(drop_commands_not_driven(correct_sensors_like_others(logs)))
 
 
 def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:

@@ -7,7 +7,7 @@ further hypothesis would gain.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -233,6 +233,13 @@ class Problem:
         places = range(len(amounts))
         return Linearisation(self.compute_secants(model, amounts, residuals, places, step, is_fresh), white, roots)
 
+    def linearise_inside(self, fit: Fit) -> Linearisation:
+        """The linear problem at a fit without nuisances at a limit, which can take up no more of an effect."""
+        linear, (low, high) = self.linearise(fit.model, fit.amounts, fit.residuals), collect_bounds(fit.model)
+        is_cause = np.repeat([not one.is_nuisance for one in fit.model], [one.size for one in fit.model])
+        inside = is_cause | ((fit.amounts > low) & (fit.amounts < high))
+        return replace(linear, changes={channel: values[:, :, inside] for channel, values in linear.changes.items()})
+
     def fit(self, model: Model, amounts: Floats, rounds: int = 3, iterations: int = 12) -> Fit:
         """Amounts and noise in turn, and the amounts once more; rugged effects by a line of sizes first."""
         fit = self.refit(model, self.search_lines(model, amounts), iterations)
@@ -263,7 +270,7 @@ class Problem:
             place += hypothesis.size
         return best
 
-    def fit_noise(self, residuals: Residuals, channels: Sequence[str] = CHANNELS) -> None:
+    def fit_noise(self, residuals: Residuals, channels: Collection[str] = CHANNELS) -> None:
         """Fit the noise of channels to residuals."""
         for channel in channels:
             self.noise[channel].fit(residuals[channel], NOISE_ITERATIONS)
@@ -289,7 +296,7 @@ class Problem:
 
     def scan(self, fit: Fit, hypotheses: Iterable[Hypothesis]) -> list[Gain]:
         """What every hypothesis would gain on top of a fit, the best first, by secants at half a width."""
-        linear, gains = self.linearise(fit.model, fit.amounts, fit.residuals), list[Gain]()
+        linear, gains = self.linearise_inside(fit), list[Gain]()
         for hypothesis in hypotheses:
             amounts, found = np.append(fit.amounts, np.zeros(hypothesis.size)), list[Gain]()
             places = range(len(fit.amounts), len(amounts))

@@ -8,12 +8,12 @@ its own noise. Circles of the ground in which the tractor turns otherwise are sc
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from fields.arrays import Floats
+from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, POSE_CELL_S, POSE_CELLS, DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
@@ -21,6 +21,7 @@ from vehicle.identification.diagnosis.grammar import (
     PATCH_RADII_M,
     PENALTIES,
     WIDTH_PER_TYPICAL,
+    Bases,
     Coordinate,
     Hypothesis,
     collect_widths,
@@ -48,7 +49,6 @@ FINEST_MOVE_M = FIRST_MOVE_M / 8.0
 SMALLEST_RADIUS_M = 3.0
 MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
 LARGEST_PATCH_SHARE = 0.7  # of the driving: a circle that holds more is no place
-MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
 Circle = tuple[float, float, float]
 
 
@@ -88,6 +88,7 @@ class Searcher:
     problem: Problem
     step: Step = lambda: None
     visited: dict[frozenset[str], int] = field(default_factory=dict)
+    own_fits: dict[frozenset[str], tuple[Fit, dict[str, Floats]]] = field(default_factory=dict)
     may_change: bool = True
 
     def __post_init__(self) -> None:
@@ -130,21 +131,23 @@ class Searcher:
         """Add the hypothesis with the largest evidence, of the best of a scan, until none has enough."""
         for _ in range(MOST_ROUNDS):
             noise, fits = self.problem.get_noise(), list[Fit]()
-            for gain in self.scan(fit)[:MOST_TRIED]:
-                if gain.nats > 0.0:
-                    fits.append(self._fit_with(fit, gain))
-                    self.step()
+            for gain in self._choose_tried(self.scan(fit)):
+                fits.append(self._fit_with(fit, gain))
+                self.step()
             # Those whose amounts are at least the finest that may be claimed.
             large = [one for one in fits if np.linalg.norm(one.get_amounts(one.model[-1])) >= one.model[-1].finest]
-            best = max(large, key=lambda one: one.evidence, default=None)
-            if best is None:
-                return fit
-            # Noise that had to make up for what is missing hides the gain: with its own noise the model may show it.
-            better = self.problem.fit(best.model, best.amounts)
-            if max(best.evidence, better.evidence) - fit.evidence < ADD_NATS:
+            large.sort(key=lambda one: -one.evidence)
+            best, best_noise = fit, noise
+            for other in [one for one in large if one.evidence - fit.evidence >= ADD_NATS] or large[:1]:
+                self.problem.set_noise(noise)
+                better = self._fit_own_noise(other, self.problem.list_channels(other.model[-1]))
+                if better.evidence > best.evidence:
+                    best, best_noise = better, self.problem.get_noise()
+            self.problem.set_noise(best_noise)
+            if best.evidence - fit.evidence < ADD_NATS:
                 self.problem.set_noise(noise)
                 return fit
-            fit = better
+            fit = self.problem.fit(best.model, best.amounts)
         return fit
 
     def settle(self, fit: Fit) -> tuple[Fit, list[Judgement]]:
@@ -153,10 +156,20 @@ class Searcher:
             self.visited[fit.causes] = self.visited.get(fit.causes, 0) + 1
             self.may_change = turn < MOST_TURNS
             changed, judgements = self._judge_all(fit)
+            if changed is None and turn > 0:
+                changed = self._find_more(fit)
             if changed is None:
                 break
             fit = self.problem.fit(changed.model, changed.amounts)
         return fit, judgements
+
+    def _find_more(self, fit: Fit) -> Fit | None:
+        """The fit with what an exchange left to explain; None where nothing enters, or only what was judged before."""
+        noise, more = self.problem.get_noise(), self.add_greedily(fit)
+        if self.may_change and more.causes not in self.visited:
+            return more
+        self.problem.set_noise(noise)
+        return None
 
     def _may_become(self, other: Fit) -> bool:
         """Whether the search may go on from another model: two that each predict better than the other come twice."""
@@ -182,9 +195,7 @@ class Searcher:
                 scanned = self.scan(without, self.problem.list_channels(hypothesis))
                 elsewhere = [one for one in scanned if not (hypothesis.place and one.hypothesis.place)]
                 gains = [one for one in elsewhere if one.hypothesis not in fit.model]
-            for gain in gains[:MOST_TRIED]:
-                if gain.nats < ALIKE_SHARE * max(gains[0].nats, 1.0):
-                    break
+            for gain in self._choose_tried(gains):
                 start = self._fit_with(without, gain)
                 others.append(self._compare(fit, predicted, start, gain.hypothesis, noise))
                 self.step()
@@ -204,6 +215,22 @@ class Searcher:
         amounts = np.concatenate([fit.amounts, common, gain.amounts - common.sum()])
         return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
 
+    def _choose_tried(self, gains: Sequence[Gain]) -> list[Gain]:
+        """The best of the gains of a scan, which are fitted."""
+        return [one for one in gains[:MOST_TRIED] if one.nats >= ALIKE_SHARE * max(gains[0].nats, 1.0)]
+
+    def _fit_own_noise(self, fit: Fit, channels: Collection[str]) -> Fit:
+        """The fit with the noise of these channels fitted to it, once for every model: noise that makes up for what
+        another model lacks hides by how much this one is better."""
+        if fit.causes not in self.own_fits:
+            for _ in range(2):
+                self.problem.fit_noise(fit.residuals, channels)
+                fit = self.problem.refit(fit.model, fit.amounts, 4)
+            self.own_fits[fit.causes] = fit, self.problem.get_noise()
+        fit, noise = self.own_fits[fit.causes]
+        self.problem.set_noise(noise)
+        return fit
+
     def _compare(
         self, fit: Fit, predicted: dict[str, Floats], other: Fit, alternative: Hypothesis | None,
         noise: dict[str, Floats],
@@ -211,9 +238,7 @@ class Searcher:
         """The predictive difference between a fit and another, which gets its own noise where the two differ."""
         channels = [c for c in CHANNELS if float(np.abs(fit.residuals[c] - other.residuals[c]).max(initial=0.0)) > 1e-9]
         self.problem.set_noise(noise)
-        for _ in range(2):
-            self.problem.fit_noise(other.residuals, channels)
-            other = self.problem.refit(other.model, other.amounts, 4)
+        other = self._fit_own_noise(other, channels)
         their = self.predict(other)
         difference = np.concatenate([(predicted[c] - their[c]).ravel() for c in channels] or [np.zeros(1)])
         total = float(difference.sum())
@@ -265,11 +290,28 @@ def build_patch(circle: Circle) -> Hypothesis:
     return Hypothesis("grip_patch", key, (coordinate,), PENALTIES["place"], size.finest, place=circle)
 
 
-def find_middle_circle(data: DriveData) -> Circle:
-    """A circle about the middle of the driving, with a quarter of its spread."""
+def list_circles(data: DriveData) -> list[Circle]:
+    """The circles from which a search for places begins: all over the driving."""
     east, north = data.path["east"], data.path["north"]
-    radius = MIDDLE_SHARE * float(max(np.ptp(east), np.ptp(north)))
-    return float(np.median(east)), float(np.median(north)), radius
+    return [
+        (float(x), float(y), radius)
+        for radius in PATCH_RADII_M
+        for x in np.arange(east.min(), east.max() + 1.0, SPACING * radius)
+        for y in np.arange(north.min(), north.max() + 1.0, SPACING * radius)
+    ]
+
+
+def holds_driving(inside: Flags) -> bool:
+    """Whether enough steps of the path are inside a circle, and enough outside, for it to be a place."""
+    return bool(inside.sum() >= round(LASTING_S / PATH_STEP_S) and inside.mean() <= LARGEST_PATCH_SHARE)
+
+
+def find_straightest_circle(data: DriveData, bases: Bases) -> Circle | None:
+    """The circle in which the path turns least: a change of grip shows least there. None of few steps is a place."""
+    turning = np.square(data.path["speed"] * data.path["steady"])
+    sides = [(circle, bases.find_circle(*circle)) for circle in list_circles(data)]
+    turned = [(float(turning[inside].sum()), circle) for circle, inside in sides if holds_driving(inside)]
+    return min(turned)[1] if turned else None
 
 
 @dataclass(eq=False)
@@ -286,7 +328,7 @@ class CircleSearch:
         # The turning of the fit, not that which was measured: a circle changes only what the wheels turn.
         heading = cut_motion(problem.data)[1] - fit.residuals["pose"][:, 2 * POSE_CELLS :]
         yaw = np.gradient(heading, POSE_CELL_S, axis=1)
-        linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
+        linear = problem.linearise_inside(fit)
         root = linear.roots["pose"][:, None, None]
         self.response = root * self.noise.whiten(response * yaw[:, None, :])
         self.rest = (root[:, :, 0] * linear.residuals["pose"]).ravel()
@@ -297,16 +339,7 @@ class CircleSearch:
 
     def find_best(self) -> Gain | None:
         """The best circle, moved and resized until nothing is gained."""
-        path = self.problem.data.path
-        low = (float(path["east"].min()), float(path["north"].min()))
-        high = (float(path["east"].max()), float(path["north"].max()))
-        circles = [
-            (float(east), float(north), radius)
-            for radius in PATCH_RADII_M
-            for east in np.arange(low[0], high[0] + 1.0, SPACING * radius)
-            for north in np.arange(low[1], high[1] + 1.0, SPACING * radius)
-        ]
-        best, move = self._choose(circles), FIRST_MOVE_M
+        best, move = self._choose(list_circles(self.problem.data)), FIRST_MOVE_M
         while best is not None and move >= FINEST_MOVE_M:
             east, north, radius = best[1]
             near = [(east + i * move, north + j * move, max(radius + k * move, SMALLEST_RADIUS_M))
@@ -326,7 +359,7 @@ class CircleSearch:
         kept, columns = [], []
         for circle in circles:
             inside = self.problem.bases.find_circle(*circle)
-            if inside.sum() >= round(LASTING_S / PATH_STEP_S) and inside.mean() <= LARGEST_PATCH_SHARE:
+            if holds_driving(inside):
                 kept.append(circle)
                 columns.append(self.problem.data.cut(inside.astype(np.float64), POSE_CELLS))
         if not kept:

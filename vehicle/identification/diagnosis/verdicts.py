@@ -31,7 +31,7 @@ from vehicle.identification.diagnosis.search import (
     PredictiveComparison,
     SearchResult,
     build_patch,
-    find_middle_circle,
+    find_straightest_circle,
 )
 from vehicle.identification.logs.thresholds import (
     CLEAR_SIGMAS,
@@ -219,15 +219,20 @@ def compute_covariance(problem: Problem, fit: Fit) -> Floats:
 
 
 def find_smallest_visible(problem: Problem, fit: Fit) -> dict[str, float]:
-    """The smallest size of every effect (unit of its first parameter) that these logs would have shown; effects that no
-    size of up to twice the typical one would show are left out."""
-    linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
+    """The smallest size of every effect (unit of its first parameter) that these logs would have shown, of a place
+    wherever it is; effects that no size of up to twice the typical one would show are left out."""
+    linear = problem.linearise_inside(fit)
     data, tractor, visible = problem.data, problem.rig.tractor, dict[str, float]()
     for effect in CATALOGUE:
-        is_circle = effect.kind is CIRCLE
-        hypothesis = build_patch(find_middle_circle(data)) if is_circle else build_constant(effect, data, tractor)
         if any(one.id == effect.id and one.is_catalogued for one in fit.model):
             continue
+        if effect.kind is CIRCLE:
+            circle = find_straightest_circle(data, problem.bases)
+            if circle is None:
+                continue
+            hypothesis = build_patch(circle)
+        else:
+            hypothesis = build_constant(effect, data, tractor)
         kind, parameter, _ = scale_effect(effect, data, tractor)
         coordinate, size = hypothesis.coordinates[0], len(fit.amounts)
         typical = coordinate.width / WIDTH_PER_TYPICAL

@@ -3,9 +3,9 @@
 Each check compares two instruments of one log. Uncorrected, these errors would look like faults of the tractor: a speed
 that reads high like wheel slip, drifting clocks like a growing dead time, a stuck angle like missing grip.
 
-A speed, measured or commanded, that is one multiple of the pace in every direction, at every speed, working or not, has
-a wrong scale; a command above the pace looks like slip in every column and is left alone. A command that is constant
-while the pace changes was not driven.
+A measured speed that is one multiple of the pace in every direction, at every speed, working or not, has a wrong scale.
+A command that is one looks like slip, so the diagnosis measures it. A command that is constant while the
+pace changes was not driven.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from vehicle.identification.logs.motion import (
     compute_path_chords,
     fit_chords,
     has_pace_change,
-    measure_steady_time_s,
 )
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.series import compute_change, measure_spread
@@ -38,7 +37,6 @@ from vehicle.identification.logs.thresholds import (
     STRAIGHT_PER_M,
     STRAY_CORRELATION,
 )
-from vehicle.model.effects import DRIVE_LINE_SLIP
 
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
@@ -197,11 +195,10 @@ def _correlate_with_bends(log: Log) -> float:
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
 
 
-def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
-    """Drop or scale commanded speeds that were not driven, over a set of logs; `corrections` say which and why.
+def drop_commands_not_driven(logs: Sequence[Log]) -> list[Log]:
+    """Drop commanded speeds that were not driven, over a set of logs; `corrections` say which and why.
 
-    A constant one is also dropped where it has the value that was dropped in another log. All are multiplied by the
-    factor by which all logs are driven faster, if there is one.
+    A constant one is also dropped where it has the value that was dropped in another log.
     """
 
     def drop_command(log: Log, why: str) -> Log:
@@ -220,27 +217,7 @@ def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
         others = alone if said and log.speed_command_mps is not None else ()
         same = next((one for one in others if any(doubt.startswith(said) for doubt in one.corrections)), None)
         kept.append(log if same is None else drop_command(log, f"{said}, as in {same.name}"))
-    parts = []
-    for log in kept:
-        chords = compute_path_chords(log)
-        if log.speed_command_mps is not None and chords is not None:  # driven straight under a constant command
-            steady = measure_steady_time_s(log)[chords.row] >= _STEADY_S
-            straight = _select_straight_chords(chords, log.speed_command_mps[chords.row])
-            parts.append(_collect_ratios(log, chords, log.speed_command_mps, steady & straight))
-    stated_share = _find_common_factor(np.concatenate(parts, axis=1)) if parts else None
-    if stated_share is None or stated_share * (1.0 + DRIVE_LINE_SLIP) >= 1.0:
-        return kept
-    factor = 1.0 / stated_share
-    message = (
-        f"the tractor drives {100.0 * (factor - 1.0):.0f} % faster than speed_command_mps in every direction, "
-        f"at every speed, working or not: a wrong scale, not slip; the column is multiplied by {factor:.3f}"
-    )
-    return [
-        log
-        if log.speed_command_mps is None
-        else log.correct_columns(message, speed_command_mps=factor * log.speed_command_mps)
-        for log in kept
-    ]
+    return kept
 
 
 def _changes_pace(log: Log) -> bool:

@@ -93,6 +93,15 @@ def _read_at(values, low: int, high: int, place: float) -> float:  # type: ignor
 
 
 @compile_function
+def _read_path(values, low: int, high: int, place: float) -> float:  # type: ignore[no-untyped-def]
+    """Value at a fractional place, by linear interpolation; outside [low, high) it goes on as at that end, as what was
+    logged before a segment that begins or ends under way was not at rest."""
+    whole = min(max(int(place), low), max(high - 2, low))
+    next_one = min(whole + 1, high - 1)
+    return values[whole] + (values[next_one] - values[whole]) * (place - whole)  # type: ignore[no-any-return]
+
+
+@compile_function
 def simulate_steering(starts, command, first, states, fields, model, dt, out) -> None:  # type: ignore[no-untyped-def]
     """Write the wheel angles before and after each step to `out` (2, n), from commands (n,) and fields per step.
 
@@ -244,9 +253,9 @@ def sample_positions(places, segments, starts, path, fields, ahead, aside, dt, o
         i = min(max(int(places[row]), begin), end - 1, fields.shape[1] - 1)
         late_s = (fields[LATENCY, i] + fields[POSITION_LATE, i]) * DT_S + fields[POSITION_CLOCK, i]
         place = places[row] - late_s / dt
-        cosine, sine = compute_cosine_sine(_read_at(path[2], begin, end, place))
+        cosine, sine = compute_cosine_sine(_read_path(path[2], begin, end, place))
         out[0, row], out[1, row] = apply_lever_arm(
-            _read_at(path[0], begin, end, place), _read_at(path[1], begin, end, place), cosine, sine,
+            _read_path(path[0], begin, end, place), _read_path(path[1], begin, end, place), cosine, sine,
             ahead + fields[FORWARD, i], aside + fields[RIGHT, i],
         )  # fmt: skip
 
@@ -258,7 +267,7 @@ def sample_headings(places, segments, starts, angle, fields, dt, out) -> None:  
         begin, end = starts[segments[row]], starts[segments[row] + 1]
         i = min(max(int(places[row]), begin), end - 1, fields.shape[1] - 1)
         late_s = (fields[LATENCY, i] + fields[HEADING_LATE, i]) * DT_S + fields[HEADING_CLOCK, i]
-        out[row] = _read_at(angle, begin, end, places[row] - late_s / dt) + fields[BIAS, i]
+        out[row] = _read_path(angle, begin, end, places[row] - late_s / dt) + fields[BIAS, i]
 
 
 @compile_function
