@@ -50,6 +50,8 @@ _PLAIN_WORDS = (
     ('Expected "', "a text has no closing quote"),
     ("Invalid control", "a text has a line break or a tab in it"),
     ("Illegal character", "a text has a line break in it"),
+    ("Unescaped", "a text has a backslash: write / instead"),
+    ("Invalid \\", "a text has a backslash: write / instead"),
     ("", "something is not written as it should be"),
 )
 """How complaints of the parsers of TOML and JSON begin, and what they mean to people; the last is for all others."""

@@ -178,7 +178,7 @@ def _select_implement(
 ) -> FarmImplement:
     """The implement by its name, or the first that fits the tractor and, if one does, the operation."""
     fitting = [each for each in farm.implements if farm_tractor is None or farm.is_compatible(farm_tractor, each)]
-    of_operation = [each for each in fitting if each.operation == operation] if operation is not None else []
+    of_operation = [each for each in fitting if (each.operation or TILL) == operation] if operation is not None else []
     if implement_name is None:
         return (of_operation or fitting)[0]
     farm_implement = farm.get_implement(implement_name)

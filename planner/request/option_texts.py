@@ -157,11 +157,11 @@ def suggest_number(text: str, option_help: str) -> str:
     number, unit = float(found[1].replace(",", ".")), found[2].lower()
     if not unit:
         return f" (write {number:g})"
-    wanted = next((word for word in re.split(r"[\s,;.]+", option_help) if word in _UNITS and len(word) > 1), "")
+    wanted = next((word for word in re.split(r"[\s,;.]+", option_help) if word.lower() in _UNITS and len(word) > 1), "")
     measured, size = _UNITS.get(unit, ("", 0.0))
-    if not wanted or measured != _UNITS[wanted][0]:
+    if not wanted or measured != _UNITS[wanted.lower()][0]:
         return ""
-    return f" (write it in {wanted}: {number * size / _UNITS[wanted][1]:g})"
+    return f" (write it in {wanted}: {number * size / _UNITS[wanted.lower()][1]:g})"
 
 
 def parse_widths(text: str, show_remark: Callable[[str], None] = lambda remark: None) -> tuple[float, ...]:

@@ -162,9 +162,10 @@ def _read_numbers(option: PlanOption, part: str) -> list[Any]:
             return [option.type(part)]
         first, last, step = (float(option.type(found[name] or 1)) for name in ("first", "last", "step"))
     except ValueError:
+        hint = suggest_number(part, option.help) if option.type is float else ""
         raise RequestError(
-            f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number"
-            f"{suggest_number(part, option.help)}; give numbers (3,4.5,6) or a range (6:12:1, from, to and step).",
+            f"{mark_parameter(option.parameter)} holds {shorten_value(part)}, which is no number{hint}; "
+            "give numbers (3,4.5,6) or a range (6:12:1, from, to and step).",
             parameter=option.parameter,
         ) from None
     if not (step > 0.0 and last >= first and (last - first) / step < MOST_VALUES):

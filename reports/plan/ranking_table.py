@@ -63,7 +63,7 @@ def build_first_screen(
         parts += [Text(""), build_answer_table(ranking, plans)]
     if not with_next:
         return Group(*parts)
-    hints = [_suggest_outputs(ranking.best is not None, has_page, has_plan)]
+    hints = [_suggest_outputs(bool(plans), has_page, has_plan)]
     if ranking.best is not None and plans and not ranking.samples and not ranking.start:
         hints.append(translate("Add --start 13:00 --deadline 17:00 to know how sure and how cheap it can be."))
     hints += describe_defaults(ranking.scenario.get("defaults") or {})

@@ -42,7 +42,7 @@ from strategies.site.ground import CELL_M
 from strategies.site.site import Site
 from vehicle.sim.path_conflicts import ClearanceCheck, PosePath, build_poses
 
-SETTLED_M = 4.0  # beyond the end of a move, on which a tractor is off its line
+OFF_LINE_M = 4.0  # beyond the end of a move, on which a tractor is off its line
 PLACE_STEP_M, MOST_STEPS = 1.0, 100  # between places that are tried
 ADVICE = f"use fewer tractors, or {SOLITARY_STRATEGIES}"
 T = TypeVar("T")
@@ -54,7 +54,7 @@ def _trace_body(site: Site, path: DrivePath) -> Floats:
 
     Forwards the axle trails the guided point, in reverse the body lies along the path.
     """
-    settled = replace(path, segments=(*path.segments, replace(path.segments[-1], length_m=SETTLED_M, curvature=0.0)))
+    settled = replace(path, segments=(*path.segments, replace(path.segments[-1], length_m=OFF_LINE_M, curvature=0.0)))
     guide_m, poses = site.body.guide_m, list[tuple[float, float, float]]()
     angle = path.start[2]
     x, y = path.start[0] - guide_m * math.cos(angle), path.start[1] - guide_m * math.sin(angle)

@@ -2,9 +2,8 @@
 
 From every pose short arcs to either side and a short straight lead on, forwards and in reverse. Poses keep their exact
 place and heading; one per cell, sector of headings and gear is followed further. The way that remains is measured over
-the grid of the ground, so that the search goes round obstacles at once, and with what turning into it takes, so that it
-turns before it drives. A closed form that is not charged ends it as
-soon as one has room.
+the grid of the ground, so that the search goes round obstacles at once, and with what turning into it takes, so that
+it turns before it drives. A closed form that is not charged ends it as soon as one has room.
 
 Source: D. Dolgov, S. Thrun, M. Montemerlo, J. Diebel, "Practical search techniques in path planning for autonomous
 driving", STAIR workshop at AAAI (2008).
@@ -24,7 +23,7 @@ from strategies.moves.closed_forms import (
     measure_backing_up,
     pick_with_room,
 )
-from strategies.path_planning.primitives import TAU, advance_pose
+from strategies.path_planning.primitives import TAU, advance_pose, wrap_angle
 from strategies.site.ground import AMPLE_M, get_distance, has_room_on_path, measure_length_inside, measure_path_room
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
@@ -86,23 +85,27 @@ def measure_remaining_m(a, b, half, radius, speed, kept, grid, frame):  # type: 
 
 
 @compile_function
-def _expect_m(x, y, heading, b, radius, max_reverse, remaining, frame) -> float:  # type: ignore[no-untyped-def]
+def _expect_m(x, y, heading, b, radius, max_reverse, far, remaining, frame) -> float:  # type: ignore[no-untyped-def]
     """The metres that a move is expected to take from a pose to pose b, infinite where no way remains.
 
     Close to an edge its own cell may have no room: the least about it counts. A way farther than it may back up is
     driven forwards: turning into it by an angle t drives an arc of `radius` t and comes no more than `radius` sin t on.
+    Backing up instead is as dear as `far` metres for each metre too far.
     """
     cell = COARSE * frame[2]
     j, i = int((y - frame[1]) / cell), int((x - frame[0]) / cell)
-    left, towards = np.inf, 0.0
+    left, row, column = np.inf, j, i
     for q in range(max(0, j - 1), min(remaining.shape[0], j + 2)):
         for p in range(max(0, i - 1), min(remaining.shape[1], i + 2)):
             if remaining[q, p] < left:
-                left = remaining[q, p]
-                towards = math.atan2(frame[1] + (q + 0.5) * cell - y, frame[0] + (p + 0.5) * cell - x)
-    turn = abs((heading - towards + math.pi) % TAU - math.pi) if left > max_reverse else 0.0
-    off = abs((heading - b[2] + math.pi) % TAU - math.pi)
-    return max(left + radius * (turn - math.sin(turn)), 0.5 * (left + radius * off))  # type: ignore[no-any-return]
+                left, row, column = remaining[q, p], q, p
+    turning = 0.0
+    if max_reverse < left < np.inf:
+        towards = math.atan2(frame[1] + (row + 0.5) * cell - y, frame[0] + (column + 0.5) * cell - x)
+        turn = abs(wrap_angle(heading - towards))
+        turning = min(radius * (turn - math.sin(turn)), far * (left - max_reverse))
+    off = abs(wrap_angle(heading - b[2]))
+    return max(left + turning, 0.5 * (left + radius * off))  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -197,7 +200,7 @@ def search_move(a, b, remaining, radii, costs, settling, kinds, max_reverse, far
                 if room < margin:
                     continue
                 u, v, after = advance_pose(x, y, heading, step_m, bend, gear)
-                expected_m = _expect_m(u, v, after, b, radius, max_reverse, remaining, frame)
+                expected_m = _expect_m(u, v, after, b, radius, max_reverse, far * costs[0], remaining, frame)
                 if expected_m == np.inf:
                     continue
                 tightness = TIGHT_FACTOR if room < margin + AMPLE_M else 1.0
