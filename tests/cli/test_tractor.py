@@ -25,7 +25,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.mark.slow
 def test_a_datasheet_makes_a_file_that_holds_together(headland: Run, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--mass", 8000)
-    note = "Note: Without --power-kw plans cannot check whether this tractor can pull its implement.\n"
+    note = "Wrote my.toml.\nNote: Without --power-kw plans cannot check whether this tractor can pull its implement.\n"
     assert (made.status, made.err) == (0, note) and "Turning radius 5.50 m on asphalt" in made.out
     whose = "Radii are of the circle of the antenna, 1.11 m ahead of the rear axle: R_antenna^2 = R_rear^2 + 1.11^2"
     assert whose in " ".join(made.out.split())
@@ -33,7 +33,7 @@ def test_a_datasheet_makes_a_file_that_holds_together(headland: Run, folder: Pat
     assert (tractor.name, tractor.mass_kg, tractor.width_m) == ("Fendt 724", 8000.0, 2.55)
     assert tractor.source["mass_kg"] == "given" and tractor.source["length_m"].startswith("assumed: ")
     told = headland("tractor", "check", "my.toml", "--json", "--png", "my.png", "--html", "my.html")
-    assert (told.status, told.err) == (0, "")
+    assert (told.status, told.err) == (0, "Wrote my.html, my.png.\n")
     answer = json.loads(told.out)
     assert answer["tractor"] == "Fendt 724" and answer["holds_together"] is True
     full = next(drive for drive in answer["drives"] if drive["drive"].startswith("circle right, full lock"))
