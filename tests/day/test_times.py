@@ -102,7 +102,7 @@ def test_faults_of_done_work_are_faults_of_the_day_file(tmp_path: Path) -> None:
         assert one is not None
         return one
 
-    with pytest.raises(RequestError, match=r"missing\.gpkg'; done takes a file"):
+    with pytest.raises(RequestError, match=r"missing\.gpkg'; done in the day file takes a file"):
         order("missing.gpkg")
     x_m, y_m = shapely.get_coordinates(shapely.box(*read_field("iwamizawa").boundary.buffer(1.0).bounds)).T
     for shift_m, name in ((0.0, "all.geojson"), (5000.0, "away.geojson")):
