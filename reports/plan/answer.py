@@ -46,7 +46,6 @@ from reports.plan.plan_wording import (
     format_unworked,
     format_wide_interval,
     get_spoilt_m2,
-    locate_largest_piece,
 )
 from reports.plan.shortfall_wording import explain_no_plan, list_shortfall_sentences, question_pull
 
@@ -129,7 +128,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
         question,
         " ".join(map(translate_sentence, ranking.day_sentences)),
         _describe_work(ranking, best),
-        describe_largest_piece(best),
+        describe_largest_piece(best)[0],
         _describe_certainty(ranking, best),
         describe_rule(ranking, best),
         describe_alternatives(ranking, best),
@@ -254,9 +253,10 @@ def _list_details(ranking: PlanRanking, best: PlanResult) -> list[str]:
         sentences.append(text)
     drive = format_duration(best.stated_s)
     sentences.append(translate("It turns {turn} and is driven in {time}.", turn=best.turn, time=drive))
+    _, place = describe_largest_piece(best)
     return [
         *sentences,
-        *locate_largest_piece(best),
+        *([place] if place else []),
         *describe_finishing(ranking, best),
         *describe_deadline(ranking, best),
         *map(describe_part, ranking.parts),

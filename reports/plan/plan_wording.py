@@ -185,26 +185,22 @@ def describe_share(plan: PlanResult) -> str:
     return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
 
 
-def describe_largest_piece(plan: PlanResult) -> str:
-    """Area and reason of the largest piece that a plan leaves of what was to be worked, its place where no reason is
-    known; "" without any."""
+def describe_largest_piece(plan: PlanResult) -> tuple[str, str]:
+    """The largest piece that a plan leaves of what was to be worked: area and reason, and its place; "" without any.
+
+    The place stands in the first sentence where no reason is known.
+    """
     piece = plan.largest_missed
     if piece is None or plan.due_missed_m2 < LEAST_UNWORKED_M2:
-        return ""
-    area = format_area(piece.m2)
-    if piece.reason:
-        return translate(
-            "The largest piece left is {area} ({reason}).", area=area, reason=translate_sentence(piece.reason)
-        )
-    return translate("The largest piece left, {area}, is at {place}.", area=area, place=format_ground_place(piece))
-
-
-def locate_largest_piece(plan: PlanResult) -> list[str]:
-    """The place of a largest piece that is described by its reason."""
-    piece = plan.largest_missed
-    if piece is None or not piece.reason or plan.due_missed_m2 < LEAST_UNWORKED_M2:
-        return []
-    return [translate("The largest piece left is at {place}.", place=format_ground_place(piece))]
+        return "", ""
+    area, place = format_area(piece.m2), format_ground_place(piece)
+    if not piece.reason:
+        return translate("The largest piece left, {area}, is at {place}.", area=area, place=place), ""
+    reason = translate_sentence(piece.reason)
+    return (
+        translate("The largest piece left is {area} ({reason}).", area=area, reason=reason),
+        translate("The largest piece left is at {place}.", place=place),
+    )
 
 
 def describe_finishing(ranking: PlanRanking, plan: PlanResult) -> list[str]:

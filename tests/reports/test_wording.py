@@ -28,7 +28,6 @@ from reports.plan.plan_wording import (
     format_in_time_probability,
     format_unworked,
     list_plan_remarks,
-    locate_largest_piece,
 )
 from reports.plan.shortfall_wording import group_refusals
 
@@ -141,10 +140,13 @@ class TestWhatIsLeft:
     def test_the_largest_piece_left_is_told_with_its_reason(self, leaving: PlanRanking) -> None:
         piece = UnworkedPiece(306.0, 12.4, -3.6, reason="between headland passes and tracks")
         best = replace(leaving.best, largest_missed=piece)
-        told = "The largest piece left is 306 m2 (between headland passes and tracks)."
-        assert describe_largest_piece(best) == told
-        assert locate_largest_piece(best) == ["The largest piece left is at x 12 m, y -4 m."]
-        assert describe_largest_piece(replace(best, spared_m2=best.missed_m2)) == "", "nothing of it was to be worked"
+        assert describe_largest_piece(best) == (
+            "The largest piece left is 306 m2 (between headland passes and tracks).",
+            "The largest piece left is at x 12 m, y -4 m.",
+        )
+        assert describe_largest_piece(replace(best, spared_m2=best.missed_m2)) == ("", ""), (
+            "nothing of it was to be worked"
+        )
 
     def test_time_to_finish_is_told_of_the_ground_that_it_is_for(self, leaving: PlanRanking) -> None:
         """Not of what was left out on request, which no time is charged for."""

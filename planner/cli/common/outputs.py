@@ -1,7 +1,7 @@
 """Files that a command reads and writes: checked before any work, written whole or not at all, and named when written.
 
-One rule for every output of every command: what is there already is replaced if it is empty or a page, picture or plan
-that Headland wrote, which the same command writes again; anything else only with --force, as somebody may need it.
+One rule for the outputs of all commands: what is there already is replaced if it is empty or a page, picture or plan
+that Headland wrote; anything else, tables and settings too, only with --force, as somebody may need it.
 """
 
 from __future__ import annotations
@@ -228,8 +228,7 @@ def write_into_folder(
         refuse_overwrite(path, force)
     with make_folders(folder):
         check_output_paths(*((path, "") for path, _ in results), input_files=input_files, force=force)
-        with write_before_printing(*results):
-            pass
+        print_written([path for path, _ in results], write_results(results))
 
 
 def write_results(results: Sequence[tuple[Path, OutputContent]]) -> list[Path]:
