@@ -116,6 +116,10 @@ class MoveEstimates:
         """Seconds of a move that a search finds, if it finds one."""
         return DETOUR_FACTOR * float(self.plain_s[u, v]) + SEARCHED_S
 
+    def guess_folded_s(self, u: int, v: int) -> float:
+        """Seconds of a move with the implement folded."""
+        return DETOUR_FACTOR * float(self.plain_s[u, v]) + 2.0 * self.site.get_fold_s(True)
+
     def guess_detour_s(self, u: int, v: int) -> float:
         """Seconds of a move that only a search may find, and may not."""
         return DETOUR_FACTOR * float(self.plain_s[u, v]) + DETOUR_S

@@ -174,7 +174,8 @@ class MoveTable:
         """Find moves between two nodes; whether any is.
 
         In closed form, else with lines cut back as little as any move needs, and by a search where that, or driving on
-        a crop or a seedbed, is dearer than what searches usually find; else by a search and with the implement folded.
+        a crop or a seedbed, is dearer than what searches usually find; else by a search, and with the implement folded
+        where what it finds is dearer than that usually is.
         """
         if (u, v) not in self._options:
             options = list(self.moves.list_options(u, v))
@@ -182,7 +183,10 @@ class MoveTable:
         if not self._options[u, v]:
             self._options[u, v] = self._cut_back(u, v)
         if not self._options[u, v]:
-            self._options[u, v] = sorted([*self._search(u, v), *self._fold(u, v)], key=attrgetter("cost_s"))
+            found = self._search(u, v)
+            if not found or found[0].cost_s > self.moves.estimates.guess_folded_s(u, v):
+                found = sorted([*found, *self._fold(u, v)], key=attrgetter("cost_s"))
+            self._options[u, v] = found
         self._update_cost(u, v)
         return bool(self._options[u, v])
 
