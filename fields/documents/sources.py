@@ -13,7 +13,6 @@ from fields.errors import FieldError, join_first
 from fields.formats import geojson, isoxml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.formats.format_records import list_records
-from fields.nested_text import SettingsKind, find_settings_kind, parse_toml
 from fields.raw_document import (
     SHAPE_NAME,
     UNKNOWN_CRS,
@@ -24,7 +23,7 @@ from fields.raw_document import (
     write_shape_text,
 )
 from fields.sample_fields import list_sample_names, read_sample_text
-from fields.text_files import quote_path, read_text
+from fields.text_files import quote_path
 
 FIELD_FORMATS = list_records(FieldFormat, first=("geojson", "shapefile", "kml", "geopackage", "gpx", "isoxml"))
 """In the order in which a folder or archive is tried; a file with an unknown extension is taken for the first."""
@@ -36,7 +35,6 @@ SINGLE_FILE_FORMATS = {
     if field_format.parse is not None and extension != ".json"
 }
 """By extension; a .json file in a folder is usually something else."""
-SETTINGS_SUFFIX = ".toml"
 FOREIGN_EXTENSIONS = {
     ".gml": "GML",
     ".parquet": "Parquet",
@@ -46,7 +44,7 @@ FOREIGN_EXTENSIONS = {
     ".gdb": "a geodatabase",
     ".tif": "a picture",
     ".pdf": "a PDF",
-    SETTINGS_SUFFIX: "TOML",
+    ".toml": "TOML, as files of tractors, farms and days are",
 }
 """Extensions of files that may contain fields, for the refusal of those that no format reads."""
 
@@ -171,26 +169,11 @@ def _explain_foreign_file(place: str) -> str:
             f"{quote_path(place)} is {kind} without a field file such as TASKDATA.XML, Field.txt or a .shp; supported "
             f"are {names}, so name {kind} that contains one of these, or the file itself."
         )
-    settings = _find_settings_kind(place)
-    if settings is not None:
-        return (
-            f"{quote_path(place)} is a {settings.label}, which headland {settings.command} FILE reads; name a field "
-            f"file ({names}) or a sample."
-        )
     foreign = FOREIGN_EXTENSIONS.get(Path(place).suffix.lower(), "in an unknown format")
     return (
         f"{quote_path(place)} is {foreign}, but fields are read from {names}; name one of these, or convert it, "
         f"for instance with ogr2ogr -t_srs EPSG:4326 {Path(place).stem}.geojson {Path(place).name} or in QGIS."
     )
-
-
-def _find_settings_kind(place: str) -> SettingsKind | None:
-    """The kind of settings in a file (TOML), None for any other file."""
-    if Path(place).suffix.lower() != SETTINGS_SUFFIX:
-        return None
-    with suppress(ValueError):
-        return find_settings_kind(parse_toml(read_text(place, "a field file", FieldError)))
-    return None
 
 
 def _explain_missing_file(place: str) -> str:

@@ -21,7 +21,6 @@ from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
 from planner.request.option_texts import MAX_TRACTORS, format_clock, parse_clock, parse_hours, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from planner.risk.rain import parse_rain
-from reports.common.language import mark_text
 from strategies.names import STRATEGY_NAMES, list_strategy_names
 from vehicle.model.validation_messages import parse_settings
 
@@ -144,7 +143,7 @@ class DayRoad(FileSection):
     km: float = Field(ge=0.0, le=MAX_ROAD_KM, strict=True, allow_inf_nan=False, description="km of road")
 
 
-class DayFile(FileSection):
+class DayFile(FileSection, title="day file"):
     """A day: fields, fleets, roads, hours and rain."""
 
     fields: tuple[DayField, ...] = Field(description="one [[fields]] each")
@@ -208,7 +207,7 @@ def parse_day(
     certainty_pct: float | None = None,
 ) -> tuple[DayFile, FarmFile]:
     """The day of a text and its farm; `label` is its name in messages."""
-    day = parse_settings(text, DayFile, mark_text(f"day file {label}"), RequestError)
+    day = parse_settings(text, DayFile, label, RequestError)
     overrides = {"farm": farm, "rain": rain, "certainty_pct": certainty_pct}
     given_overrides = {key: value for key, value in overrides.items() if value is not None}
     day = _resolve_paths(day, folder).model_copy(update=given_overrides)
