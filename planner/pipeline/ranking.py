@@ -212,7 +212,7 @@ def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Sho
     best = ranking.best
     if best is None:
         return ()
-    found = [Shortfall("pull")] if ranking.pull is not None and ranking.pull.is_infeasible else []
+    found = [] if ranking.eligible else [Shortfall("pull")]
     found += [] if best.works_enough else [Shortfall("worked", _describe_worked_share(best, context))]
     late = () if ranking.missed_by_s is None else (Shortfall("late", _suggest_start(ranking.missed_by_s, context)),)
     return (*found, *ranking.shortfalls, *late)
@@ -224,7 +224,9 @@ def _suggest_start(missed_by_s: float, context: PlanningContext) -> str:
     if start_s is None or context.workday is not None or context.going_on is not None:
         return ""  # else the drive is the same at another time of day
     earlier_s = start_s - round_up_to_minute(missed_by_s)
-    return "" if earlier_s < 0.0 else f"In time with --start {format_clock(earlier_s)}."
+    if earlier_s < 0.0 or earlier_s <= (context.request.deadline_s or 0.0) < start_s:
+        return ""  # the start would be yesterday's, or the deadline no more the next day's
+    return f"In time with --start {format_clock(earlier_s)}."
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
