@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import codecs
-import difflib
 import os
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from fields.errors import FieldError, join_first
+from fields.errors import FieldError, join_first, suggest_name
 from fields.formats import geojson, isoxml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.formats.format_records import list_records
@@ -177,14 +176,11 @@ def _explain_foreign_file(place: str) -> str:
 
 
 def _explain_missing_file(place: str) -> str:
-    """The refusal of a name that is neither a sample nor a file; a single word may be a misspelt sample."""
+    """The refusal of a name that is neither a sample nor a file; it may be a misspelt sample."""
     if os.path.lexists(place):
         return f"{quote_path(place)} is a symbolic link to a missing file; repair the link or name a file."
-    if os.path.basename(place) != place or Path(place).suffix or len(place) > 30:
-        return f"There is no field file {quote_path(place)}; check its name and its folder."
-    names = list_sample_names()
-    closest = difflib.get_close_matches(place.lower(), names, n=1, cutoff=0.0)[0]
-    return f"There is no field file {quote_path(place)}; the nearest of the samples {', '.join(names)} is '{closest}'."
+    hint = suggest_name(place, list_sample_names())
+    return f"There is no field file {quote_path(place)}{hint}; check its name and its folder."
 
 
 def find_field_format(path: str) -> FieldFormat | None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, StrictInt, field_validator, model_validator
+from pydantic import AfterValidator, Field, StrictInt, model_validator
 
 from fields.geometry.chosen_places import parse_obstacle_place
 from fields.sample_fields import list_sample_names
@@ -170,13 +170,6 @@ class DayFile(FileSection, title="day file"):
     )
     strategies: tuple[str, ...] = define_value(STRATEGY_NAMES, "names in quotes", "all of them")
     yard: Yard | None = define_value(None, "lon and lat", "that of the farm")
-
-    @field_validator("fields", "fleets", "roads", mode="before")
-    @classmethod
-    def _require_list(cls, value: Any) -> Any:
-        if isinstance(value, Mapping) or (isinstance(value, list) and not all(isinstance(x, Mapping) for x in value)):
-            raise ValueError("write the heading of each with double brackets, as [[fields]]")
-        return value
 
 
 def name_day_key(parameter: str) -> str:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import field_validator, model_validator
+from pydantic import model_validator
 
 from fields.text_files import quote_path, read_text
 from planner.errors import RequestError, shorten_value, suggest_name
@@ -54,13 +54,6 @@ class FarmFile(FileSection, title="farm file"):
                 "[[learned]]"
             )
         return values
-
-    @field_validator("tractors", "implements", "learned", mode="before")
-    @classmethod
-    def _require_list(cls, value: Any) -> Any:
-        if isinstance(value, Mapping):
-            raise ValueError("write the heading of each machine with double brackets, as [[tractors]]")
-        return value
 
     @model_validator(mode="after")
     def _check_machines(self) -> FarmFile:

@@ -125,9 +125,9 @@ def test_all_faults_are_told_at_once() -> None:
     ("text", "words"),
     [
         ("nonsense = [", "is not TOML"),
-        ('[tractors]\nname = "one"', "double brackets"),
+        ('[tractors]\nname = "one"', "write its keys under the heading [[tractors]]"),
         ("tractors = []", "tractors is empty"),
-        ("tractors = 3", "give a list in brackets"),
+        ("tractors = [3]", "tractors no. 1 = 3: write its keys under the heading [[tractors]]"),
         ("[[tractors]]\ncount = 2", "lacks tractors no. 1.name (in quotes)"),
         ('[[tractors]]\nname = "a"\n[[tractors]]\nname = "a"', "tractors has 'a' twice"),
         ('[[tractors]]\nname = "a"\ncount = 0', "tractors.a.count = 0"),

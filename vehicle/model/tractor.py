@@ -375,7 +375,7 @@ def load_tractor(name_or_path: str | Path) -> Tractor:
             "tractor new writes a file of another."
         )
     else:
-        text = read_text(name_or_path, "a TOML file", VehicleError)
+        text = read_text(name_or_path, "a tractor file (TOML)", VehicleError)
     return parse_tractor(text, str(name_or_path))
 
 

@@ -16,7 +16,7 @@ from fields.nested_text import parse_toml
 Model = type[BaseModel]
 Settings = TypeVar("Settings", bound=BaseModel)
 Place = tuple[str | int, ...]
-_LIST_ENTRY = re.compile(r"\b(\w+)\.(\d+)(?=[.:])")
+_LIST_ENTRY = re.compile(r"\b(\w+)\.(\d+)(?=[.:]| =)")
 
 
 def parse_settings(
@@ -94,14 +94,18 @@ def _describe_fault(fault: Any, model: Model) -> str:
     if kind == "missing":
         return f"{_join_keys(place[:-1])} = {shorten_value(value)}: give two numbers"
     info = _find_field(place, model)
-    if kind == "tuple_type" and info is not None and Ellipsis in get_args(info.annotation):
-        return f"{_join_keys(place)} = {shorten_value(value)}: give a list in brackets"
-    if kind in ("too_long", "too_short", "tuple_type"):
-        return f"{_join_keys(place)} = {shorten_value(value)}: give two numbers"
-    if kind in ("model_type", "model_attributes_type", "dict_type"):
-        keys = _join_keys(place)
-        return f"{keys} = {shorten_value(value)}: make it a section, [{keys}], with its own keys"
-    return f"{_join_keys(place)} = {shorten_value(value)}: {_describe_rule(fault, info)}"
+    is_list = kind == "tuple_type" and info is not None and Ellipsis in get_args(info.annotation)
+    if kind in ("model_type", "model_attributes_type", "dict_type") or (is_list and _unwrap_model(info.annotation)):
+        is_entry = isinstance(place[-1], int)
+        keys = _join_keys(place[:-1] if is_entry else place)
+        rule = f"write its keys under the heading {f'[[{keys}]]' if is_entry or is_list else f'[{keys}]'}"
+    elif is_list:
+        rule = "give a list in brackets"
+    elif kind in ("too_long", "too_short", "tuple_type"):
+        rule = "give two numbers"
+    else:
+        rule = _describe_rule(fault, info)
+    return f"{_join_keys(place)} = {shorten_value(value)}: {rule}"
 
 
 def _describe_rule(fault: Any, info: FieldInfo | None) -> str:
