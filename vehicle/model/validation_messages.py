@@ -94,8 +94,9 @@ def _describe_fault(fault: Any, model: Model) -> str:
     if kind == "missing":
         return f"{_join_keys(place[:-1])} = {shorten_value(value)}: give two numbers"
     info = _find_field(place, model)
-    is_list = kind == "tuple_type" and info is not None and Ellipsis in get_args(info.annotation)
-    if kind in ("model_type", "model_attributes_type", "dict_type") or (is_list and _unwrap_model(info.annotation)):
+    annotation = None if info is None else info.annotation
+    is_list = kind == "tuple_type" and Ellipsis in get_args(annotation)
+    if kind in ("model_type", "model_attributes_type", "dict_type") or (is_list and _unwrap_model(annotation)):
         is_entry = isinstance(place[-1], int)
         keys = _join_keys(place[:-1] if is_entry else place)
         rule = f"write its keys under the heading {f'[[{keys}]]' if is_entry or is_list else f'[{keys}]'}"
