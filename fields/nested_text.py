@@ -1,4 +1,4 @@
-"""TOML and JSON from outside, refused in plain words; and what kind of settings a TOML file holds.
+"""TOML and JSON from outside, refused in plain words.
 
 Nesting is counted before parsing, because parsing deeply nested text may take minutes. The time of the TOML parser
 grows with the square of the number of parts of one key.
@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,54 +30,16 @@ _NON_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 _BRACKET_STEPS = np.zeros(256, dtype=np.int8)
 _BRACKET_STEPS[list(b"[{")], _BRACKET_STEPS[list(b"]}")] = 1, -1
 _PARSER_PLACE = re.compile(r"line (\d+), column (\d+)")
-_PLAIN_WORDS = (
-    ("Expected '='", "a key is not followed by = and its value"),
-    ("Expected newline", "a value goes on after its end: write texts in quotes, and decimals with a point"),
-    ("Invalid value", "there is a value that is no number, true, false, list or text in quotes"),
-    ("Invalid statement", "there is no key and no [heading]"),
-    ("Expected ']", "the bracket of a [heading] is not closed"),
-    ("Unclosed", "a bracket is not closed"),
-    ("Cannot", "there is a key or [heading] a second time"),
-    ("Expecting ','", "a comma or a closing bracket is missing"),
-    ("Expecting ':'", "a name is not followed by a colon"),
-    ("Expecting property", "there is no name in double quotes"),
-    ("Expecting value", "a value is missing or is no number, true, false, null or text in double quotes"),
-    ("Extra data", "there is more after the end"),
-    ("Illegal trailing", "there is a comma before a closing bracket"),
-    ("Unterminated string", "a text has no closing quote"),
-    ('Expected "', "a text has no closing quote"),
-    ("Invalid control", "a text has a line break or a tab in it"),
-    ("Illegal character", "a text has a line break in it"),
-    ("Unescaped", "a text has a backslash: write / instead"),
-    ("Invalid \\", "a text has a backslash: write / instead"),
-    ("", "something is not written as it should be"),
+_FAULTS = (
+    (("Expected '=", "Expecting ':"), "a key is not followed by = or : and its value"),
+    (("Expected newline",), "a value goes on after its end: write texts in quotes, and decimals with a point"),
+    (("Invalid value", "Expecting value"), "a value is missing or is no number, true, false, list or text in quotes"),
+    (("Cannot",), "there is a key or [heading] a second time"),
+    (("Unescaped", "Invalid \\"), "a text has a backslash: write / instead"),
+    (("Unclosed", "Unterminated", "Expecting ',", "Expected"), "a comma, a quote or a closing bracket is missing"),
+    (("",), "something is not written as it should be"),
 )
-"""How complaints of the parsers of TOML and JSON begin, and what they mean to people; the last is for all others."""
-
-
-@dataclass(frozen=True)
-class SettingsKind:
-    """A kind of TOML files that Headland reads: its name, keys that no other kind has, and what `headland` reads it."""
-
-    label: str
-    keys: frozenset[str]
-    command: str
-
-
-_FARM_KEYS = ("tractors", "implements", "prices", "times", "uncertainty")
-_TRACTOR_KEYS = ("mass_kg", "steering", "guidance", "radius")
-SETTINGS_KINDS = (
-    SettingsKind("day file", frozenset(("fields", "fleets", "roads")), "day"),
-    SettingsKind("farm file", frozenset(_FARM_KEYS), "plan --farm"),
-    SettingsKind("tractor file", frozenset(_TRACTOR_KEYS), "plan --tractor"),
-)
-
-
-def find_settings_kind(keys: Iterable[str]) -> SettingsKind | None:
-    """The kind of settings that most of these keys of a file belong to; None for keys of no kind."""
-    own = set(keys)
-    kind = max(SETTINGS_KINDS, key=lambda one: len(one.keys & own))
-    return kind if kind.keys & own else None
+"""How complaints of the parsers begin, as these give no code, and what they mean to people; the last is for others."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -117,7 +77,7 @@ def _explain_parse_error(error: BaseException, text: str, line: int = 0, column:
         return "it is nested too deeply"
     if "string conversion" in str(error):
         return "it contains an integer with thousands of digits"
-    fault = next(words for begin, words in _PLAIN_WORDS if str(error).startswith(begin))
+    fault = next(words for beginnings, words in _FAULTS if str(error).startswith(beginnings))
     if not line:
         return f"{fault}, at its end"
     shown = text.split("\n")[line - 1]

@@ -19,7 +19,7 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "diagnosis")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 470, 500, 80, 8, 3430
+MAX_MODULES, MAX_LINES, MAX_BODY_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 470, 500, 60, 8, 3430
 # Modules, and imports of own modules (types of arrays too): what there is and ten more with theirs, so that a strategy
 # or a format may be added.
 MAX_PAGE_WORDS = 1250  # two pages of A4 with their tables
@@ -78,14 +78,15 @@ def modules() -> dict[str, Path]:
 
 @pytest.fixture(scope="module")
 def read_modules(modules: dict[str, Path]) -> dict[str, tuple[set[str], dict[str, int]]]:
-    """Of every module what it imports and the lines of its functions, from one reading."""
+    """Of every module what it imports and the lines of the bodies of its functions, from one reading."""
     found = {}
     for name, path in modules.items():
         nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
         lines: dict[str, int] = {}
         for node in nodes:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.end_lineno is not None:
-                lines[node.name] = max(lines.get(node.name, 0), node.end_lineno - node.lineno + 1)
+                first = node.body[min(1, len(node.body) - 1) if ast.get_docstring(node) else 0]
+                lines[node.name] = max(lines.get(node.name, 0), node.end_lineno - first.lineno + 1)
         found[name] = set(iter_imports(nodes, path, modules)), lines
     return found
 
@@ -264,7 +265,7 @@ def test_functions_are_short(read_modules: dict[str, tuple[set[str], dict[str, i
         f"{name}.{function}": count
         for name, (_, lines) in read_modules.items()
         for function, count in lines.items()
-        if count > MAX_FUNCTION_LINES
+        if count > MAX_BODY_LINES
     }
     assert long == {} and sum(len(lines) for _, lines in read_modules.values()) > 1000
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import codecs
-import difflib
 import os
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from fields.errors import FieldError, join_first
+from fields.errors import FieldError, join_first, suggest_name
 from fields.formats import geojson, isoxml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
 from fields.formats.format_records import list_records
-from fields.nested_text import SettingsKind, find_settings_kind, parse_toml
 from fields.raw_document import (
     SHAPE_NAME,
     UNKNOWN_CRS,
@@ -24,7 +22,7 @@ from fields.raw_document import (
     write_shape_text,
 )
 from fields.sample_fields import list_sample_names, read_sample_text
-from fields.text_files import quote_path, read_text
+from fields.text_files import quote_path
 
 FIELD_FORMATS = list_records(FieldFormat, first=("geojson", "shapefile", "kml", "geopackage", "gpx", "isoxml"))
 """In the order in which a folder or archive is tried; a file with an unknown extension is taken for the first."""
@@ -36,7 +34,6 @@ SINGLE_FILE_FORMATS = {
     if field_format.parse is not None and extension != ".json"
 }
 """By extension; a .json file in a folder is usually something else."""
-SETTINGS_SUFFIX = ".toml"
 FOREIGN_EXTENSIONS = {
     ".gml": "GML",
     ".parquet": "Parquet",
@@ -46,7 +43,7 @@ FOREIGN_EXTENSIONS = {
     ".gdb": "a geodatabase",
     ".tif": "a picture",
     ".pdf": "a PDF",
-    SETTINGS_SUFFIX: "TOML",
+    ".toml": "TOML, as files of tractors, farms and days are",
 }
 """Extensions of files that may contain fields, for the refusal of those that no format reads."""
 
@@ -171,12 +168,6 @@ def _explain_foreign_file(place: str) -> str:
             f"{quote_path(place)} is {kind} without a field file such as TASKDATA.XML, Field.txt or a .shp; supported "
             f"are {names}, so name {kind} that contains one of these, or the file itself."
         )
-    settings = _find_settings_kind(place)
-    if settings is not None:
-        return (
-            f"{quote_path(place)} is a {settings.label}, which headland {settings.command} FILE reads; name a field "
-            f"file ({names}) or a sample."
-        )
     foreign = FOREIGN_EXTENSIONS.get(Path(place).suffix.lower(), "in an unknown format")
     return (
         f"{quote_path(place)} is {foreign}, but fields are read from {names}; name one of these, or convert it, "
@@ -184,24 +175,12 @@ def _explain_foreign_file(place: str) -> str:
     )
 
 
-def _find_settings_kind(place: str) -> SettingsKind | None:
-    """The kind of settings in a file (TOML), None for any other file."""
-    if Path(place).suffix.lower() != SETTINGS_SUFFIX:
-        return None
-    with suppress(ValueError):
-        return find_settings_kind(parse_toml(read_text(place, "a field file", FieldError)))
-    return None
-
-
 def _explain_missing_file(place: str) -> str:
-    """The refusal of a name that is neither a sample nor a file; a single word may be a misspelt sample."""
+    """The refusal of a name that is neither a sample nor a file; it may be a misspelt sample."""
     if os.path.lexists(place):
         return f"{quote_path(place)} is a symbolic link to a missing file; repair the link or name a file."
-    if os.path.basename(place) != place or Path(place).suffix or len(place) > 30:
-        return f"There is no field file {quote_path(place)}; check its name and its folder."
-    names = list_sample_names()
-    closest = difflib.get_close_matches(place.lower(), names, n=1, cutoff=0.0)[0]
-    return f"There is no field file {quote_path(place)}; the nearest of the samples {', '.join(names)} is '{closest}'."
+    hint = suggest_name(place, list_sample_names())
+    return f"There is no field file {quote_path(place)}{hint}; check its name and its folder."
 
 
 def find_field_format(path: str) -> FieldFormat | None:

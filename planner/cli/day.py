@@ -26,6 +26,7 @@ from planner.cli.common.outputs import (
 )
 from planner.cli.common.terminal import AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
+from planner.request.job_options import DAY_HELP
 from reports.common.language import mark_text
 
 if TYPE_CHECKING:
@@ -35,9 +36,9 @@ if TYPE_CHECKING:
 
 PLAN = "plan"
 DAY_OPTIONS: dict[str, dict[str, Any]] = {
-    "farm": {"help": "A farm file instead of the one that the day file names."},
-    "rain": {"help": "When it begins to rain, instead of the day file's rain."},
-    "samples": {"default": 10_000, "help": "Samples of what varies from day to day."},
+    "farm": {"help": DAY_HELP["farm"]},
+    "rain": {"help": DAY_HELP["rain"]},
+    "samples": {"default": 10_000, "help": DAY_HELP["samples"]},
     "seed": {},
 }
 """Options of a plan that a day takes, and what differs."""
@@ -67,10 +68,7 @@ day = create_group(
 @inject_request_options(only=DAY_OPTIONS, panels=False, changes=DAY_OPTIONS)
 def plan_day_file(
     file: Annotated[str, typer.Argument(help="A day file (headland day new).")],
-    certainty: Annotated[
-        Optional[float],
-        typer.Option(help="Plan with times that this percentage of the samples keeps (50 to 99) instead of means."),
-    ] = None,
+    certainty: Annotated[Optional[float], typer.Option(help=DAY_HELP["certainty"])] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write one page with pictures and tables.")] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the chart of machines and fields over time.")] = None,
     map_png: Annotated[Optional[Path], typer.Option("--map", help="Write the map of fields and roads, PNG.")] = None,

@@ -23,6 +23,7 @@ from planner.cli.common.terminal import (
     print_sentence,
 )
 from planner.errors import RequestError
+from planner.request.job_options import DIAGNOSIS_HELP
 from planner.request.option_checks import check_demo_options
 
 if TYPE_CHECKING:
@@ -34,14 +35,14 @@ if TYPE_CHECKING:
 
 FixOption = Annotated[
     Optional[list[str]],
-    typer.Option("--fix", help="A convention to convert from, such as steering-left-positive; may be repeated."),
+    typer.Option("--fix", help=DIAGNOSIS_HELP["fix"]),
 ]
 MappingOption = Annotated[
     Optional[str], typer.Option(help='A file (TOML) of the columns of the logs, such as speed_kmh = "v".')
 ]
 ColumnOption = Annotated[
     Optional[list[str]],
-    typer.Option("--column", help="The column of the logs for one of ours: time_s=Zeit, speed_kmh=v; may be repeated."),
+    typer.Option("--column", help=DIAGNOSIS_HELP["column"]),
 ]
 ElevationOption = Annotated[
     Optional[str], typer.Option(help="Heights of the ground, a raster or points, in place of roll and pitch.")
@@ -58,7 +59,7 @@ SaveSoilOption = Annotated[
     typer.Option(help="Add what was found of the soil to a table for plan --soil: NAME (in soils.csv), FILE#NAME."),
 ]
 MoistureOption = Annotated[Optional[float], typer.Option(help="Moisture of that soil in the logs, % of dry weight.")]
-GroundOption = Annotated[str, typer.Option(help="Ground the logs were made on: soil or asphalt.")]
+GroundOption = Annotated[str, typer.Option(help=DIAGNOSIS_HELP["ground"])]
 
 
 def diagnose(
@@ -70,24 +71,15 @@ def diagnose(
     fix: FixOption = None,
     mapping: MappingOption = None,
     column: ColumnOption = None,
-    as_driven: Annotated[
-        bool, typer.Option("--as-driven", help="Take the vehicle size from the logs where the tractor file differs.")
-    ] = False,
-    demo: Annotated[bool, typer.Option("--demo", help="Hide an effect in simulated logs and find it.")] = False,
-    seed: Annotated[Optional[int], typer.Option(help="Seed of the demonstration, 1 by default.")] = None,
-    hide: Annotated[Optional[str], typer.Option(help="Effect to hide in the demonstration; random by default.")] = None,
+    as_driven: Annotated[bool, typer.Option("--as-driven", help=DIAGNOSIS_HELP["as_driven"])] = False,
+    demo: Annotated[bool, typer.Option("--demo", help=DIAGNOSIS_HELP["demo"])] = False,
+    seed: Annotated[Optional[int], typer.Option(help=DIAGNOSIS_HELP["seed"])] = None,
+    hide: Annotated[Optional[str], typer.Option(help=DIAGNOSIS_HELP["hide"])] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write the report as one page.")] = None,
     save: Annotated[
         Optional[Path], typer.Option(help="Write the tractor file with what was found, unless that harms unseen runs.")
     ] = None,
-    holdout: Annotated[
-        Optional[list[str]],
-        typer.Option(
-            "--holdout",
-            help="Keep runs out of everything, and give the error before and after on them: names or patterns (in "
-            "quotes), #2 for the second run, how many, or auto.",
-        ),
-    ] = None,
+    holdout: Annotated[Optional[list[str]], typer.Option("--holdout", help=DIAGNOSIS_HELP["holdout"])] = None,
     elevation: ElevationOption = None,
     elevation_crs: ElevationCrsOption = None,
     crs: LogCrsOption = None,

@@ -188,7 +188,7 @@ def main() -> None:
             stream.reconfigure(errors="replace")
     try:
         with repeat_interrupts():
-            app()
+            app(prog_name="headland")
     except KeyboardInterrupt as interrupt:
         _exit_interrupted(interrupt)
     except SystemExit as end:
@@ -277,8 +277,8 @@ def refuse_spaced_lists(words: Sequence[str]) -> None:
         numbers = (_NUMBERS.fullmatch(value), _NUMBERS.fullmatch(extra))
         if option.startswith("--") and all(numbers) and not os.path.lexists(extra):
             raise MisuseError(
-                f"'{extra}' stands alone after {option} {value}; leave it out, or write a list with commas and without "
-                f"spaces: {option} {value.rstrip(',')},{extra}."
+                f"'{extra}' stands alone after {option} {value}; leave it out, or, where {option} takes a list, write "
+                f"that without spaces: {value.rstrip(',')},{extra}."
             )
 
 

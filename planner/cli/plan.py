@@ -28,12 +28,7 @@ from planner.cli.common.options import (
     read_given_options,
     render_refusal,
 )
-from planner.cli.common.outputs import (
-    Result,
-    check_output_paths,
-    list_input_files,
-    write_before_printing,
-)
+from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 from planner.cli.common.terminal import LOADING, AnswerForm, print_remarks, print_sentence, warm_up
 from planner.errors import RequestError
 from planner.request.plan_request import PlanRequest
@@ -45,6 +40,7 @@ if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import GivenOptions
     from planner.pipeline.many_fields import Record
     from planner.pipeline.planning import PlanningResult
+    from reports.common.plan_results import PlanRanking
     from reports.plan.comparison import ComparisonRow
 
 
@@ -244,8 +240,15 @@ def plan(
     values = result.ranking.scenario.get("learned", ())
     learned = [mark_text(f"From the farm's own logs: {words}.") for words in values]
     print_remarks([*result.context.layout.field.remarks, *learned, *describe_hidden_strategies()])
-    is_answer_seen = sys.stdout.isatty() and not form.is_for_programs
-    with write_before_printing(*_list_plan_results(result, html, png, save, is_answer_seen)):
+    if form.is_for_programs or not sys.stdout.isatty():  # else the answer on the terminal says so
+        _print_shortfalls(result.ranking)
+    if result.ranking.best is None and (html or png or save):
+        shown = "; the map shows the field and where plans fail" if html or png else ""
+        print_sentence(f"No plan is feasible, so there is no plan to save{shown}.", err=True)
+    files = result.get_view().files
+    with write_before_printing(
+        (html, files[".html"]), (png, files[".png"]), (save if result.run else None, files[".json"])
+    ):
         if form.is_for_programs:
             print_remarks(result.ranking.day_sentences)
         form.print_answer(
@@ -283,22 +286,12 @@ def simulate_plans(order: WorkOrder, executor_choice: ExecutorChoice, pictures: 
         )
 
 
-def _list_plan_results(
-    result: PlanningResult, html: Path | None, png: Path | None, save: Path | None, is_answer_seen: bool
-) -> tuple[Result, ...]:
-    """Files of the best plan, or of the field where no plan works.
-
-    Prints on standard error that none meets the request, unless the answer on the terminal says so.
-    """
+def _print_shortfalls(ranking: PlanRanking) -> None:
+    """Print on standard error what the best plan lacks of what was asked for."""
     from reports.common.language import use_reader
     from reports.plan.shortfall_wording import list_shortfall_sentences
 
     with use_reader():
-        sentences = [] if is_answer_seen else list_shortfall_sentences(result.ranking)
+        sentences = list_shortfall_sentences(ranking)
     for sentence in sentences:
         print_sentence(sentence, err=True)
-    if result.ranking.best is None and (html or png or save):
-        shown = "; the map shows the field and where plans fail" if html or png else ""
-        print_sentence(f"No plan is feasible, so there is no plan to save{shown}.", err=True)
-    files = result.get_view().files
-    return (html, files[".html"]), (png, files[".png"]), (save if result.run else None, files[".json"])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, StrictInt, field_validator, model_validator
+from pydantic import AfterValidator, Field, StrictInt, model_validator
 
 from fields.geometry.chosen_places import parse_obstacle_place
 from fields.sample_fields import list_sample_names
@@ -21,7 +21,6 @@ from planner.request.option_checks import MAX_CERTAINTY_PCT, MIN_CERTAINTY_PCT
 from planner.request.option_texts import MAX_TRACTORS, format_clock, parse_clock, parse_hours, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from planner.risk.rain import parse_rain
-from reports.common.language import mark_text
 from strategies.names import STRATEGY_NAMES, list_strategy_names
 from vehicle.model.validation_messages import parse_settings
 
@@ -144,7 +143,7 @@ class DayRoad(FileSection):
     km: float = Field(ge=0.0, le=MAX_ROAD_KM, strict=True, allow_inf_nan=False, description="km of road")
 
 
-class DayFile(FileSection):
+class DayFile(FileSection, title="day file"):
     """A day: fields, fleets, roads, hours and rain."""
 
     fields: tuple[DayField, ...] = Field(description="one [[fields]] each")
@@ -171,13 +170,6 @@ class DayFile(FileSection):
     )
     strategies: tuple[str, ...] = define_value(STRATEGY_NAMES, "names in quotes", "all of them")
     yard: Yard | None = define_value(None, "lon and lat", "that of the farm")
-
-    @field_validator("fields", "fleets", "roads", mode="before")
-    @classmethod
-    def _require_list(cls, value: Any) -> Any:
-        if isinstance(value, Mapping) or (isinstance(value, list) and not all(isinstance(x, Mapping) for x in value)):
-            raise ValueError("write the heading of each with double brackets, as [[fields]]")
-        return value
 
 
 def name_day_key(parameter: str) -> str:
@@ -208,7 +200,7 @@ def parse_day(
     certainty_pct: float | None = None,
 ) -> tuple[DayFile, FarmFile]:
     """The day of a text and its farm; `label` is its name in messages."""
-    day = parse_settings(text, DayFile, mark_text(f"day file {label}"), RequestError)
+    day = parse_settings(text, DayFile, label, RequestError)
     overrides = {"farm": farm, "rain": rain, "certainty_pct": certainty_pct}
     given_overrides = {key: value for key, value in overrides.items() if value is not None}
     day = _resolve_paths(day, folder).model_copy(update=given_overrides)

@@ -10,8 +10,9 @@ from typing import Any, Protocol
 import shapely
 
 from fields.arrays import Floats, Integers
+from fields.geometry.arithmetic import MITRE_LIMIT
 from fields.layout.headland_passes import HeadlandPass
-from fields.layout.swaths import Layout
+from fields.layout.swaths import Layout, compute_free_space
 from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
 from planner.evaluation.machine_outlines import (
     GATE_HALF_WIDTH_M,
@@ -19,6 +20,7 @@ from planner.evaluation.machine_outlines import (
     build_body,
     folds_at_gate,
     measure_half_m,
+    measure_passage_m,
 )
 from planner.evaluation.pull_check import compute_pull_figures
 from planner.evaluation.time_share import NO_LIMIT, TimeShare
@@ -185,6 +187,14 @@ class PlanningContext:
         """What is sent to another process: everything but caches."""
         sent = {each.name for each in fields(self)} - {"time_share"}
         return {name: value for name, value in self.__dict__.items() if name in sent}
+
+    @cached_property
+    def rooms(self) -> tuple[shapely.Polygon, ...]:
+        """Ground wide enough for the (folded) machines, in parts without a passage between them, the largest first."""
+        half_m = 0.5 * measure_passage_m(self.tractor, self.implement)
+        parts = shapely.get_parts(compute_free_space(self.layout.field, half_m))
+        largest_first = sorted(parts, key=lambda part: (-part.area, part.bounds))
+        return tuple(part.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for part in largest_first)
 
     @cached_property
     def gate_area(self) -> shapely.Geometry:

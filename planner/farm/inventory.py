@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import field_validator, model_validator
+from pydantic import model_validator
 
 from fields.text_files import quote_path, read_text
 from planner.errors import RequestError, shorten_value, suggest_name
@@ -21,7 +21,6 @@ from planner.farm.settings import (
     read_example_text,
 )
 from planner.farm.workday import Workday
-from reports.common.language import mark_text
 from vehicle.errors import VehicleError
 from vehicle.model.tractor import list_tractor_names
 from vehicle.model.validation_messages import parse_settings
@@ -32,7 +31,7 @@ DEFAULT_TRACTORS = (FarmTractor(name="Yanmar EG105", file="eg105"),)
 DEFAULT_IMPLEMENTS = (FarmImplement(name="cultivator", width_m=3.0),)
 
 
-class FarmFile(FileSection):
+class FarmFile(FileSection, title="farm file"):
     """What a farm owns and pays. All values are optional; defaults have sources (planner.farm.value_sources).
 
     The default machines are one tractor of the thesis and its 3 m cultivator.
@@ -55,13 +54,6 @@ class FarmFile(FileSection):
                 "[[learned]]"
             )
         return values
-
-    @field_validator("tractors", "implements", "learned", mode="before")
-    @classmethod
-    def _require_list(cls, value: Any) -> Any:
-        if isinstance(value, Mapping):
-            raise ValueError("write the heading of each machine with double brackets, as [[tractors]]")
-        return value
 
     @model_validator(mode="after")
     def _check_machines(self) -> FarmFile:
@@ -119,7 +111,7 @@ def load_farm(path: str | Path) -> FarmFile:
 
 def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
     """The farm of a text; `label` is its name in messages."""
-    farm = parse_settings(text, FarmFile, mark_text(f"farm file {label}"), RequestError, "farm")
+    farm = parse_settings(text, FarmFile, label, RequestError, "farm")
     start_s = farm.times.shift_span_s[0]
     Workday(start_s or 0, breaks_s=farm.times.break_spans_s, shift_s=farm.times.shift_span_s)  # refuses idle ones
     if "tractors" not in farm.model_fields_set:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -10,10 +9,11 @@ from typing import Any
 import numpy as np
 import shapely
 
+from fields.errors import join_first
 from fields.geometry.field import Field
 from fields.layout.swaths import Layout
 from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
-from fields.units import KMH_PER_MPS, MINUTE_S, MPS_PER_KMH
+from fields.units import DAY_S, KMH_PER_MPS, MINUTE_S, MPS_PER_KMH
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
@@ -36,6 +36,7 @@ from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import mark_chosen_plan
 from planner.risk.costs import are_prices_given, choose_terms, describe_prices, get_price_per_hour
+from planner.risk.rain import parse_rain
 from reports.common.language import mark_text
 from reports.common.plan_records import Shortfall, UnworkedPiece
 from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key
@@ -85,17 +86,16 @@ def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
     start_s = request.start_s
     if start_s is None:
         return ()
-    times = {}
-    if request.deadline_s is not None and request.deadline_s < start_s:
-        times["The deadline"] = [request.deadline_s]
-    clocks = re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or "")
-    rain_s = [3600 * int(hours) + 60 * int(minutes) for hours, minutes in clocks]
-    if early_s := [one for one in rain_s if one <= start_s]:
-        times["Rain"] = early_s
+    onsets_s = () if request.rain is None else parse_rain(request.rain, start_s).onsets_s
+    limit_s = () if request.time_limit_s is None else (request.time_limit_s,)
+    next_day = {
+        subject: [format_clock(start_s + one_s) for one_s in sorted(set(delays_s)) if start_s + one_s >= DAY_S]
+        for subject, delays_s in (("The deadline", limit_s), ("Rain", onsets_s))
+    }
     return tuple(
-        f"{subject} at {', '.join(map(format_clock, clocks_s))} is taken as the next day's: the start is at "
-        f"{format_clock(start_s)}."
-        for subject, clocks_s in times.items()
+        f"{subject} at {join_first(clocks)} is taken as the next day's: the start is at {format_clock(start_s)}."
+        for subject, clocks in next_day.items()
+        if clocks
     )
 
 
@@ -212,7 +212,7 @@ def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Sho
     best = ranking.best
     if best is None:
         return ()
-    found = [Shortfall("pull")] if ranking.pull is not None and ranking.pull.is_infeasible else []
+    found = [] if ranking.eligible else [Shortfall("pull")]
     found += [] if best.works_enough else [Shortfall("worked", _describe_worked_share(best, context))]
     late = () if ranking.missed_by_s is None else (Shortfall("late", _suggest_start(ranking.missed_by_s, context)),)
     return (*found, *ranking.shortfalls, *late)
@@ -224,7 +224,9 @@ def _suggest_start(missed_by_s: float, context: PlanningContext) -> str:
     if start_s is None or context.workday is not None or context.going_on is not None:
         return ""  # else the drive is the same at another time of day
     earlier_s = start_s - round_up_to_minute(missed_by_s)
-    return "" if earlier_s < 0.0 else f"In time with --start {format_clock(earlier_s)}."
+    if earlier_s < 0.0 or earlier_s <= (context.request.deadline_s or 0.0) < start_s:
+        return ""  # the start would be yesterday's, or the deadline no more the next day's
+    return f"In time with --start {format_clock(earlier_s)}."
 
 
 def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:

@@ -16,7 +16,6 @@ from planner.pipeline.executors import hold_interrupts
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
 LOOK_PERIOD_S = 0.2
-LOGGER = logging.getLogger(__name__)
 
 
 @dataclass
@@ -26,7 +25,7 @@ class KeptProcess:
     `prepare` gives the name and the arguments of the next process, `look` is called a few times a second while it runs,
     and `conclude` with the name and the status of one that has ended by itself; it says whether that was a fault. One
     that lives shorter than `short_life_s` is started again after a pause, which doubles each time. One that has not
-    ended `patience_s` after it was told to is killed.
+    ended `patience_s` after it was told to is killed. Several may share `is_stopping`.
     """
 
     run: Callable[..., None]
@@ -66,7 +65,7 @@ class KeptProcess:
             try:
                 self._run_process()
             except OSError:
-                LOGGER.exception("The process %s cannot be started", self.name)
+                logging.getLogger(__name__).exception("The process %s cannot be started", self.name)
             lives_short = time.monotonic() - begun_s < self.short_life_s
             pause_s = min(max(2.0 * pause_s, FIRST_PAUSE_S), LONGEST_PAUSE_S) if lives_short else 0.0
 
@@ -83,7 +82,7 @@ class KeptProcess:
             process.join(LOOK_PERIOD_S)
             self.look()
         level = logging.WARNING if self.conclude(self.name, process.exitcode) else logging.INFO
-        LOGGER.log(level, "The process %s ended with status %s.", self.name, process.exitcode)
+        logging.getLogger(__name__).log(level, "The process %s ended with status %s.", self.name, process.exitcode)
         self.process = None
 
 

@@ -69,6 +69,7 @@ class PlanResult(ShownResult):
         faults: places where an infeasible plan touches something or leaves the field.
         keeps_clearance: whether no two tractors come nearer than asked for, or might where it was not simulated.
         is_simulated: whether it was driven or refused, and not left out for one that is better or keeps clear.
+        in_formation: of a refused plan, whether its tractors were to work side by side.
         bound_s: estimated time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
@@ -115,6 +116,7 @@ class PlanResult(ShownResult):
     min_clearance_m: float | None = None
     keeps_clearance: bool = True
     is_simulated: bool = True
+    in_formation: bool = False
     collisions: int | None = None
     measured: Mapping[str, float | None] = field(default_factory=dict)
     on_pareto_front: bool = False
@@ -160,10 +162,11 @@ class PlanResult(ShownResult):
     @property
     def lacks(self) -> tuple[ShortfallKind, ...]:
         """What an estimated plan lacks of what was asked for, if it is feasible; rain and budget are not estimated."""
-        is_too_weak = self.pull is not None and self.pull.is_infeasible
         kinds: dict[ShortfallKind, bool] = {
-            "pull": is_too_weak, "worked": not self.works_enough, "late": self.meets_deadline is False,
-        }  # fmt: skip
+            "pull": self.pull is not None and self.pull.is_infeasible,
+            "worked": not self.works_enough,
+            "late": self.meets_deadline is False,
+        }
         return tuple(kind for kind, is_lacking in kinds.items() if is_lacking)
 
     @property
@@ -423,12 +426,18 @@ class PlanRanking(ShownResult):
         return choose_plan(plans, self.allowed_s, self.is_priced) if plans else None
 
     @property
+    def eligible(self) -> list[PlanResult]:
+        """The plans to choose from, in their order: all feasible ones, or none where the tractor is too weak."""
+        is_too_weak = self.pull is not None and self.pull.is_infeasible
+        return [plan for plan in self.plans if plan.feasible and not is_too_weak]
+
+    @property
     def by_count(self) -> dict[int, PlanResult]:
         """The plan to take with every number of tractors, fewest first: cheapest if samples decide, else quickest."""
         best = self.best
-        if best is None:
+        if best is None or not self.eligible:
             return {}
-        plans = [plan for plan in self.plans if plan.feasible and (plan.works_enough or not best.works_enough)]
+        plans = [plan for plan in self.eligible if plan.works_enough or not best.works_enough]
         chosen = choose_by_count(plans, by_cost=best.expected_cost is not None)
         return chosen | {best.tractors: best}
 
@@ -471,15 +480,6 @@ class PlanRanking(ShownResult):
         """Whether the best plan has so many tractors because one more does not pay: nothing else decides."""
         best = self.best
         return self.chosen is None and best is not None and best.meets_deadline is None
-
-    @property
-    def priced_tractors(self) -> int | None:
-        """How many tractors assumed prices would take, where time alone takes another number; else None."""
-        best, plans = self.best, [plan for plan in self.plans if plan.feasible]
-        if best is None or not self.has_knee or not self.prices_assumed or not best.cost:
-            return None
-        priced = choose_plan(plans, self.allowed_s, is_priced=True).tractors
-        return None if priced == best.tractors else priced
 
     @property
     def is_recommended(self) -> bool:

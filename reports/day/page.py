@@ -118,8 +118,8 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
     return figure
 
 
-def _draw_time_grid(axes: Axes, names: Sequence[str], title: str, result: DayResult) -> float:
-    """Rows with their names, hours, breaks and rain; the seconds from the left end of the picture to the right."""
+def _draw_time_grid(axes: Axes, names: Sequence[str], title: str, result: DayResult) -> None:
+    """Rows with their names, hours, breaks and rain."""
     ends = [job.p95_end_s for job in result.jobs]
     ends += [fleet.p50_home_s for fleet in result.fleets if fleet.p50_home_s]
     last = max(ends, default=result.start_s + 6 * HOUR_S)
@@ -144,11 +144,10 @@ def _draw_time_grid(axes: Axes, names: Sequence[str], title: str, result: DayRes
         if span[0] <= onset <= span[1]:
             axes.axvline(onset, color=RAIN_COLOUR, linestyle="dashed", linewidth=0.9, zorder=2)
             axes.text(onset, -0.55, f" rain {format_percent(share)} %", fontsize=7, color=RAIN_COLOUR, va="top")
-    return span[1] - span[0]
 
 
 def _draw_machines(axes: Axes, result: DayResult) -> None:
-    span = _draw_time_grid(axes, [fleet.name for fleet in result.fleets], "By machine", result)
+    _draw_time_grid(axes, [fleet.name for fleet in result.fleets], "By machine", result)
     for row, fleet in enumerate(result.fleets):
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         for job in jobs:
@@ -156,14 +155,14 @@ def _draw_machines(axes: Axes, result: DayResult) -> None:
             start_s, end_s = job.p50_start_s, job.p50_end_s
             axes.barh(row, start_s - leaves_s, left=leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
             axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
-            _write_bar_name(axes, row, (start_s, end_s), job.field, span)
+            _write_bar_name(axes, row, (start_s, end_s), job.field)
         if jobs and fleet.p50_home_s is not None:
             end_s = jobs[-1].p50_end_s
             axes.barh(row, fleet.p50_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
 
 
 def _draw_fields(axes: Axes, result: DayResult) -> None:
-    span = _draw_time_grid(axes, result.fields, "By field", result)
+    _draw_time_grid(axes, result.fields, "By field", result)
     names = [fleet.name for fleet in result.fleets]
     for row, windows in enumerate(result.windows):
         for opens, closes in windows:
@@ -174,16 +173,16 @@ def _draw_fields(axes: Axes, result: DayResult) -> None:
         axes.plot([end_s, max(job.p95_end_s, end_s)], [row, row], color=colour, linewidth=1.2, zorder=2)
         axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
         probability = f"{format_percent(job.finish_probability)} %"
-        _write_bar_name(axes, row, (start_s, end_s), probability, span)
+        _write_bar_name(axes, row, (start_s, end_s), probability)
     for unworked in result.unworked_fields:
         row = result.fields.index(unworked.field)
         axes.text(result.start_s, row, " not done", fontsize=8, color=palette.UNWORKED_COLOUR, va="center")
 
 
-def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str, span: float) -> None:
+def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str) -> None:
     """A name on its bar, shortened or left out where the bar is too narrow."""
-    start, end = times
-    room = (end - start) / span / NARROWEST_LABELLED_BAR * 6
+    (start, end), (left, right) = times, axes.get_xlim()
+    room = (end - start) / (right - left) / NARROWEST_LABELLED_BAR * 6
     if room >= 4:
         shown = text if len(text) <= room else text[: max(int(room) - 1, 1)] + "…"
         look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 8, "color": "white", "zorder": 5}

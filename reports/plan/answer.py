@@ -111,9 +111,8 @@ def write_answer(ranking: PlanRanking) -> Answer:
     best, question = ranking.best, question_pull(ranking.pull)
     if best is None:
         return Answer(explain_no_plan(ranking), question=question)
-    lacks = list_shortfall_sentences(ranking)
-    verdict = " ".join(lacks)
-    if question in lacks:  # such a plan has no time and no price
+    verdict = " ".join(list_shortfall_sentences(ranking))
+    if not ranking.eligible:  # a plan that no tractor can drive has no time and no price
         return Answer(verdict, details=tuple(describe_physics(ranking)))
     # As ``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line.
     done = format_stated_end(ranking, best.stated_end_s)

@@ -20,7 +20,7 @@ from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.wording import format_area, format_width
 from reports.plan.answer import write_answer
 from reports.plan.map_data import SmallMap
-from reports.plan.plan_wording import describe_part, format_ground_place, list_feasible
+from reports.plan.plan_wording import describe_part, format_ground_place
 
 HEADLAND_KEYS = ("corners", "headland_order", "headland_passes", "width_m")
 YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
@@ -59,7 +59,7 @@ class ComparisonRow:
     @cached_property
     def best(self) -> PlanResult | None:
         """The best plan; None where there is none that its tractor can pull."""
-        return self.ranking.best if self.ranking is not None and list_feasible(self.ranking) else None
+        return self.ranking.best if self.ranking is not None and self.ranking.eligible else None
 
     @property
     def reason(self) -> str | None:

@@ -51,7 +51,7 @@ from reports.plan.figures import (
     list_csv_entries,
 )
 from reports.plan.other_plans import name_plan
-from reports.plan.plan_wording import describe_defaults, list_feasible
+from reports.plan.plan_wording import describe_defaults
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 MOST_ROWS = 9  # of the first screen
@@ -364,5 +364,5 @@ def _build_section(
         "map": record.map,
         "facts": insert_non_breaking_spaces(facts),
         "summary": write_answer(ranking).list_sentences(),
-        "plans": build_table(list_feasible(ranking)[:MAX_PLANS], figures, lambda plan: plan is best),
+        "plans": build_table(ranking.eligible[:MAX_PLANS], figures, lambda plan: plan is best),
     }

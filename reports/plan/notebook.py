@@ -26,7 +26,7 @@ from reports.plan.figures import build_plan_entry, flatten_entry, format_ranking
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
 from reports.plan.map_labels import count_tracks
 from reports.plan.other_plans import name_plan
-from reports.plan.plan_wording import describe_machines, list_feasible
+from reports.plan.plan_wording import describe_machines
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_answer_table, choose_first_plans
 
@@ -60,7 +60,7 @@ def build_ranking_view(
         area, tables = f"{format_number(ranking.area_ha, 2)} ha", []
         heading = ", ".join(filter(None, (ranking.field_name, area, describe_machines(ranking))))
         drawing = None if picture is None else _encode_map(picture())
-        if list_feasible(ranking):
+        if ranking.eligible:
             tables.append(build_answer_table(ranking, choose_first_plans(ranking, MOST_ROWS)))
         sentences = write_answer(ranking).list_sentences()
         return render_fragment(heading, sentences, tables, drawing, "Map of the field and the best plan")
@@ -84,7 +84,7 @@ def build_ranking_view(
         summary=summarise,
         html=render,
         table=tabulate,
-        draw=draw if picture is not None or list_feasible(ranking) else None,
+        draw=draw if picture is not None or ranking.eligible else None,
         not_drawn=f"{NOT_DRAWN}, as no plan works.",
         figure_inches=FIGURE_INCHES if picture is None else (COLUMN_INCHES, COLUMN_INCHES),
         files=files
@@ -98,7 +98,7 @@ def build_ranking_view(
 
 def _draw_times(axes: Axes, ranking: PlanRanking) -> None:
     """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
-    plans = list_feasible(ranking)
+    plans = ranking.eligible
     for place, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
         points = sorted((plan.tractors, plan.ranked_s / 60.0) for plan in plans if plan.strategy == name)
         counts, minutes = zip(*points, strict=True)

@@ -4,7 +4,14 @@ time, and which is fastest and cheapest."""
 from __future__ import annotations
 
 from reports.common.language import mark_text, translate
-from reports.common.plan_results import PlanRanking, PlanResult, find_least_saving_s, is_dearer, is_share_different
+from reports.common.plan_results import (
+    PlanRanking,
+    PlanResult,
+    choose_plan,
+    find_least_saving_s,
+    is_dearer,
+    is_share_different,
+)
 from reports.common.wording import (
     SURE_SHARE,
     format_deadline,
@@ -17,7 +24,7 @@ from reports.common.wording import (
     has_start_time,
     join_list,
 )
-from reports.plan.plan_wording import describe_share, list_feasible, name_fleet
+from reports.plan.plan_wording import describe_share, name_fleet
 
 LEAST_SPAN_S = 1.0  # less time is none
 NEXT_TRACTORS = (
@@ -52,14 +59,15 @@ def describe_rule(ranking: PlanRanking, best: PlanResult) -> str:
     sentences = [] if larger is None else [_describe_next(ranking, larger, best)]
     if ranking.is_priced or not best.cost:
         return " ".join(sentences)
-    count, least_s = ranking.priced_tractors, 0.0 if larger is None else find_least_saving_s(best, larger)
+    count = choose_plan(ranking.eligible, ranking.allowed_s, is_priced=True).tractors
+    least_s = 0.0 if larger is None else find_least_saving_s(best, larger)
     if larger is not None and _get_saved_s(best, larger) < least_s:
         sentences.append(
             translate("No price is given, so it would have to save {time}.", time=format_time_span(least_s))
         )
-    elif count is not None:
+    elif count != best.tractors:
         sentences.append(translate("No price is given, so time decides."))
-    if count is not None:
+    if count != best.tractors:
         tractors = format_tractor_count(count)
         sentences.append(
             translate("At the assumed price it would be {tractors} (--price-per-hour).", tractors=tractors)
@@ -69,9 +77,13 @@ def describe_rule(ranking: PlanRanking, best: PlanResult) -> str:
 
 def describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
     """The plans to take with the next smaller and the next larger number of tractors, but for that of the rule."""
-    others = [plan for plan in ranking.neighbours if plan.tractors < best.tractors or not ranking.has_knee]
+    others = _list_alternatives(ranking, best)
     listed = "; ".join(_compare_plan(ranking, plan, best, format_tractor_count(plan.tractors)) for plan in others)
     return translate("Or {alternatives}.", alternatives=listed) if others else ""
+
+
+def _list_alternatives(ranking: PlanRanking, best: PlanResult) -> list[PlanResult]:
+    return [plan for plan in ranking.neighbours if plan.tractors < best.tractors or not ranking.has_knee]
 
 
 def _compare_plan(ranking: PlanRanking, plan: PlanResult, best: PlanResult, name: str) -> str:
@@ -128,7 +140,7 @@ def _add_currency(ranking: PlanRanking, money: str) -> str:
 
 def describe_deadline(ranking: PlanRanking, best: PlanResult) -> list[str]:
     """Who meets the deadline, if anybody, and what the best plan is among those."""
-    judged = [plan for plan in list_feasible(ranking) if plan.meets_deadline is not None]
+    judged = [plan for plan in ranking.eligible if plan.meets_deadline is not None]
     in_time = [plan for plan in judged if plan.meets_deadline]
     if not in_time:
         return []
@@ -155,8 +167,8 @@ def describe_deadline(ranking: PlanRanking, best: PlanResult) -> list[str]:
 
 
 def list_extremes(ranking: PlanRanking, best: PlanResult) -> list[str]:
-    """The fastest and the cheapest plan, each where it is another than the best."""
-    plans = list_feasible(ranking)
+    """The fastest and the cheapest plan, each where it is another than the best; alternatives without their figures."""
+    plans = ranking.eligible
     priced = [plan for plan in plans if plan.cost is not None]
     fastest = min((plan for plan in plans if plan.time_s is not None), key=lambda plan: plan.ranked_s, default=best)
     cheapest = min(priced, key=lambda plan: plan.ranked_cost, default=best)
@@ -166,9 +178,10 @@ def list_extremes(ranking: PlanRanking, best: PlanResult) -> list[str]:
     else:
         others = {translate("Fastest"): fastest} if is_faster else {}
         others |= {translate("Cheapest"): cheapest} if is_cheaper else {}
-    sentences = [
-        translate("{label}: {plan}.", label=label, plan=_compare_plan(ranking, plan, best, name_plan(plan)))
-        for label, plan in others.items()
-    ]
+    sentences = []
+    for label, plan in others.items():
+        is_listed = any(plan is one for one in _list_alternatives(ranking, best))
+        text = name_plan(plan) if is_listed else _compare_plan(ranking, plan, best, name_plan(plan))
+        sentences.append(translate("{label}: {plan}.", label=label, plan=text))
     is_cheapest = len(priced) > 1 and not is_cheaper
     return [*sentences, translate("The best plan is also the cheapest.")] if is_cheapest else sentences

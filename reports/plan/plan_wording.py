@@ -57,7 +57,7 @@ def format_wide_interval(plan: PlanResult) -> list[str] | None:
 
 def has_late_ground_loss(ranking: PlanRanking) -> bool:
     """Whether late ground adds an expected loss to what is paid."""
-    pairs = [(plan.expected_cost, plan.paid_cost) for plan in list_feasible(ranking)]
+    pairs = [(plan.expected_cost, plan.paid_cost) for plan in ranking.eligible]
     return any(expected is not None and paid is not None and expected - paid >= LEAST_COST for expected, paid in pairs)
 
 
@@ -88,12 +88,6 @@ def get_clearance_m(plan: PlanResult) -> float | None:
     """Smallest distance between two tractors in metres; None for a single one."""
     value = plan.min_clearance_m
     return None if plan.tractors < 2 or value is None or not math.isfinite(value) else value
-
-
-def list_feasible(ranking: PlanRanking) -> list[PlanResult]:
-    """The feasible plans, in the order of the ranking; none where the tractor cannot pull the implement."""
-    is_too_weak = ranking.pull is not None and ranking.pull.is_infeasible
-    return [] if is_too_weak else [plan for plan in ranking.plans if plan.feasible]
 
 
 def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:

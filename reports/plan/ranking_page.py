@@ -43,7 +43,6 @@ from reports.plan.plan_wording import (
     format_rate,
     format_unworked,
     has_late_ground_loss,
-    list_feasible,
     list_plan_remarks,
     name_fleet,
 )
@@ -67,7 +66,7 @@ def _place_counts(plans: list[PlanResult]) -> dict[int, float]:
 
 def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     """Points, Pareto line, deadline and ticks of time to finish by number of tractors; None without a feasible plan."""
-    plans = [plan for plan in list_feasible(ranking) if plan.time_s is not None]
+    plans = [plan for plan in ranking.eligible if plan.time_s is not None]
     if not plans:
         return None
     limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
@@ -164,7 +163,7 @@ def render_plan_page(
     best, shown = ranking.best, dict[PlanKey | None, PlanDrive]()
     if drive is not None:
         shown[(best.strategy, best.tractors) if best else None] = drive
-    for plan in list_feasible(ranking):  # the others as they are ranked
+    for plan in ranking.eligible:  # the others as they are ranked
         key = plan.strategy, plan.tractors
         if drives and key in drives:
             shown.setdefault(key, drives[key])
@@ -180,7 +179,7 @@ def render_plan_page(
 
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
     """What the template of the page takes."""
-    plans, effects, answer = list_feasible(ranking), describe_simulated_effects(ranking), write_answer(ranking)
+    plans, effects, answer = ranking.eligible, describe_simulated_effects(ranking), write_answer(ranking)
     columns = [(figure, False) for figure in choose_figures(ranking, plans, PAGE_KEYS)]
     columns += [(figure, True) for figure in choose_figures(ranking, plans, PAGE_EXTRA_KEYS)]
     labels = {  # to choose a drive by, such as ``6. split-field, 3 tractors, u, 0:25:57``
@@ -268,7 +267,7 @@ def _build_page_column(figure: Figure, is_extra: bool) -> dict[str, Any]:
 
 def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tuple[str, str]]:
     """The figures of the best plan, label and value; unknown ones are left out."""
-    if best is None or not list_feasible(ranking):
+    if best is None or not ranking.eligible:
         return []
     has_start, cost = has_start_time(ranking), best.stated_cost
     paid = best.paid_cost if has_late_ground_loss(ranking) else None

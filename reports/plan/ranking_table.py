@@ -27,7 +27,6 @@ from reports.plan.plan_wording import (
     describe_defaults,
     describe_machines,
     describe_simulated_effects,
-    list_feasible,
     list_plan_remarks,
 )
 from reports.plan.shortfall_wording import NOT_SIMULATED, group_refusals, split_refused
@@ -88,7 +87,7 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
 
     Numbers of tractors are those beside that of the best and those of the Pareto front, as many as have room.
     """
-    plans, best = list_feasible(ranking), ranking.best
+    plans, best = ranking.eligible, ranking.best
     if best is None or not plans:
         return []
     front = {plan.tractors for plan in plans if plan.on_pareto_front}
@@ -103,8 +102,7 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
 
 def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
     """The plan to take with every number of tractors that has a cost from samples, fewest first."""
-    by_count = ranking.by_count if list_feasible(ranking) else {}
-    return [plan for plan in by_count.values() if plan.expected_cost is not None]
+    return [plan for plan in ranking.by_count.values() if plan.expected_cost is not None]
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
@@ -159,7 +157,7 @@ def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list
     refused, pruned = split_refused(ranking).values()
     near_count = sum(not plan.keeps_clearance for plan in pruned)
     worse_count = len(pruned) - near_count
-    hidden = len(list_feasible(ranking)) - len(plans)
+    hidden = len(ranking.eligible) - len(plans)
     counts = [translate_count("{count} more plan", "{count} more plans", hidden)] if hidden else []
     if refused:
         counts.append(translate("{count} refused", count=len(refused)))
@@ -183,7 +181,7 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
 
     The table holds the `most_plans` fastest plans (all when None), the best plan and the Pareto front.
     """
-    plans = list_feasible(ranking)
+    plans = ranking.eligible
     shown = [
         plan
         for place, plan in enumerate(plans)
@@ -214,7 +212,7 @@ def _list_table_notes(ranking: PlanRanking, shown: Sequence[PlanResult], figures
     legend = translate("Times are h:mm:ss. * no plan with as few tractors is faster (Pareto front).")
     legend += f" {translate('> best plan.')}" if ranking.best else ""
     legend += f" {translate(UNWORKED_HELP)}" if any(figure.key == "missed_m2" for figure in figures) else ""
-    hidden = len(list_feasible(ranking)) - len(shown)
+    hidden = len(ranking.eligible) - len(shown)
     if hidden:
         legend += " " + translate_count(
             "{count} slower plan is not shown; --all shows every plan.",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -127,14 +126,12 @@ def split_refused(ranking: PlanRanking) -> dict[str, list[PlanResult]]:
 def explain_no_plan(ranking: PlanRanking) -> str:
     """Why no plan works, in a sentence: how many were refused, and how many for the reason that follows.
 
-    A reason that sends the reader to another strategy is told last: that was refused as well.
+    A reason of formations alone, which sends the reader to other strategies, is told last: those were refused as well.
     """
     count = len(ranking.plans)
     if not count:
         return translate("No plan was tried: allow at least one strategy, turn and number of tractors.")
-    strategies = {plan.strategy for plan in ranking.plans}
-    groups = group_refusals(ranking.plans)
-    first = min(groups, key=lambda group: not strategies.isdisjoint(re.findall(r"[\w-]+", group.reason)))
+    first = min(group_refusals(ranking.plans), key=lambda group: all(plan.in_formation for plan in group.plans))
     same_count = len(first.plans)
     same = translate("one") if same_count == 1 else same_count
     if count == 1:

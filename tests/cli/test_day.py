@@ -309,7 +309,7 @@ def test_tables_pages_and_pictures(headland: Run, folder: Path) -> None:
             "is given twice, as 7.2 km and 4.5 km; keep one of them",
         ),
         ('between = ["near", "far"]\nkm = 4.5', 'between = ["yard", "far"]\nkm = 7.2', "'near' and 'far' is missing"),
-        ("[[fleets]]", "[fleets]", "double brackets"),
+        ("[[fleets]]", "[fleets]", "write its keys under the heading [[fleets]]"),
         ('farm = "farm.toml"', 'farm = "none.toml"', "There is no file"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nrain = "wet"', "rain in the day file 'wet' is none of"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nstart = "7"', "is not a time of day"),
@@ -335,7 +335,7 @@ def test_bad_input_is_one_sentence(headland: Run, folder: Path, old: str, new: s
     [
         (("none.toml",), "There is no file 'none.toml'"),
         (("empty.toml",), "'empty.toml' is empty; give a day file (TOML)"),
-        (("lists.toml",), "fields: write the heading of each with double brackets"),
+        (("lists.toml",), "write its keys under the heading [[fields]]"),
         (("bare.toml",), "fields is empty"),
         (("open.toml",), "The day has no start"),
         (("day.toml", "--json", "--csv"), "choose one"),

@@ -22,7 +22,10 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--width 0.2", ("0.2 m", "0.5 to 100 m")),
     ("--width 1e-9", ("1e-09 m", "0.5 to 100 m")),
     ("--width 3m", ("'3m' is not a ", "(write it in metres: 3)")),
-    ("--width 6 12", ("'12' stands alone after --width 6", "--width 6,12")),
+    (
+        "--width 6 12",
+        ("'12' stands alone after --width 6", "where --width takes a list, write that without spaces: 6,12"),
+    ),
     ("--margin 30cm", ("'--margin': '30cm' is not a number (write it in metres: 0.3)",)),
     ("--margin 0,5", ("'--margin': '0,5' is not a number (write 0.5)",)),
     ("--margin 5kg", ("'--margin': '5kg' is not a number; headland",)),

@@ -69,7 +69,7 @@ def test_json_has_an_end_of_its_levels() -> None:
 @pytest.mark.parametrize(
     ("parse", "text", "words"),
     [
-        (parse_toml, "a = 1\nwidht 3\n", "a key is not followed by = and its value, in line 2: 'widht 3'"),
+        (parse_toml, "a = 1\nwidht 3\n", "a key is not followed by = or : and its value, in line 2: 'widht 3'"),
         (
             parse_toml,
             "name = Fendt 724",
@@ -77,10 +77,10 @@ def test_json_has_an_end_of_its_levels() -> None:
         ),
         (parse_toml, "a = 4,5", "a value goes on after its end: write texts in quotes, and decimals with a point, in"),
         (parse_toml, "a = 1\na = 2\n", "a second time, in line 2: 'a = 2'"),
-        (parse_toml, "a = [1", "a bracket is not closed, at its end"),
-        (parse_json, '{"a": 1,\n"b" 2}', "a name is not followed by a colon, in line 2: '\"b\" 2}'"),
-        (parse_json, '{"a": 1\n"b": 2}', "a comma or a closing bracket is missing, in line 2"),
-        (parse_json, '{"a": [1, 2\n', "a comma or a closing bracket is missing, at its end"),
+        (parse_toml, "a = [1", "a comma, a quote or a closing bracket is missing, at its end"),
+        (parse_json, '{"a": 1,\n"b" 2}', "a key is not followed by = or : and its value, in line 2: '\"b\" 2}'"),
+        (parse_json, '{"a": 1\n"b": 2}', "a comma, a quote or a closing bracket is missing, in line 2"),
+        (parse_json, '{"a": [1, 2\n', "a comma, a quote or a closing bracket is missing, at its end"),
         (parse_json, "[" + "1, " * 900 + "x]", "in line 1: ', 1, 1, 1, 1, 1, x]'"),
     ],
 )

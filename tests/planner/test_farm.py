@@ -11,9 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fields.documents.reader import read_field
-from fields.nested_text import SETTINGS_KINDS
-from planner.day.input_file import DayFile, load_day
-from planner.errors import HeadlandError, RequestError
+from planner.day.input_file import load_day
+from planner.errors import FieldError, HeadlandError, RequestError
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm, parse_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.random_inputs import UncertaintySettings
@@ -24,7 +23,7 @@ from planner.request.plan_request import PlanRequest
 from tests.test_structure import ROOT
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import build_datasheet
-from vehicle.model.tractor import Tractor, load_tractor
+from vehicle.model.tractor import load_tractor
 from vehicle.model.tractor_writer import format_tractor_toml
 
 SECTIONS = (FarmTractor, FarmImplement, FarmPrices, FarmTimes, UncertaintySettings, Yard)
@@ -126,9 +125,9 @@ def test_all_faults_are_told_at_once() -> None:
     ("text", "words"),
     [
         ("nonsense = [", "is not TOML"),
-        ('[tractors]\nname = "one"', "double brackets"),
+        ('[tractors]\nname = "one"', "write its keys under the heading [[tractors]]"),
         ("tractors = []", "tractors is empty"),
-        ("tractors = 3", "give a list in brackets"),
+        ("tractors = [3]", "tractors no. 1 = 3: write its keys under the heading [[tractors]]"),
         ("[[tractors]]\ncount = 2", "lacks tractors no. 1.name (in quotes)"),
         ('[[tractors]]\nname = "a"\n[[tractors]]\nname = "a"', "tractors has 'a' twice"),
         ('[[tractors]]\nname = "a"\ncount = 0', "tractors.a.count = 0"),
@@ -250,27 +249,30 @@ def test_prices_are_taken_as_they_are_or_refused_by_name(values: dict[str, float
 
 
 @pytest.mark.parametrize(
-    ("read", "file", "kind", "command"),
+    ("read", "kind", "file", "key"),
     [
-        (load_farm, "planner/day/example.toml", "day file", "headland day FILE"),
-        (load_day, "planner/farm/example.toml", "farm file", "headland plan --farm FILE"),
-        (load_farm, "vehicle/data/eg105.toml", "tractor file", "headland plan --tractor FILE"),
-        (load_tractor, "planner/farm/example.toml", "farm file", "headland plan --farm FILE"),
-        (read_field, "planner/day/example.toml", "day file", "headland day FILE"),
+        (load_farm, "farm", "planner/day/example.toml", "light"),
+        (load_day, "day", "planner/farm/example.toml", "implements"),
+        (load_farm, "farm", "vehicle/data/eg105.toml", "mass_kg"),
+        (load_tractor, "tractor", "planner/farm/example.toml", "prices"),
+        (load_tractor, "tractor", "pyproject.toml", "project"),
     ],
 )
-def test_a_file_of_another_kind_is_called_by_its_kind(
-    read: Callable[[Path], object], file: str, kind: str, command: str
+def test_a_file_of_another_kind_is_refused_by_what_it_holds(
+    read: Callable[[Path], object], kind: str, file: str, key: str
 ) -> None:
-    with pytest.raises(HeadlandError, match=f" a {kind}.* which {command} reads"):
+    with pytest.raises(HeadlandError, match=rf"The {kind} file .* is of another kind: it holds .*{key}.*; name anoth"):
         read(ROOT / file)
 
 
-def test_keys_by_which_files_are_known_are_of_one_kind_alone() -> None:
-    models = (DayFile, FarmFile, Tractor)
-    for kind, model in zip(SETTINGS_KINDS, models, strict=True):
-        assert kind.keys <= model.model_fields.keys()
-        assert all(kind.keys.isdisjoint(other.model_fields) for other in models if other is not model)
+def test_a_misspelt_heading_makes_no_file_of_another_kind() -> None:
+    with pytest.raises(RequestError, match=r"prises is not known \(did you mean 'prices'\?\)"):
+        parse_farm("[prises]\nfuel_per_l = 1.0\n", "farm.toml")
+
+
+def test_settings_are_no_field() -> None:
+    with pytest.raises(FieldError, match="is TOML, as files of tractors, farms and days are, but fields are read from"):
+        read_field(ROOT / "planner/day/example.toml")
 
 
 @pytest.mark.parametrize(("operation", "name"), [("sow", "drill"), ("spray", "sprayer"), ("mow", "cultivator")])

@@ -53,6 +53,13 @@ def test_where_no_plan_is_in_time_the_start_that_would_be_is_told(start_s: int, 
     assert (late.kind, late.sentence) == ("late", told)
 
 
+@pytest.mark.parametrize(("hours", "told"), [(4.0, "In time with --start 21:00."), (24.5, "")])
+def test_no_start_is_told_before_a_deadline_that_is_the_next_days(hours: float, told: str) -> None:
+    context = build_context(start_s=22 * 3600, deadline_s=3600, samples=0)
+    (late,) = rank_plans(context, [build_result(97.0, meets_deadline=False, time_s=3600.0 * hours)]).shortfalls
+    assert late.sentence == told
+
+
 def test_ground_behind_a_ditch_is_named_as_such() -> None:
     (lacking,) = rank_plans(build_context(is_divided=True), [build_result(48.0)]).shortfalls
     assert lacking.sentence == "No recommendation: only 48.0 % of the field is worked; 49 % is cut off by obstacles."
@@ -87,6 +94,7 @@ def test_an_implement_that_cannot_be_pulled_is_a_shortfall_and_one_that_may_be_i
         ranking = rank_plans(build_context(width_m=6.0, speed_mps=kmh / 3.6), [build_result(97.0)])
         assert ranking.pull.is_questioned
         kinds.append([one.kind for one in ranking.shortfalls])
+        assert bool(ranking.eligible) == bool(ranking.by_count) == (not ranking.pull.is_infeasible)
     assert kinds == [[], ["pull"]]
 
 

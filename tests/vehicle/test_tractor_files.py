@@ -148,10 +148,10 @@ def test_unknown_names_and_unreadable_files_are_refused(tmp_path: Path) -> None:
     near = r"'eg106' is neither a file nor one of: eg105, mr1000a \(did you mean 'eg105'\?\); headland tractor new"
     with pytest.raises(VehicleError, match=near):
         load_tractor("eg106")
-    with pytest.raises(VehicleError, match=r"is a folder; name a TOML file in it\."):
+    with pytest.raises(VehicleError, match=r"is a folder; name a tractor file \(TOML\) in it\."):
         load_tractor(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x01")
-    with pytest.raises(VehicleError, match=r"binary\.toml' is not a text file in UTF-8; give a TOML file"):
+    with pytest.raises(VehicleError, match=r"binary\.toml' is not a text file in UTF-8; give a tractor file"):
         load_tractor(tmp_path / "binary.toml")
 
 

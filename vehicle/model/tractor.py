@@ -209,7 +209,7 @@ class DiscrepancyModel(_FrozenModel):
         return self
 
 
-class Tractor(_FrozenModel):
+class Tractor(_FrozenModel, title="tractor file"):
     """A tractor as the simulator needs it. Distances from the centre of mass unless the name says otherwise.
 
     The antenna is measured from the rear-axle centre. Guidance steers the point of the centre line beside the antenna:
@@ -375,8 +375,13 @@ def load_tractor(name_or_path: str | Path) -> Tractor:
             "tractor new writes a file of another."
         )
     else:
-        text = read_text(name_or_path, "a TOML file", VehicleError)
-    return parse_settings(text, Tractor, f"tractor file {name_or_path}", VehicleError)
+        text = read_text(name_or_path, "a tractor file (TOML)", VehicleError)
+    return parse_tractor(text, str(name_or_path))
+
+
+def parse_tractor(text: str, name: str) -> Tractor:
+    """The tractor of a text (TOML), which messages call by its name; raises as `load_tractor`."""
+    return parse_settings(text, Tractor, name, VehicleError)
 
 
 def resolve_tractor(source: Tractor | str | Path) -> Tractor:

@@ -10,23 +10,24 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from fields.errors import MAX_FAULTS, MAX_LISTED, MAX_NAMED, HeadlandError, shorten_value, suggest_name
-from fields.nested_text import find_settings_kind, parse_toml
+from fields.errors import MAX_FAULTS, MAX_LISTED, MAX_NAMED, HeadlandError, join_first, shorten_value, suggest_name
+from fields.nested_text import parse_toml
 
 Model = type[BaseModel]
 Settings = TypeVar("Settings", bound=BaseModel)
 Place = tuple[str | int, ...]
-_LIST_ENTRY = re.compile(r"\b(\w+)\.(\d+)(?=[.:])")
+_LIST_ENTRY = re.compile(r"\b(\w+)\.(\d+)(?=[.:]| =)")
 
 
 def parse_settings(
-    text: str, model: type[Settings], subject: str, error_type: type[HeadlandError], parameter: str | None = None
+    text: str, model: type[Settings], name: str, error_type: type[HeadlandError], parameter: str | None = None
 ) -> Settings:
-    """The settings of a text (TOML); `subject` is what it is and its name: "farm file my.toml".
+    """The settings of a text (TOML); the title of their model says what it is ("farm file"), `name` how it is called.
 
-    Raises `error_type` with all faults in one sentence, which calls entries of lists by their names if they have any,
-    and for settings of another kind.
+    Raises `error_type` with all faults in one sentence, which calls entries of lists by their names if they have any;
+    a text of which most keys are unknown and like none of the model is of another kind.
     """
+    subject = f"{model.model_config['title']} {name}"
     try:
         values = parse_toml(text)
     except ValueError as error:
@@ -34,11 +35,12 @@ def parse_settings(
     try:
         return model.model_validate(values)
     except ValidationError as error:
-        kind = find_settings_kind(values)
-        if kind is not None and not subject.startswith(kind.label):
+        places = [fault["loc"] for fault in error.errors() if fault["type"] == "extra_forbidden"]
+        foreign = [str(place[0]) for place in places if len(place) == 1 and not _suggest_fix(place, model)]
+        if 2 * len(foreign) > len(values):
             raise error_type(
-                f"The {subject} is rather a {kind.label} (it has {', '.join(sorted(kind.keys & values.keys()))}), "
-                f"which headland {kind.command} FILE reads; name another file.",
+                f"The {subject} is of another kind: it holds {join_first(foreign)}, but may hold "
+                f"{join_first(list(model.model_fields), MAX_LISTED)}; name another file.",
                 parameter=parameter,
             ) from None
         faults = describe_validation_errors(error, model, MAX_FAULTS)
@@ -92,14 +94,19 @@ def _describe_fault(fault: Any, model: Model) -> str:
     if kind == "missing":
         return f"{_join_keys(place[:-1])} = {shorten_value(value)}: give two numbers"
     info = _find_field(place, model)
-    if kind == "tuple_type" and info is not None and Ellipsis in get_args(info.annotation):
-        return f"{_join_keys(place)} = {shorten_value(value)}: give a list in brackets"
-    if kind in ("too_long", "too_short", "tuple_type"):
-        return f"{_join_keys(place)} = {shorten_value(value)}: give two numbers"
-    if kind in ("model_type", "model_attributes_type", "dict_type"):
-        keys = _join_keys(place)
-        return f"{keys} = {shorten_value(value)}: make it a section, [{keys}], with its own keys"
-    return f"{_join_keys(place)} = {shorten_value(value)}: {_describe_rule(fault, info)}"
+    annotation = None if info is None else info.annotation
+    is_list = kind == "tuple_type" and Ellipsis in get_args(annotation)
+    if kind in ("model_type", "model_attributes_type", "dict_type") or (is_list and _unwrap_model(annotation)):
+        is_entry = isinstance(place[-1], int)
+        keys = _join_keys(place[:-1] if is_entry else place)
+        rule = f"write its keys under the heading {f'[[{keys}]]' if is_entry or is_list else f'[{keys}]'}"
+    elif is_list:
+        rule = "give a list in brackets"
+    elif kind in ("too_long", "too_short", "tuple_type"):
+        rule = "give two numbers"
+    else:
+        rule = _describe_rule(fault, info)
+    return f"{_join_keys(place)} = {shorten_value(value)}: {rule}"
 
 
 def _describe_rule(fault: Any, info: FieldInfo | None) -> str:

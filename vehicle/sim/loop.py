@@ -194,14 +194,12 @@ def run_loop(  # type: ignore[no-untyped-def]
         if steps_done % steps_per_tick == 0:
             total, running, standing = 0.0, 0, 0
             for i in range(count):
-                state = states[i]
-                state.x, state.y, state.angle = get_motion(bridge, i)[:3]
+                states[i].x, states[i].y, states[i].angle = get_motion(bridge, i)[:3]
             if checks_clearance and mark_contact_candidates(states, models, steps_per_tick * dt, present, required):
                 return NEIGHBOURS_CHANGED, rows, -1, -1
             for i in range(count):
                 if len(position_errors) > 0:
                     draw_error(states[i], position_errors)
-            for i in range(count):
                 run_control_tick(i, states, models, legs, gates, points, cumulative, time, steps_per_tick * dt)
                 total += states[i].progress
                 running += 1 - states[i].done

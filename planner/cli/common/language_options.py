@@ -71,7 +71,7 @@ MISUSES = (
 )
 """Sentences of typer on arguments that it cannot use, for the catalogues."""
 SETTINGS = (
-    mark_text("tractor file {label}"), mark_text("tractor file"), mark_text("farm file"), mark_text("day file"),
+    mark_text("tractor file {label}"), mark_text("farm file {label}"), mark_text("day file {label}"),
     mark_text("{fault}, in line {line}: {text}"), mark_text("{fault}, at its end"),
 )  # fmt: skip
 """What files of settings are called in refusals, and where something is wrong in them, for the catalogues."""

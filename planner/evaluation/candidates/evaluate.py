@@ -114,8 +114,8 @@ def _comes_near(context: PlanningContext, candidate: Candidate) -> bool:
 
 def _build_refusal(context: PlanningContext, candidate: Candidate, reason: str, **figures: Any) -> Outcome:
     """The outcome of a candidate that is not driven."""
-    turn = context.request.turn
-    refused = PlanResult(candidate.strategy, candidate.tractors, turn, False, reason, **figures)
+    figures["in_formation"] = get_strategy(candidate.strategy).formation is not None
+    refused = PlanResult(candidate.strategy, candidate.tractors, context.request.turn, False, reason, **figures)
     return Outcome(refused, refused)
 
 

@@ -19,7 +19,6 @@ from fields.geometry.overlays import (
     unite,
     unite_on_grid,
 )
-from fields.layout.swaths import compute_free_space
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import Coverage, find_left_out_ground, measure_left_out_m2
 from planner.evaluation.machine_outlines import measure_passage_m
@@ -59,7 +58,7 @@ def _find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
     )
     remainder = extract_polygons(subtract_on_grid(boundary, get_site_moves(context).covered_ground))
     # Wide enough for the machines but without a passage to it: all rooms but the largest.
-    cut_off = extract_polygons(intersect(unite(_list_rooms(context)[1:]), boundary))
+    cut_off = extract_polygons(intersect(unite(context.rooms[1:]), boundary))
     parts_by_reason.append((_describe_cut_off(context), cut_off))
     remainder = extract_polygons(subtract_on_grid(remainder, cut_off))
     for why, zone in _iter_zones(context):
@@ -87,7 +86,7 @@ def explain_largest_piece(context: PlanningContext, coverage: Coverage) -> Unwor
     if largest:
         return replace(piece, reason=areas[largest - 1].reason)
     place = shapely.Point(piece.x_m, piece.y_m)  # a plan may work another room than the largest, and leave that
-    is_left_whole = any(one.intersects(place) and 2.0 * piece.m2 > one.area for one in _list_rooms(context))
+    is_left_whole = any(one.intersects(place) and 2.0 * piece.m2 > one.area for one in context.rooms)
     return replace(piece, reason=_describe_cut_off(context) if is_left_whole else "reached by no pass of this plan")
 
 
@@ -108,13 +107,6 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
         mark_text(f"margin of {margin_m:g} m to {obstacle_kinds}"),
         extract_polygons(intersect_on_grid(lost, near_obstacles)),
     )
-
-
-def _list_rooms(context: PlanningContext) -> list[shapely.Polygon]:
-    """Ground wide enough for the machines, folded where they fold, in parts without a passage, the largest first."""
-    half_m, field = 0.5 * measure_passage_m(context.tractor, context.implement), context.layout.field
-    parts = sorted(shapely.get_parts(compute_free_space(field, half_m)), key=lambda part: (-part.area, part.bounds))
-    return [part.buffer(half_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for part in parts]
 
 
 def _describe_cut_off(context: PlanningContext) -> str:

@@ -8,7 +8,6 @@ import logging
 import secrets
 import tempfile
 import time
-import tomllib
 from collections.abc import Awaitable, Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -36,7 +35,7 @@ from planner.service.gateway.responses import require_state
 from planner.service.settings import LIMITS
 from planner.service.store.database_watch import TokenCache
 from planner.service.store.service_store import Store
-from vehicle.model.tractor import Tractor
+from vehicle.model.tractor import parse_tractor
 
 STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S = 0.05, 1.0, 1.0
 DELETED_TEXT = "This fleet was deleted."
@@ -44,11 +43,6 @@ EASTING_COLUMN, NORTHING_COLUMN, IMPLEMENT_COLUMN = map(ROW_COLUMNS.index, ("eas
 Files = Mapping[str, tuple[str, bytes]]
 """Contents by parameter (field, tractor), each with its file suffix."""
 FollowUp = Callable[[FleetSession, float], Awaitable[None]]
-
-
-def parse_tractor(content: bytes) -> Tractor:
-    """The tractor of a stored tractor file."""
-    return Tractor(**tomllib.loads(content.decode()))
 
 
 def prepare_with_files(text: str, files: Files, timing: Mapping[str, Any] | None = None) -> FleetPlan:
@@ -251,7 +245,7 @@ class FleetSessions:
         for number, name in twin_files.items():
             with contextlib.suppress(NotFoundError):
                 content = self.store.blobs.read_bytes(self.store.get_file("tractor", name).sha256)
-                session.twins.change_tractor(int(number), parse_tractor(content))
+                session.twins.change_tractor(int(number), parse_tractor(content.decode(), name))
                 session.twin_files[int(number)] = name
 
     async def _restore_coverage(self, session: FleetSession) -> None:

@@ -21,14 +21,14 @@ from planner.fleet.session.inbound_frames import MOST_TRACTORS
 from planner.fleet.session.state_recorder import average_commands, format_log_csv
 from planner.service.access.permissions import Caller, OperateAccess, ReadAccess
 from planner.service.errors import BusyError, ConflictError, NotFoundError
-from planner.service.fleets.fleet_sessions import FleetSessions, SessionsAccess, parse_tractor
+from planner.service.fleets.fleet_sessions import FleetSessions, SessionsAccess
 from planner.service.gateway.responses import ApiModel, ApiRequest, ApiRouter, ItemList, require_state
 from planner.service.jobs.file_reading import FileReader, submit_job
 from planner.service.jobs.input_files import DiagnosisJobRequest
 from planner.service.settings import LIMITS
 from planner.service.store.job_queue import DONE, UNFINISHED_STATUSES
 from planner.service.store.service_store import Store
-from vehicle.model.tractor import Tractor
+from vehicle.model.tractor import Tractor, parse_tractor
 from vehicle.model.tractor_writer import format_tractor_toml
 
 DIAGNOSIS_KIND, RESULT_FILE, TRACTOR_FILE = "diagnosis", "result.json", "tractor.toml"
@@ -107,7 +107,7 @@ class TwinDiagnosis:
         result = json.loads(self.store.read_result(id, RESULT_FILE, DIAGNOSIS_KIND))
         has_file = any(each.name == TRACTOR_FILE for each in row.results)
         content = self.store.read_result(id, TRACTOR_FILE, DIAGNOSIS_KIND) if has_file else None
-        diagnosed = tractor if content is None else parse_tractor(content)
+        diagnosed = tractor if content is None else parse_tractor(content.decode(), TRACTOR_FILE)
         extends_model = is_different_tractor(diagnosed, tractor)
         return {"named": result["named"], "words": result["verdict"], "extends_model": extends_model}
 
@@ -137,7 +137,7 @@ class TwinDiagnosis:
                 parameter="tractor",
             )
         content = self.store.read_result(job["id"], TRACTOR_FILE, DIAGNOSIS_KIND)
-        diagnosed = parse_tractor(content)
+        diagnosed = parse_tractor(content.decode(), TRACTOR_FILE)
         if not is_different_tractor(diagnosed, session.twins.tractors[number]):
             raise ConflictError(
                 f"The diagnosis of tractor {number + 1} found nothing that its file lacks; there is nothing to add.",

@@ -18,6 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from planner.errors import mark_parameter, strip_unit
+from planner.request.job_options import DAY_HELP, DIAGNOSIS_HELP
 from planner.request.option_checks import check_day_options, check_demo_options
 from planner.request.options import PlanOption
 from planner.request.plan_options import PLAN_OPTIONS
@@ -92,16 +93,14 @@ PLAN_JOB_MODEL = create_model(
 class DayJobRequest(JobRequest):
     """`headland day`: several fields and fleets on one day; `day` is the text of a day file.
 
-    Fields, farm, tractors and rain that it names are uploaded files, by their names with or without their endings.
+    Files that it and the request name are uploads, by their names with or without their endings.
     """
 
     day: Annotated[str, Field(max_length=LIMITS.most_toml_chars, description="The text of a day file (TOML).")]
-    farm: ShortText | None = Field(None, description="An uploaded farm instead of the one that the day names.")
-    rain: ShortText | None = Field(None, description="Rain instead of the day's; NAME.csv is an uploaded table.")
-    certainty: float | None = Field(
-        None, description="Plan by times that this percentage of the samples keeps, 50 to 99."
-    )
-    samples: Annotated[int, Field(description="Samples of what varies from day to day.")] = 10_000
+    farm: ShortText | None = Field(None, description=DAY_HELP["farm"])
+    rain: ShortText | None = Field(None, description=DAY_HELP["rain"])
+    certainty: float | None = Field(None, description=DAY_HELP["certainty"])
+    samples: Annotated[int, Field(description=DAY_HELP["samples"])] = 10_000
     seed: Seed = 1
 
     def check_options(self) -> None:
@@ -114,20 +113,14 @@ class DiagnosisJobRequest(JobRequest):
 
     logs: Annotated[ShortTexts, Field(description="Uploaded logs, one run each.")] = []
     tractor: ShortText = Field("eg105", description="eg105, mr1000a or an uploaded tractor.")
-    ground: ShortText = Field("soil", description="Ground the logs were made on: soil or asphalt.")
-    fix: Annotated[ShortTexts, Field(description="Conventions to convert from.")] = []
-    mapping: Annotated[ShortTexts, Field(description="Columns of all logs by ours, such as time_s=Zeit.")] = []
-    as_driven: bool = Field(False, description="Where the file is of another vehicle, take its size from the logs.")
-    holdout: Annotated[
-        ShortTexts,
-        Field(
-            description="Logs to keep out of everything, for the error before and after on them: names or patterns, "
-            "#2 for the second log, how many, or auto."
-        ),
-    ] = []
-    demo: bool = Field(False, description="Hide an effect in made logs and find it.")
-    hide: ShortText | None = Field(None, description="Effect to hide in the demonstration; by default drawn.")
-    seed: Annotated[int | None, Field(ge=0, le=MAX_SEED, description="Seed of the demonstration.")] = None
+    ground: ShortText = Field("soil", description=DIAGNOSIS_HELP["ground"])
+    fix: Annotated[ShortTexts, Field(description=DIAGNOSIS_HELP["fix"])] = []
+    mapping: Annotated[ShortTexts, Field(description=DIAGNOSIS_HELP["column"])] = []
+    as_driven: bool = Field(False, description=DIAGNOSIS_HELP["as_driven"])
+    holdout: Annotated[ShortTexts, Field(description=DIAGNOSIS_HELP["holdout"])] = []
+    demo: bool = Field(False, description=DIAGNOSIS_HELP["demo"])
+    hide: ShortText | None = Field(None, description=DIAGNOSIS_HELP["hide"])
+    seed: Annotated[int | None, Field(ge=0, le=MAX_SEED, description=DIAGNOSIS_HELP["seed"])] = None
 
     def check_options(self) -> None:
         """Raise RequestError for both or neither of logs and demonstration, as the command does."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import shutil
 import tempfile
 import threading
@@ -20,7 +21,6 @@ from planner.service.jobs.file_reading import FairQueue, compute_reading_memory_
 from planner.service.jobs.input_files import write_inputs
 from planner.service.sandbox.reader_processes import (
     BOOTSTRAP_CODE,
-    LOGGER,
     extract_value,
     parse_answer,
     start_linked_python,
@@ -156,7 +156,7 @@ class _EstimateQueue:
             value: dict[str, Any] = extract_value(report)
             return value
         if "fault" in report:
-            LOGGER.error("An estimate ended in a fault: %s", ascii(report["fault"]))
+            logging.getLogger(__name__).error("An estimate ended in a fault: %s", ascii(report["fault"]))
             raise ServiceError(ESTIMATE_FAULT)
         if "memory" in report:
             raise ServiceError("Estimating this needed too much memory; run the plan instead.")

@@ -221,11 +221,14 @@ class WorkerSupervisor:
 
     def __init__(self, settings: ServiceSettings, store: JobStore) -> None:
         self.settings, self.store = settings, store
+        self._is_stopping = threading.Event()
         self._slots = [
-            KeptProcess(run_worker, self._prepare_worker, self._release_ended, short_life_s=1.0, patience_s=10.0)
+            KeptProcess(
+                run_worker, self._prepare_worker, self._release_ended, short_life_s=1.0, patience_s=10.0,
+                is_stopping=self._is_stopping,
+            )
             for _ in range(settings.workers)
-        ]
-        self._stopping = threading.Event()
+        ]  # fmt: skip
         self._was_unwritable = False
         self._thread = threading.Thread(target=self._tend_queue, name="headland-workers", daemon=True)
 
@@ -238,9 +241,7 @@ class WorkerSupervisor:
 
     def stop(self) -> None:
         """End all workers; their jobs go back into the queue without counting a try."""
-        for slot in self._slots:
-            slot.is_stopping.set()
-        self._stopping.set()
+        self._is_stopping.set()
         if self._thread.is_alive():
             self._thread.join()
         for slot in self._slots:
@@ -254,15 +255,15 @@ class WorkerSupervisor:
 
     def _release_ended(self, name: str, status: int) -> bool:
         """Put the job of a worker that has ended back, as soon as that can be written; whether its end was a fault."""
-        while not self._stopping.is_set():
+        while not self._is_stopping.is_set():
             with contextlib.suppress(*DATABASE_WRITE_ERRORS):
                 self.store.release_jobs(name, counts_try=status != LOST_STATUS)
                 break
-            self._stopping.wait(SUPERVISE_PERIOD_S)
+            self._is_stopping.wait(SUPERVISE_PERIOD_S)
         return status != LOST_STATUS
 
     def _tend_queue(self) -> None:
-        while not self._stopping.wait(SUPERVISE_PERIOD_S):
+        while not self._is_stopping.wait(SUPERVISE_PERIOD_S):
             self._release_unreported()
 
     def _release_unreported(self) -> None:

@@ -26,7 +26,6 @@ from fields.errors import HeadlandError
 from planner.service.errors import ServiceError
 from planner.service.sandbox.confined_reading import MOST_FAULT_CHARS
 
-LOGGER = logging.getLogger(__name__)
 BOOTSTRAP_CODE = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from planner.service.sandbox import confined_reading; "
 )
@@ -215,7 +214,9 @@ def extract_reading_value(outcome: ReadOutcome, limit_s: float, memory_bytes: in
     if "value" in report or "refused" in report:
         return extract_value(report)
     if "fault" in report:
-        LOGGER.error("A reading ended in a fault: %s", ascii(str(report["fault"])[-MOST_FAULT_CHARS:]))
+        logging.getLogger(__name__).error(
+            "A reading ended in a fault: %s", ascii(str(report["fault"])[-MOST_FAULT_CHARS:])
+        )
         raise ServiceError(READ_FAULT)
     signal_name = _name_signal(outcome.exit_code)
     if outcome.is_late or signal_name == "SIGXCPU":
@@ -293,7 +294,7 @@ def _log_missing_protections(missing: list[str]) -> None:
     for protection in missing:
         if protection not in _LOGGED_MISSING:
             _LOGGED_MISSING.add(protection)
-            LOGGER.warning("Files are read without %s, as this system lacks it.", protection)
+            logging.getLogger(__name__).warning("Files are read without %s, as this system lacks it.", protection)
 
 
 def _receive_all(channel: socket.socket, deadline_s: float) -> bytes:
