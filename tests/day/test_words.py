@@ -75,6 +75,7 @@ def test_a_day_names_what_is_not_worked() -> None:
         "Done within the hours of each field: 100 % sure.",
     ]
     assert told[-2:] == ["c is not worked: it is far.", "1 more is not worked."]
+    assert list_told((JOB,), left[:3], 1.0)[-1] == "c is not worked: it is far.", "and no more"
     assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is not worked: it is far."]
 
 
