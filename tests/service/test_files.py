@@ -220,6 +220,9 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     assert twice.status_code == 422 and "Two files have the name 'yard.geojson'" in twice.json()["error"]
     unknown = client.post("/api/v1/days", json={"day": day % "other.asc"}, headers=token)
     assert (unknown.status_code, unknown.json()["parameter"]) == (422, "day")
+    itself = client.post("/api/v1/days", json={"day": 'farm = "day.toml"'}, headers=token)
+    told = "A farm of the day has the name 'day.toml' of the day file itself; upload it under another name."
+    assert (itself.status_code, itself.json()["error"], itself.json()["parameter"]) == (422, told, "day")
 
 
 @pytest.mark.parametrize(
