@@ -66,7 +66,7 @@ def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
         "one (2): Home $1, then other.",
     ]
     alone = replace(JOB, finish_probability=0.6)
-    assert list_told((alone,), (), 0.6)[1] == "Done within the hours of each field: 60 % sure.", "that of its only field"
+    assert list_told((alone,), (), 0.6)[1] == "Done within the hours of each field: 60 % sure.", "it is the only field"
 
 
 def test_a_day_names_what_is_not_worked() -> None:
