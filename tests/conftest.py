@@ -16,13 +16,16 @@ import sys
 import threading
 from collections.abc import Generator, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.examples import DRAWS_FRESH, count_examples
 from tests.warm import warm
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 ROOT = Path(__file__).parents[1]
 ALIAS = ROOT / "planner" / "cli" / "alias"
@@ -72,6 +75,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with slow tests come first: at the end, workers that have nothing left would wait for one of them."""
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["Browser"]:
+    """A real browser without a window; where none is installed, and none must be, the test is skipped."""
+    from tests.browsers import BROWSER, open_browser
+
+    if BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"):
+        pytest.skip("no browser is installed")
+    with open_browser() as found:
+        yield found
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Page
 
+from tests.browsers import LONGEST_WAIT_S, open_browser
 from tests.service.running import run_service
-from tests.service.watching import BROWSER, LONGEST_WAIT_S, WIDE
+from tests.service.watching import WIDE
 
 KNOBS = ("width", "tractors", "speed_kmh", "start", "deadline", "price_per_hour")
 QUIET_S = 1.0
@@ -73,8 +74,7 @@ def main() -> None:
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, run_service(Path(folder) / "data") as service:
         token = service.make_token("planner")["authorization"].removeprefix("Bearer ")
-        with sync_playwright() as play:
-            browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        with open_browser() as browser:
             page = browser.new_context(viewport=WIDE).new_page()
             page.set_default_timeout(1000 * LONGEST_WAIT_S)
             page.add_init_script(f'sessionStorage.setItem("headland-token", "{token}")')
@@ -82,7 +82,6 @@ def main() -> None:
             page.wait_for_selector(".answer[aria-busy=false] .badge:visible")
             page.wait_for_timeout(1000.0 * QUIET_S)
             found = change_at_random(page, given.changes, given.seed, given.wait)
-            browser.close()
     for name in KNOBS:
         print(format_times(name, [ms for one, ms in found if one == name]))
     print(format_times("all", [ms for _, ms in found]))

@@ -65,6 +65,8 @@ def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
         "Done within the hours of each field: 55 % sure, least other (60 %).",
         "one (2): Home $1, then other.",
     ]
+    alone = replace(JOB, finish_probability=0.6)
+    assert list_told((alone,), (), 0.6)[1] == "Done within the hours of each field: 60 % sure.", "it is the only field"
 
 
 def test_a_day_names_what_is_not_worked() -> None:
@@ -75,6 +77,7 @@ def test_a_day_names_what_is_not_worked() -> None:
         "Done within the hours of each field: 100 % sure.",
     ]
     assert told[-2:] == ["c is not worked: it is far.", "1 more is not worked."]
+    assert list_told((JOB,), left[:3], 1.0)[-1] == "c is not worked: it is far.", "and no more"
     assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is not worked: it is far."]
 
 

@@ -52,6 +52,14 @@ def pool() -> Iterator[LocalPool]:
         yield executor
 
 
+@pytest.fixture(scope="module")
+def helper() -> Iterator[LocalPool]:
+    """One process, which has begun."""
+    with LocalPool(1) as executor:
+        executor.submit(os.getpid).result(240)
+        yield executor
+
+
 class TestCompleted:
     @pytest.mark.parametrize("make", [SerialExecutor, lambda: ThreadPoolExecutor(3)])
     def test_each_once_with_its_index(self, make: Any) -> None:
@@ -135,19 +143,15 @@ class TestLocalPool:
         assert sorted(found) == [0, 1]
 
     @pytest.mark.slow
-    def test_no_process_holds_a_task_that_the_caller_could_do(self) -> None:
+    def test_no_process_holds_a_task_that_the_caller_could_do(self, helper: LocalPool) -> None:
         """Two tasks for two: each has one, though the caller is asked last."""
-        with LocalPool(1) as executor:
-            executor.submit(os.getpid).result(240)
-            hands = [process for _, process in iter_completed(executor, busy, [(1.0,)] * 2)]
+        hands = [process for _, process in iter_completed(helper, busy, [(1.0,)] * 2)]
         assert sorted(hands) == sorted({os.getpid(), *hands}) and len(hands) == 2
 
     @pytest.mark.slow
-    def test_a_process_goes_on_while_the_caller_is_at_work(self) -> None:
-        with LocalPool(1) as executor:
-            executor.submit(os.getpid).result(240)
-            tasks = [(0.1,)] * 5 + [(3.0,)]
-            found = dict(iter_completed(executor, busy, tasks, from_both_ends=True))
+    def test_a_process_goes_on_while_the_caller_is_at_work(self, helper: LocalPool) -> None:
+        tasks = [(0.1,)] * 5 + [(3.0,)]
+        found = dict(iter_completed(helper, busy, tasks, from_both_ends=True))
         assert [index for index, process in sorted(found.items()) if process == os.getpid()] == [5]
 
     @pytest.mark.slow

@@ -23,11 +23,13 @@ from planner.evaluation.context import DoneWork, Stand
 from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.unworked_area import find_unworked_areas, measure_requested_share
+from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
 from planner.farm.settings import FarmTimes
+from planner.pipeline import going_on
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import GivenOptions
-from planner.pipeline.going_on import cut_run, keep_continuing, read_continued_order, sum_used
+from planner.pipeline.going_on import continue_order, cut_run, keep_continuing, read_continued_order, sum_used
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.pipeline.outputs.saved_plans import simulate_saved_plan
 from planner.pipeline.planning import PlanningResult, plan, plan_order
@@ -70,6 +72,12 @@ def go_on(folder: Path, source: str, without: tuple[int, ...] = (), **changes: A
     continued = read_continued_order([source], without)
     request = replace(continued.request, **changes)
     return plan(request, done=source, without=without, executor=SerialExecutor())
+
+
+def lay_out_rest(source: str) -> Field:
+    """The field with what is left of it where a saved plan is left, without a plan for it."""
+    order = continue_order(WorkOrder(read_continued_order([source]).request, done=(source,)))
+    return going_on.go_on(prepare_context(order), order).layout.field
 
 
 @pytest.fixture(scope="module")
@@ -176,18 +184,18 @@ def test_lists_and_the_time_at_which_a_plan_is_left_know_the_breaks_of_the_day(f
     ends = [step.clock_s + step.seconds + step.pause_s for own in steps for step in own if step.kind != "leave"]
     assert max(ends) == pytest.approx(best.stated_end_s, abs=1.0)
 
-    due = [go_on(tmp_path, f"{saved}@{clock}").ranking.area_ha for clock in ("6:05", "6:20", "6:35", "6:36")]
+    due = [lay_out_rest(f"{saved}@{clock}").area_ha for clock in ("6:05", "6:20", "6:35", "6:36")]
     assert due[0] == due[1] == due[2] > due[3]
     done_m2 = unite_areas(compute_swept_area(cut_run(run, 200.0), whole.context).ground).area
     assert due[0] == pytest.approx(whole.ranking.area_ha - 1e-4 * done_m2, rel=0.02)
     content = json.loads(saved.read_text(encoding="utf-8"))
     content["notes"]["stated"]["workday"] = {"before_s": 100.0, "breaks_s": [], "shift_s": [6 * 3600, 6 * 3600 + 180]}
     saved.write_text(json.dumps(content), encoding="utf-8")
-    first, second, past_first = (go_on(tmp_path, f"{saved}@{clock}").ranking for clock in ("6:02", "30:01", "6:07"))
+    first, second, past_first = (lay_out_rest(f"{saved}@{clock}") for clock in ("6:02", "30:01", "6:07"))
     assert first.area_ha > past_first.area_ha > second.area_ha, "hours go on past 24 on the next day"
     told = r"is in the field from 06:01 to 06:0\d,? .*day.*, and 6:02 is taken as the first one; 30:02 is a day later"
-    assert any(re.search(told, one) for one in first.field_remarks)
-    assert not any("a day later" in one for one in second.field_remarks)
+    assert any(re.search(told, one) for one in first.remarks)
+    assert not any("a day later" in one for one in second.remarks)
     del content["notes"]["stated"]["workday"]
     saved.write_text(json.dumps(content), encoding="utf-8")  # as an earlier Headland saved it
     assert simulate_saved_plan(saved).steps[0][0].clock_s == 100.0

@@ -17,6 +17,7 @@ from planner.evaluation.ground.coverage import measure_left_out_m2
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.site import get_site_moves
 from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.many_fields import share_obstacles
 from planner.pipeline.planning import plan_order
 from planner.request.option_texts import parse_line_names
@@ -144,7 +145,7 @@ def test_what_the_layout_has_not_is_refused_with_what_it_has() -> None:
 @pytest.mark.slow
 def test_plans_with_too_few_tractors_for_a_wish_are_refused_beside_those_with_enough() -> None:
     request = PlanRequest(**BASE | {"tractors": (1, 2)}, give=("2=5",))
-    ranking = plan_order(WorkOrder(request, field=FIELD)).ranking
+    ranking = plan_order(WorkOrder(request, field=FIELD), executor=SerialExecutor()).ranking
     assert ranking.best is not None
     assert {plan.tractors for plan in ranking.plans if "only 1 tractor" in (plan.reason or "")} == {1}
 

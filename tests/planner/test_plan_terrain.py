@@ -38,7 +38,7 @@ from vehicle.model.tractor import StabilityParameters, load_tractor
 
 pytestmark = pytest.mark.usefixtures("first_layout")
 
-FIELD = Field("drawn", shapely.box(0, 0, 36, 80))
+FIELD = Field("drawn", shapely.box(0, 0, 18, 60))
 ONE = Candidate("row-by-row", 1)
 
 
@@ -107,7 +107,7 @@ def test_too_steep_to_work_uphill_is_worked_downhill() -> None:
     driven = simulate_candidate(tilt(0.0, 0.45, soil="soft"), ONE)
     assert driven.result.feasible
     works = [leg for mission in driven.run.plan.missions for leg in mission.legs if leg.implement and leg.task.is_work]
-    assert {round(float(leg.points[0][0]), 1) for leg in works} == {1.5 + 3.0 * number for number in range(12)}
+    assert {round(float(leg.points[0][0]), 1) for leg in works} == {1.5 + 3.0 * number for number in range(6)}
     assert all(leg.points[-1][1] < leg.points[0][1] for leg in works)
 
 
@@ -194,7 +194,7 @@ class TestFieldKey:
 
     def write(self, folder: Path, name: object) -> Path:
 
-        return write_features(folder / "field.geojson", feature(rectangle(0, 0, 36, 80), elevation=name))
+        return write_features(folder / "field.geojson", feature(rectangle(0, 0, 18, 60), elevation=name))
 
     def test_it_is_read_unless_the_request_has_another(self, tmp_path: Path) -> None:
         write_plane(tmp_path / "own.asc", 0.05, 0.0)

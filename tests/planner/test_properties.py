@@ -15,6 +15,7 @@ from planner.evaluation.candidates.evaluate import Candidate, run_candidate, sim
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.preparation import prepare_context
 from planner.evaluation.work_order import WorkOrder
+from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan_order
 from planner.request.plan_request import PlanRequest
 from strategies.programmes.move_estimates import CUTS_M
@@ -115,7 +116,7 @@ def test_sides_of_the_headland_are_work_for_tractors_without_a_track() -> None:
     names = ("split-field", "row-by-row")
     request = PlanRequest(width_m=6.0, headland_passes=2, tractors=(1, 2), strategies=names, bearing_deg=90.0)
     strip = Field("strip", shapely.box(0.0, 0.0, 120.0, 30.0))
-    ranking = plan_order(WorkOrder(request, field=strip, simulates_all=True)).ranking
+    ranking = plan_order(WorkOrder(request, field=strip, simulates_all=True), executor=SerialExecutor()).ranking
     one, two = (ranking.by_count[count] for count in (1, 2))
     assert (two.time_s or 0.0) < 0.7 * (one.time_s or 0.0) and (two.worked_pct or 0.0) > (one.worked_pct or 0.0) - 1.0
     assert {"2 tractors in formation need 2 tracks, and there is work on 1; use split-field or interleaved."} == {

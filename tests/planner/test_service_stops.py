@@ -276,7 +276,7 @@ def test_stops_have_their_place_on_the_earth() -> None:
 
 @pytest.mark.slow
 def test_the_ranking_tells() -> None:
-    site, found = site_for("0,30", False), driven("0,30", 1, "split-field", False)
+    site, found = site_for("60,0"), driven(*CASES[0])
     ranking = rank_plans(site, [found.result])
     count = found.result.refills
     assert f"{count} refills" in write_answer(ranking).work

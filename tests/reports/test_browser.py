@@ -1,7 +1,7 @@
-"""Pages as a browser lays them out: on a small screen, on paper, and when used. Skipped where there is no browser."""
+"""Pages as a browser lays them out: on a small screen, on paper, and when used."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from html import escape, unescape
 from pathlib import Path
@@ -9,24 +9,21 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
 from reports.common.plan_records import PlanDrive
 from reports.common.plan_results import PlanRanking
 from reports.plan.ranking_page import render_plan_page
 from reports.trials.report import render_trials_page
-from tests.browsers import BROWSER, open_browser
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
-pytestmark = [pytest.mark.skipif(BROWSER is None, reason="no browser is installed"), pytest.mark.slow]
+pytestmark = pytest.mark.slow
 Ask = Callable[[str, int, str], Any]
 
 
 @pytest.fixture(scope="module")
-def tab() -> Iterator[Page]:
-    """A page of a browser without a window."""
-    with open_browser() as browser:
-        yield browser.new_page()
+def tab(browser: Browser) -> Page:
+    return browser.new_page()
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import csv
 import io
 import json
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,11 +30,11 @@ from reports.plan.headland_report import (
 from reports.plan.many_fields import (
     build_many_fields_screen,
     build_many_fields_table,
+    format_many_fields_json,
     render_many_fields_page,
     sum_over_fields,
 )
 from reports.plan.map_data import build_small_map
-from tests.browsers import BROWSER, open_browser
 from tests.printing import print_text
 
 SQUARE, ROUND = ComparedWay("square", "first", 3, 3.0), ComparedWay("round", "last", 2, 3.0)
@@ -292,6 +291,13 @@ def test_totals_of_fields_leave_out_what_has_no_plan(records: list[ComparisonRow
     assert total.worked_pct == pytest.approx(98.0)
     (row,) = [line.split() for line in print_table(build_many_fields_table(records), 120) if line.startswith("Total ")]
     assert row == ["Total", "3.00", "3", "2:30:00", "98.0", "90"]
+    told = json.loads(format_many_fields_json(records))
+    assert [one["requested_field"].partition("#")[2] for one in told["fields"]] == ["east", "west", "tiny"]
+    assert [one["refusal"] for one in told["fields"]] == [None, None, "It is too small."]
+    assert [one["ranking"] is None for one in told["fields"]] == [False, False, True]
+    sums = {"area_ha": 3.0, "time_s": 9000.0, "cost": 90.0, "missed_m2": 600.0, "over_finished_m2": 100.0}
+    (totals,) = told["totals"]
+    assert totals == {"width_m": 3.0, "fields": 2, "cost_per_ha": 30.0, "paid_cost": 90.0, "risked_cost": 0.0, **sums}
 
 
 def test_a_reason_stands_once_for_all_widths_of_a_field_and_fields_of_one_name_stay_apart() -> None:
@@ -306,14 +312,6 @@ def test_a_reason_stands_once_for_all_widths_of_a_field_and_fields_of_one_name_s
     assert told[-2:] == [f"{folder}/north.geojson at 3 m and 4 m: It is too small." for folder in ("a", "b")]
     on_screen = " ".join(print_table(build_many_fields_screen(records), 120))
     assert on_screen.count("north.geojson at 3 m and 4 m: It is too small.") == 2
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if BROWSER is None:
-        pytest.skip("no browser is installed")
-    with open_browser() as found:
-        yield found
 
 
 class TestPages:

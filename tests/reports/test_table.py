@@ -1,5 +1,6 @@
 """Tables on consoles of several widths."""
 
+import json
 import re
 from dataclasses import replace
 
@@ -9,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Group
 
+from fields.documents.reader import FieldSummary
 from reports.common.plan_results import PlanRanking
 from reports.common.text_tables import break_text_at_marks
-from reports.plan.field_report import build_field_table
+from reports.plan.field_report import build_field_table, build_parcels_table, format_parcels_json
 from reports.plan.ranking_table import build_first_screen, build_ranking_table
 from reports.trials.report import FleetStudy, build_study_tables
 from tests.printing import print_text
@@ -238,6 +240,21 @@ def test_field_values_read_well_and_labels_carry_their_units() -> None:
     facts = {"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}}
     lines = [" ".join(line.split()) for line in print_text(build_field_table(facts)).splitlines()]
     assert lines == ["Area (ha) 1.9", "M 2", "Turns Omega fits: yes", "Over (s): 1: 9.5, 2: 8"]
+
+
+def test_a_list_of_fields_has_a_column_where_one_lies_in_another_or_cannot_be_used() -> None:
+    north, pond = FieldSummary(0, "north", 1.23456, 2), FieldSummary(1, "pond", 0.5, 0, inside="north")
+    lines = [line.split() for line in print_text(build_parcels_table([north])).splitlines()]
+    assert lines == [["#", "ID", "Area", "(ha)", "Holes"], ["0", "north", "1.23", "2"]]
+    several = [north, pond, FieldSummary(2, "bow", fault="crosses itself")]
+    head, *rows = [" ".join(line.split()) for line in print_text(build_parcels_table(several)).splitlines()]
+    assert head == "# ID Area (ha) Holes Inside Not usable"
+    assert rows == ["0 north 1.23 2", "1 pond 0.50 0 north", "2 bow - - crosses itself"]
+    assert [list(one.values()) for one in json.loads(format_parcels_json(several))] == [
+        [0, "north", 1.2346, 2, None, None],
+        [1, "pond", 0.5, 0, None, "north"],
+        [2, "bow", None, None, "crosses itself", None],
+    ]
 
 
 @pytest.mark.parametrize("width", [16, 40, 60, 80, 120, 200])

@@ -1,4 +1,4 @@
-"""A service of each test's own: folder, database, tokens, and a client on this machine; a browser for the pages."""
+"""A service of each test's own: folder, database, tokens, and a client on this machine; a page that is watched."""
 
 import json
 import time
@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from fastapi import FastAPI
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser
 from starlette.testclient import TestClient
 
 from planner.fleet.model.fleet_plan import FleetPlan
@@ -20,7 +20,7 @@ from planner.service.store.token_table import has_expired, hash_token
 from tests.service.databases import KINDS, database
 from tests.service.fake_service import CONTROL, Made, fake_app
 from tests.service.one_process import create_app
-from tests.service.watching import BROWSER, LONGEST_WAIT_S, WatchedPage, serve_app
+from tests.service.watching import WatchedPage, serve_app
 
 BOTH = "operator planner"
 HERE = "http://127.0.0.1:8765"
@@ -118,16 +118,6 @@ def pages() -> Iterator[tuple[str, Made]]:
     app = fake_app()
     with serve_app(app) as base:
         yield base, app.state.made
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """A real browser without a window."""
-    with sync_playwright() as play:
-        arguments = ["--no-sandbox", "--disable-gpu"]
-        found = play.chromium.launch(executable_path=BROWSER, args=arguments, timeout=1000 * LONGEST_WAIT_S)
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="module")

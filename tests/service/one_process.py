@@ -1,8 +1,9 @@
 """The whole service in one app, whose files may be read and whose plans estimated in the process of the tests."""
 
+import asyncio
 import json
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, chdir
 from functools import partial
 from typing import Any
@@ -11,6 +12,7 @@ from unittest.mock import patch
 from fastapi import FastAPI
 
 from planner.service.api import apps
+from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.jobs.file_reading import FileReader
 from planner.service.jobs.plan_estimates import PlanEstimator
 from planner.service.sandbox import confined_reading, estimating
@@ -57,12 +59,19 @@ class EstimatorHere(PlanEstimator):
         return answer | {"computing_s": 0.0}
 
 
+class SessionsHere(FleetSessions):
+    """Fleets whose plans are prepared in this process."""
+
+    async def run_in_process(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        return await asyncio.to_thread(function, *arguments)
+
+
 def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> FastAPI:
-    """Control and office in one app; with `reads_inline` it reads files and estimates plans in this process."""
+    """Control and office in one app; with `reads_inline` it reads files and makes plans ready in this process."""
     with ExitStack() as stack:
         if reads_inline:
-            stack.enter_context(patch.object(apps, "FileReader", ReaderHere))
-            stack.enter_context(patch.object(apps, "PlanEstimator", EstimatorHere))
+            here = {"FileReader": ReaderHere, "PlanEstimator": EstimatorHere, "FleetSessions": SessionsHere}
+            stack.enter_context(patch.multiple(apps, **here))
         app = apps._build_app(settings, apps._run_office, apps._run_control)
         apps._set_up_control_state(app)
         apps._set_up_back_office_state(app)

@@ -17,9 +17,9 @@ from tests.reports.catalogues import collect_texts
 from tests.service.accessibility import WIDTHS_PX, find_faults_at_widths, find_violations, open_all_details
 from tests.service.fake_service import CONTROL, Made
 from tests.service.test_pages import PAGES
-from tests.service.watching import NARROW, WIDE, WatchedPage, count_colours, find_overflow, needs_browser
+from tests.service.watching import NARROW, WIDE, WatchedPage, count_colours, find_overflow
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 EACH_PAGE = [*PAGES.items(), ("/nowhere", "text=No such page")]
 VISITS = [
     visit

@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import sync_playwright
 
+from tests.browsers import BROWSER, open_browser
 from tests.service.fleets import format_small_plan
 from tests.service.running import Running, run_service
-from tests.service.watching import BROWSER
 from tests.service.web_proxies import (
     ask_over_tls,
     connect_over_tls,
@@ -81,9 +80,7 @@ def test_behind_a_bare_proxy_pass_nothing_is_readable_without_a_token(
 def test_the_page_links_behind_tls_on_the_usual_port(behind: Behind) -> None:
     frames: list[str] = []
     said: list[str] = []
-    arguments = ["--no-sandbox", "--disable-gpu", f"--host-resolver-rules=MAP farm.example:443 127.0.0.1:{behind.port}"]
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=arguments)
+    with open_browser(f"--host-resolver-rules=MAP farm.example:443 127.0.0.1:{behind.port}") as browser:
         page = browser.new_context(ignore_https_errors=True).new_page()
         page.on("websocket", lambda socket: socket.on("framereceived", lambda text: frames.append(str(text))))
         page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
@@ -95,7 +92,6 @@ def test_the_page_links_behind_tls_on_the_usual_port(behind: Behind) -> None:
         while not any('"tick"' in text for text in frames) and time.monotonic() < until:
             page.wait_for_timeout(100)
         cookie = page.context.cookies()[0]
-        browser.close()
     kinds = {json.loads(text)["kind"] for text in frames if text.startswith("{")}
     assert {"welcome", "scene", "tick"} <= kinds and "refused" not in kinds
     assert said == [], said

@@ -16,12 +16,12 @@ from tests.reports.test_diagnosis import diagnosis
 from tests.reports.test_diagnosis_logs import FAULTY, HARMFUL, LATE
 from tests.service.accessibility import find_violations
 from tests.service.fake_service import Made
-from tests.service.watching import WatchedPage, find_overflow, needs_browser, until
+from tests.service.watching import WatchedPage, find_overflow, until
 from vehicle.identification.diagnosis.results import NextDrive, ReplayEvidence
 from vehicle.identification.logs.reader import read_log
 from vehicle.model.tractor import EffectSetting, load_tractor
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

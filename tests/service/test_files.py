@@ -109,6 +109,14 @@ def test_a_farm_brings_the_tractors_that_were_uploaded(client: TestClient, token
     farm = b"[[tractors]]\nname = 'own'\nfile = 'mine.toml'\ncount = 2\n"
     assert upload(client, "farms", token, "farm.toml", farm).status_code == 201
     assert client.get("/api/v1/farms/farm/summary").json()["tractors"][0]["name"] == "own"
+    body, of_farm = {"field": "denmark", "tractors": "1"}, {"farm": "farm"}
+    refused = client.post("/api/v1/plans", json=body | of_farm | {"tractor": "a/own"}, headers=token)
+    assert refused.status_code == 422 and "There is no tractor 'a/own'" in refused.json()["error"]
+    mine = "tractor/mine.toml"
+    for more, tractor, path in ((of_farm, "own", "own"), (of_farm, "mine", mine), ({}, "mine", mine)):
+        assert client.post("/api/v1/plans", json=body | more | {"tractor": tractor}, headers=token).status_code == 202
+        job = client.app.state.store.list_jobs()[0]  # type: ignore[attr-defined]
+        assert job.work["tractor"] == path and ("farm/mine.toml" in job.inputs) == bool(more)
     assert upload(client, "farms", token, "example.toml", read_example_text("farm").encode()).status_code == 201
 
 
@@ -220,6 +228,9 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     assert twice.status_code == 422 and "Two files have the name 'yard.geojson'" in twice.json()["error"]
     unknown = client.post("/api/v1/days", json={"day": day % "other.asc"}, headers=token)
     assert (unknown.status_code, unknown.json()["parameter"]) == (422, "day")
+    itself = client.post("/api/v1/days", json={"day": 'farm = "day.toml"'}, headers=token)
+    told = "A farm of the day has the name 'day.toml' of the day file itself; upload it under another name."
+    assert (itself.status_code, itself.json()["error"], itself.json()["parameter"]) == (422, told, "day")
 
 
 @pytest.mark.parametrize(

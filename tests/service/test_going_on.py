@@ -42,7 +42,7 @@ from strategies.programmes.site_moves import SiteMoves
 from tests.service.fleets import restart_manager
 from tests.service.running import COMMAND, Running, run_service
 from tests.service.test_replanning import WIDTH_M, at, start_live
-from tests.service.watching import NARROW, WIDE, WatchedPage, find_overflow, needs_browser
+from tests.service.watching import NARROW, WIDE, WatchedPage, find_overflow
 from vehicle.missions.plan import LEAVE
 
 pytestmark = pytest.mark.slow
@@ -329,7 +329,7 @@ class PageOperator:
 
 
 @pytest.mark.matrix
-@pytest.mark.parametrize("by", ["requests", pytest.param("page", marks=needs_browser)])
+@pytest.mark.parametrize("by", ["requests", "page"])
 def test_a_stopped_fleet_loses_a_robot_goes_on_and_outlives_a_killed_service(
     tmp_path: Path, by: str, request: pytest.FixtureRequest
 ) -> None:

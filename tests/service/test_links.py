@@ -37,6 +37,7 @@ from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 from tests.examples import seldom
 from tests.service.fleets import fleet_app, fleet_plan, state
+from tests.service.one_process import SessionsHere
 from vehicle.identification.logs.reader import read_log
 
 TOLD = TypeAdapter(outgoing.OutboundMessage)
@@ -86,7 +87,7 @@ def own_service(tmp_path: Path) -> Iterator[Service]:
 @contextmanager
 def run_service(data: Path) -> Iterator[Service]:
     store = Store(ServiceSettings(data=data))
-    hub = FleetSessions(store)
+    hub = SessionsHere(store)
     app = fleet_app(store, hub)
     tokens = {scope: store.create_token_text(scope, scope) for scope in ("read", "planner", "operator", "admin")}
     begin = time.time()

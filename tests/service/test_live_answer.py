@@ -9,9 +9,9 @@ from playwright.sync_api import Browser, Error, JSHandle, Page, Route
 
 from tests.service.accessibility import find_faults_at_widths
 from tests.service.fake_service import CONTROL, Made
-from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, until
+from tests.service.watching import NARROW, WIDE, WatchedPage, until
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 AT_ONCE, LAID_OUT = "**/api/v1/estimates?at_once=true", "**/api/v1/estimates"
 
 

@@ -15,11 +15,10 @@ from tests.service.test_files import HERE_M, shapefile
 from tests.service.watching import (
     WatchedPage,
     evaluate_in_page,
-    needs_browser,
     watch_app,
 )
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 PAGES = {
     "/": "text=waits for tractor 1",
     "/fleet/f1": "text=To the deadline",

@@ -17,9 +17,9 @@ from tests.service.accessibility import find_faults_at_widths, open_all_details
 from tests.service.conftest import SMALL
 from tests.service.one_process import create_app
 from tests.service.test_library import LARGER
-from tests.service.watching import WIDE, WatchedPage, needs_browser, until, watch_app
+from tests.service.watching import WIDE, WatchedPage, until, watch_app
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 Service = tuple[WatchedPage, FastAPI]
 
 MAST_FIELD = feature(rectangle(0, 0, 90, 120), name="mast field"), feature(point(40, 60), name="Strommast")

@@ -8,9 +8,9 @@ from playwright.sync_api import Page, ViewportSize
 
 from tests.examples import seldom
 from tests.service.fake_service import NOTHING, UNDERSTEER, Made
-from tests.service.watching import NARROW, WIDE, WatchedPage, evaluate_in_page, needs_browser, until
+from tests.service.watching import NARROW, WIDE, WatchedPage, evaluate_in_page, until
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 SMALL_WINDOW = ViewportSize(width=390, height=664)  # with the bars of a telephone's browser
 HOST = "http://camera.example:8080"

@@ -20,9 +20,9 @@ from tests.drawn_fields import feature, point, ring, write_features
 from tests.service.fake_service import Made
 from tests.service.one_process import create_app
 from tests.service.tiles import TileHost, paint_tile, serve_tiles, write_mbtiles
-from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, until, watch_app
+from tests.service.watching import NARROW, WIDE, WatchedPage, until, watch_app
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 PREVIEW, EDITOR = "canvas[aria-label^='Map of the chosen field']", "canvas[aria-label^='Drawing of the field']"
 MIDDLE, ACCENT = {"width": 768, "height": 900}, (58, 101, 39)
 MAPS = {"/": 1, "/fleet/f1": 1, "/fleet/f1/tractor/2": 1, "/plan": 1, "/plan/old": 1, "/replay/f1": 1}

@@ -28,6 +28,7 @@ from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, restart_manager, start_fleet
+from tests.service.one_process import SessionsHere
 from vehicle.missions.plan import ENTER, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor_writer import format_tractor_toml
@@ -54,7 +55,7 @@ def save_small(store: Store, text: str, plan: FleetPlan | None = None) -> FleetS
 
 async def restore_all(store: Store) -> FleetSessions:
     """The fleets of a store after a restart, in a service that has ended again."""
-    hub = FleetSessions(store)
+    hub = SessionsHere(store)
     await hub.restore_sessions()
     await hub.stop()
     return hub

@@ -8,9 +8,9 @@ from playwright.sync_api import Page, Route
 
 from tests.service.accessibility import find_faults_at_widths
 from tests.service.fake_service import Made
-from tests.service.watching import WIDE, WatchedPage, needs_browser, until
+from tests.service.watching import WIDE, WatchedPage, until
 
-pytestmark = [needs_browser, pytest.mark.slow]
+pytestmark = pytest.mark.slow
 LAID_OUT, AT_ONCE = "**/api/v1/estimates", "**/api/v1/estimates?at_once=true"
 MAP = "canvas[aria-label^='Tracks of the estimate']"
 WIDE_M, HIGH_M, TRACKS = 100.0, 60.0, range(1, 7)

@@ -2,7 +2,6 @@
 
 import contextlib
 import math
-import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,12 +14,8 @@ from fastapi import FastAPI
 from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Request, ViewportSize
 
 from planner.service.gateway.connection_limits import RateLimiter
-from tests.browsers import BROWSER
+from tests.browsers import LONGEST_WAIT_S
 
-needs_browser = pytest.mark.skipif(
-    BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
-)
-LONGEST_WAIT_S = 240.0  # as long as a service may take to start: a busy machine is slow, and no fault of the page
 WIDE: ViewportSize = {"width": 1280, "height": 860}
 NARROW: ViewportSize = {"width": 390, "height": 844}
 

@@ -1,25 +1,21 @@
 """The page of a sweep in a browser: a point shows its command, by pointer and keyboard, on every width."""
 
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
 from reports.sweep.report import render_sweep_page
-from tests.browsers import BROWSER, open_browser
 from tests.service.accessibility import find_violations
 from tests.sweep.results import build_result
 
-pytestmark = [pytest.mark.skipif(BROWSER is None, reason="no browser is installed"), pytest.mark.slow]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def tab() -> Iterator[Page]:
-    """A page of a browser without a window."""
-    with open_browser() as browser:
-        yield browser.new_page()
+def tab(browser: Browser) -> Page:
+    return browser.new_page()
 
 
 @pytest.mark.parametrize("width", [390, 1280])
