@@ -23,6 +23,7 @@ from reports.common import palette
 from reports.common.drawing_sizes import HATCH_SHARE
 from reports.common.plan_records import PlanDrive, Relief
 from reports.common.plan_results import PlanRanking
+from reports.common.rendering import METRE_DECIMALS
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
     FOLDING_STATUS,
@@ -63,7 +64,6 @@ _MARGIN_SHARE = 0.04  # of the larger side of the map
 MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
 
 MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
-_COORDINATE_DECIMALS = 2
 CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
 SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
 """Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
@@ -384,7 +384,7 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str,
 
 
 def _round_coordinates(values: npt.NDArray[Any]) -> Any:
-    return np.round(values, _COORDINATE_DECIMALS).tolist()
+    return np.round(values, METRE_DECIMALS).tolist()
 
 
 def build_small_map(drive: PlanDrive, driven_over: Sequence[Floats] = ()) -> SmallMap:
