@@ -16,11 +16,7 @@ def list_sample_names() -> tuple[str, ...]:
 
 
 def read_sample_text(name: str) -> str:
-    """GeoJSON text of one sample field.
-
-    Raises:
-        FieldError: there is no sample with that name.
-    """
+    """GeoJSON text of one sample field; raises FieldError where there is no sample with that name."""
     if name not in list_sample_names():
         raise FieldError(f"'{name}' is not a sample field; choose one of {', '.join(list_sample_names())}.")
     return (resources.files("fields") / "samples" / f"{name}{SAMPLE_SUFFIX}").read_text(encoding="utf-8")

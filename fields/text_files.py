@@ -35,13 +35,8 @@ _QUOTED_NUMBER_WITH_COMMA = re.compile(f'"{_NUMBER_WITH_COMMA.pattern}"', re.IGN
 def check_header(text: str, label: str, error_type: type[HeadlandError]) -> None:
     """Refuse a CSV table with an implausibly long or wide first line, before the rest is parsed for minutes.
 
-    Args:
-        text: the table, or at least its first `MAX_HEADER_CHARS` + 1 characters.
-        label: name of the file in messages.
-        error_type: class of the exception.
-
-    Raises:
-        error_type: the line is too long, or has too many columns.
+    `text` is the table, or at least its first `MAX_HEADER_CHARS` + 1 characters; messages call its file `label`. Raises
+    `error_type` where the line is too long, or has too many columns.
     """
     start = io.StringIO(text[: MAX_HEADER_CHARS + 1], newline="")
     try:
@@ -60,13 +55,8 @@ def check_header(text: str, label: str, error_type: type[HeadlandError]) -> None
 def read_text(path: str | Path, kind: str, error_type: type[HeadlandError]) -> str:
     """The text of a file in UTF-8, with or without a byte order mark.
 
-    Args:
-        path: as the user gave it; "" is refused.
-        kind: what the file should be, with an article: "a TOML file".
-        error_type: class of the exception.
-
-    Raises:
-        error_type: the file does not exist, is a folder, cannot be read, is empty, too large or not text.
+    `path` is as the user gave it ("" is refused), `kind` what it should be, with an article: "a TOML file". Raises
+    `error_type` where the file does not exist, is a folder, cannot be read, is empty, too large or not text.
     """
     content = read_bytes(path, kind, error_type)
     if not content.strip():

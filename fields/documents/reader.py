@@ -73,8 +73,7 @@ def read_field(
     short lines and polygons within the field that have no role are obstacles, unless their words or number say
     otherwise (`fields.geometry.assumed_obstacles`); remarks name them. Heights are dropped and open rings closed.
 
-    Raises:
-        FieldError: the file cannot be read or does not describe one usable field.
+    Raises FieldError where the file cannot be read or does not describe one usable field.
     """
     source = parse_field_reference(where)
     label = source.label
@@ -159,8 +158,7 @@ def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) ->
 def read_polygons(where: FieldSource, field: Field) -> list[shapely.Geometry]:
     """All polygons of a file in metres of a field, such as ground that is worked, or what its key names.
 
-    Raises:
-        FieldError: the file cannot be read, holds no polygon, or is in local metres where the field is not.
+    Raises FieldError where the file cannot be read, holds no polygon, or is in local metres where the field is not.
     """
     source = parse_field_reference(where)
     document, label = source.read_document(), source.label
@@ -205,8 +203,7 @@ def list_fields(
 ) -> tuple[FieldSummary, ...]:
     """Every field of a file or sample, in the order of the file; arguments as in `read_field`.
 
-    Raises:
-        FieldError: the file cannot be read or holds no field.
+    Raises FieldError where the file cannot be read or holds no field.
     """
     return list_fields_with_notes(where, local=local, crs=crs, swap_axes=swap_axes)[0]
 

@@ -51,8 +51,7 @@ FOREIGN_EXTENSIONS = {
 def read_single_file(path: str, label: str) -> FieldDocument | None:
     """The content of the only field file in a folder or archive; None if there is none.
 
-    Raises:
-        FieldError: there are several, or the file cannot be read.
+    Raises FieldError where there are several, or the file cannot be read.
     """
     members = ArchiveMembers(path)
     names = [name for name in members if PurePosixPath(name).suffix.lower() in SINGLE_FILE_FORMATS]
@@ -103,8 +102,7 @@ class FieldReference:
     def read_document(self) -> FieldDocument:
         """Its content, unchecked.
 
-        Raises:
-            FieldError: it is neither a sample nor a readable file of a supported format.
+        Raises FieldError where it is neither a sample nor a readable file of a supported format.
         """
         label = self.label
         if self.is_sample:
@@ -188,8 +186,7 @@ def find_field_format(path: str) -> FieldFormat | None:
 
     None for a foreign format; the first of FIELD_FORMATS for an unknown extension whose content may be JSON.
 
-    Raises:
-        FieldError: an archive cannot be opened, or not safely.
+    Raises FieldError where an archive cannot be opened, or not safely.
     """
     names, place = list_names(path), Path(path)
     extension = place.suffix.lower()

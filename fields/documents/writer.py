@@ -28,8 +28,7 @@ def write_field(field: Field, path: str | Path) -> None:
     A georeferenced field is written in longitude and latitude (RFC 7946), any other in local metres. The member
     ``headland`` stores the frame, the UTM system and the origin.
 
-    Raises:
-        FieldError: the file cannot be written, or other heights of the same name are in its folder.
+    Raises FieldError where the file cannot be written, or other heights of the same name are in its folder.
     """
     try:
         _copy_heights(field, Path(path).parent)

@@ -54,8 +54,7 @@ def build_document(
 ) -> FieldDocument:
     """The document of a list of features; keywords as in FieldDocument.
 
-    Raises:
-        FieldError: no feature is a boundary, or a multi-part geometry has no coordinates.
+    Raises FieldError where no feature is a boundary, or a multi-part geometry has no coordinates.
     """
     shapes: dict[str, list[RawShape]] = defaultdict(list)
     unused: Counter[str] = Counter()

@@ -67,8 +67,7 @@ def restrict_gdal_drivers(*drivers: str) -> Iterator[None]:
 
     Other threads that use GDAL through Headland wait meanwhile.
 
-    Raises:
-        FieldError: GDAL has none of the drivers, or cannot be restricted.
+    Raises FieldError where GDAL has none of the drivers, or cannot be restricted.
     """
     import pyogrio
 
@@ -140,8 +139,7 @@ def read_layers(
         drivers: names of GDAL drivers; the first available one is used.
         layer_names: names of layers, None for all.
 
-    Raises:
-        FieldError: the file is in another format, or has more than 100,000 features.
+    Raises FieldError where the file is in another format, or has more than 100,000 features.
     """
     tables = read_tables(
         source, label, format_name, drivers, layer_names, with_heights=False, max_features=MAX_FEATURES + 1

@@ -34,14 +34,9 @@ HEADER_KEY = "headland"
 
 
 def parse_geojson(content: str, label: str) -> FieldDocument:
-    """Parse a GeoJSON text.
+    """Parse a GeoJSON text, whose file is called `label` in messages.
 
-    Args:
-        content: text of the file.
-        label: name of the file in messages.
-
-    Raises:
-        FieldError: it is not JSON, not GeoJSON, or has no polygon.
+    Raises FieldError where it is not JSON, not GeoJSON, or has no polygon.
     """
     try:
         root = parse_json(content)

@@ -73,8 +73,7 @@ def _open_database(path: Path) -> sqlite3.Connection:
 def list_package_contents(path: str, label: str) -> dict[str, str]:
     """The tables of a GeoPackage that hold data, by name, with their kind: "features", "tiles", "2d-gridded-coverage".
 
-    Raises:
-        FieldError: there is no such file, it is no GeoPackage, or it holds more than plain tables.
+    Raises FieldError where there is no such file, it is no GeoPackage, or it holds more than plain tables.
     """
     if read_start(path, len(SQLITE_MAGIC), "a GeoPackage", FieldError) != SQLITE_MAGIC:
         raise FieldError(f"{label} is not a GeoPackage (its first bytes are wrong); save it again as one.")

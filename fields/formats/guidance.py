@@ -38,8 +38,8 @@ _ASCII_LETTERS = str.maketrans({
     "\N{LATIN SMALL LETTER DOTLESS I}": "i",
 })  # fmt: skip
 _FORBIDDEN_IN_FOLDERS = re.compile(r"[<>:\"/\\|?*]+")
-_WINDOWS_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\.|$)", re.IGNORECASE)
-"""Names that Windows reserves for devices."""
+WINDOWS_DEVICE = re.compile(r"(con|prn|aux|nul|(com|lpt)[1-9])\s*(\.|$)", re.IGNORECASE)
+"""A name that Windows reserves for a device."""
 ZIP_MEDIA_TYPE = "application/zip"
 
 
@@ -205,7 +205,7 @@ def build_folder_name(name: str, fallback: str) -> str:
     """A folder name for every file system; the fallback if nothing is left."""
     folder = _FORBIDDEN_IN_FOLDERS.sub(" ", simplify_to_ascii(name))
     folder = " ".join(folder.split())[:MAX_FOLDER_LETTERS].strip(" .")
-    return f"{fallback} {folder}".strip() if not folder or _WINDOWS_DEVICES.match(folder) else folder
+    return f"{fallback} {folder}".strip() if not folder or WINDOWS_DEVICE.match(folder) else folder
 
 
 def zip_files(files: FileContents, mode: int = 0o644, compression: int = zipfile.ZIP_DEFLATED) -> bytes:

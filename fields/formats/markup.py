@@ -36,8 +36,7 @@ def check_xml_root(content: bytes, label: str, format_name: str, roots: tuple[st
 def parse_root(content: bytes, label: str) -> ElementTree.Element:
     """The root element of an XML text.
 
-    Raises:
-        FieldError: it defines entities, is nested too deeply or is not XML.
+    Raises FieldError where it defines entities, is nested too deeply or is not XML.
     """
     _find_root_name(content, label)
     try:
@@ -49,9 +48,8 @@ def parse_root(content: bytes, label: str) -> ElementTree.Element:
 def _find_root_name(content: bytes, label: str) -> tuple[str, Exception | None]:
     """Parse a text without using it: the name of its root without namespace, and the error if it is not XML.
 
-    Raises:
-        FieldError: it has declarations, entities, which can expand to gigabytes or name other files, or too deep
-            nesting; no field file needs them.
+    Raises FieldError where it has declarations, entities, which can expand to gigabytes or name other files, or too
+    deep nesting; no field file needs them.
     """
     parser, root, depth = expat.ParserCreate(namespace_separator="}"), "", 0
 

@@ -92,8 +92,7 @@ def _read_shapefile_features(parts: Mapping[str, bytes], label: str) -> LayerFea
 def find_component_files(members: ArchiveMembers, name: str, label: str) -> dict[str, bytes]:
     """The parts of a Shapefile by their extensions.
 
-    Raises:
-        FieldError: its index is missing, or its geometry or index has wrong first bytes.
+    Raises FieldError where its index is missing, or its geometry or index has wrong first bytes.
     """
     stem = PurePosixPath(name).stem
     contents = {ending: members.read_member_beside(name, stem + ending) for ending in PART_EXTENSIONS}

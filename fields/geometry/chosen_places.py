@@ -39,8 +39,7 @@ def parse_obstacle_place(text: str) -> tuple[float, float, float]:
 def add_obstacles(field: Field, texts: Sequence[str]) -> Field:
     """The field with round obstacles at these places: longitude, latitude and perhaps radius (x, y in local metres).
 
-    Raises:
-        FieldError: a text is not a place, or the place is outside the field.
+    Raises FieldError where a text is not a place, or the place is outside the field.
     """
     added = []
     for text in texts:
@@ -66,8 +65,7 @@ def add_obstacles(field: Field, texts: Sequence[str]) -> Field:
 def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:
     """The field without the obstacles of these names, or of these numbers counted from 1 in their order.
 
-    Raises:
-        FieldError: no obstacle has the name or number.
+    Raises FieldError where no obstacle has the name or number.
     """
     left_out = {number for text in names for number in _find_obstacle_numbers(field, text)}
     if not left_out:
@@ -98,8 +96,7 @@ def _find_obstacle_numbers(field: Field, text: str) -> list[int]:
 def set_entrance(field: Field, place: tuple[float, float]) -> Field:
     """The field with its entrance at (longitude, latitude), or at (x, y) for a field in local metres.
 
-    Raises:
-        FieldError: the place is not a valid longitude and latitude.
+    Raises FieldError where the place is not a valid longitude and latitude.
     """
     entrance = field.locate_place(place)
     if entrance is None:
@@ -114,8 +111,7 @@ def set_entrance(field: Field, place: tuple[float, float]) -> Field:
 def check_entrance(field: Field, headland_m: float) -> None:
     """Refuse an entrance that no tractor could use.
 
-    Raises:
-        FieldError: the entrance is far outside, in an obstacle, or farther inside than the headland.
+    Raises FieldError where the entrance is far outside, in an obstacle, or farther inside than the headland.
     """
     if field.entrance is None:
         return

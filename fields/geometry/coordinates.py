@@ -75,9 +75,8 @@ class FieldFrame:
 def build_field_frame(document: FieldDocument, rings: list[Floats], local: bool, label: str) -> FieldFrame:
     """The frame for a field with these rings (file coordinates, outer ring first).
 
-    Raises:
-        FieldError: degrees were declared as metres or vice versa, declared and named system contradict each other,
-            or the header is damaged.
+    Raises FieldError where degrees were declared as metres or vice versa, declared and named system contradict each
+    other, or the header is damaged.
     """
     if local and document.crs is not None:
         raise FieldError(
@@ -203,8 +202,7 @@ def _round_centroid_m(outer: Floats) -> tuple[float, float]:
 def parse_ring(raw: Any, label: str) -> Floats:
     """An open ring of shape (n, 2) from a list of positions; height and repeated points are dropped.
 
-    Raises:
-        FieldError: a position is not two finite numbers, or fewer than 3 distinct points remain.
+    Raises FieldError where a position is not two finite numbers, or fewer than 3 distinct points remain.
     """
     if not isinstance(raw, list | tuple):
         raise FieldError(f"A ring of {label} is {shorten_value(raw)}; it must be a list of [x, y] positions.")
@@ -221,8 +219,7 @@ def parse_ring(raw: Any, label: str) -> Floats:
 def parse_position(raw: Any, label: str) -> tuple[float, float]:
     """The first two numbers of a GeoJSON position.
 
-    Raises:
-        FieldError: it is not a list of two or more finite numbers.
+    Raises FieldError where it is not a list of two or more finite numbers.
     """
     if not isinstance(raw, list | tuple) or len(raw) < 2:
         raise FieldError(f"Position {shorten_value(raw)} of {label} is not a pair; write it as [x, y].")
@@ -232,8 +229,7 @@ def parse_position(raw: Any, label: str) -> tuple[float, float]:
 def parse_rings(raw: Any, label: str) -> list[Floats]:
     """Outer ring first, then the holes, of the ``coordinates`` of a Polygon.
 
-    Raises:
-        FieldError: there is no ring, or a ring is not usable.
+    Raises FieldError where there is no ring, or a ring is not usable.
     """
     if not isinstance(raw, list | tuple) or not raw:
         raise FieldError(f"The coordinates of {label} are {shorten_value(raw)}; a Polygon needs at least one ring.")
@@ -243,8 +239,7 @@ def parse_rings(raw: Any, label: str) -> list[Floats]:
 def build_polygon(parts: list[Floats], label: str) -> shapely.Polygon:
     """Counter-clockwise polygon of an outer ring and its holes.
 
-    Raises:
-        FieldError: rings cross themselves or each other; the message says where, in file coordinates.
+    Raises FieldError where rings cross themselves or each other; the message says where, in file coordinates.
     """
     shape = shapely.Polygon(parts[0], parts[1:])
     if not shape.is_valid:
@@ -256,8 +251,7 @@ def build_polygon(parts: list[Floats], label: str) -> shapely.Polygon:
 def check_area(shape: shapely.Polygon, label: str) -> None:
     """Refuse an outline in metres that cannot be a field.
 
-    Raises:
-        FieldError: the area is under 100 square metres or over 100 square kilometres.
+    Raises FieldError where the area is under 100 square metres or over 100 square kilometres.
     """
     if shape.area < MIN_FIELD_AREA_M2:
         raise FieldError(f"The area of {label} is {shape.area:.3g} m2; a field needs at least 100 m2.")
@@ -351,8 +345,8 @@ def apply_coordinate_options(
     A note is added if the resulting axes still seem to be swapped. With `local` the numbers are metres, and no system
     is needed.
 
-    Raises:
-        FieldError: neither the file nor the user names a system, or the named one is unknown or contradicts the file.
+    Raises FieldError where neither the file nor the user names a system, or the named one is unknown or contradicts the
+    file.
     """
     if crs is not None:
         _check_crs(document, crs, label)

@@ -84,8 +84,7 @@ class Field:
         elevation: path of the file with heights that the field file names, or None.
         done: ground that is worked already; None where nothing is.
 
-    Raises:
-        FieldError: the boundary is empty, not a polygon or crosses itself.
+    Raises FieldError where the boundary is empty, not a polygon or crosses itself.
     """
 
     name: str
@@ -197,9 +196,8 @@ class Field:
         `extra_margin_m` more from all others, as machines swing out in bends, and at least MIN_FENCE_MARGIN_M from
         fences. If obstacles divide the field, the largest part is kept, and a remark gives the area of the others.
 
-        Raises:
-            FieldError: the margin is out of range or wider than the field, too little ground remains, or a fence has
-                no opening.
+        Raises FieldError where the margin is out of range or wider than the field, too little ground remains, or a
+        fence has no opening.
         """
         check_fence_opening(self.boundary, self.fences, self.entrance, self.name)
         _check_margin(margin_m, self)
@@ -256,8 +254,7 @@ class Field:
     def to_wgs84(self, xy: npt.ArrayLike) -> Floats:
         """Longitude and latitude in degrees, shape (n, 2), of local points in metres, shape (n, 2).
 
-        Raises:
-            FieldError: the field is not georeferenced (``crs`` is None) or the shape is wrong.
+        Raises FieldError where the field is not georeferenced (``crs`` is None) or the shape is wrong.
         """
         if self.crs is None:
             raise FieldError(

@@ -46,9 +46,8 @@ def read_edges(
 
     The ``edge`` and overhang of the field apply all round; those of lines, in the order of the file, along them.
 
-    Raises:
-        FieldError: an ``edge`` is unknown, a line is nowhere along the outline, or an overhang is no length or belongs
-            to a fence.
+    Raises FieldError where an ``edge`` is unknown, a line is nowhere along the outline, or an overhang is no length or
+    belongs to a fence.
     """
     outline, own = shapely.LineString(shape.exterior.coords), f"the boundary of {label}"
     own_edge, own_overhang = chosen.properties.get("edge"), chosen.properties.get(OVERHANG)
@@ -128,8 +127,7 @@ def check_fence_opening(
 ) -> None:
     """Refuse a fence all round without an entrance.
 
-    Raises:
-        FieldError: the fence has neither an opening of MACHINE_WIDTH_M nor an entrance.
+    Raises FieldError where the fence has neither an opening of MACHINE_WIDTH_M nor an entrance.
     """
     if not fences or entrance is not None:
         return
@@ -179,8 +177,7 @@ def read_guidance_lines(
 def find_line_bearing_deg(lines: Sequence[GuidanceLine], name: str, label: str) -> float:
     """Bearing in degrees of the line with this name; case is ignored.
 
-    Raises:
-        FieldError: there is no such line, or several of this name have different bearings.
+    Raises FieldError where there is no such line, or several of this name have different bearings.
     """
     matches = [one for one in lines if one.name.lower() == name.strip().lower()]
     if not matches:

@@ -122,8 +122,7 @@ def find_utm_crs(longitude_deg: float, latitude_deg: float) -> str:
     degrees east falls in zone 1. The wider zones of Norway and Svalbard are not applied: a field there
     gets the regular zone, whose scale error is still below 0.1 %.
 
-    Raises:
-        FieldError: the latitude is outside the UTM range.
+    Raises FieldError where the latitude is outside the UTM range.
     """
     if not UTM_SOUTH_DEG <= latitude_deg <= UTM_NORTH_DEG:
         raise FieldError(
@@ -138,8 +137,7 @@ def find_utm_crs(longitude_deg: float, latitude_deg: float) -> str:
 def project(points: Floats, from_crs: str, to_crs: str) -> Floats:
     """Points of shape (n, 2) from one system to the other, x or longitude first on both sides.
 
-    Raises:
-        FieldError: a system is unknown, or a point cannot be converted.
+    Raises FieldError where a system is unknown, or a point cannot be converted.
     """
     if len(points) == 0:
         return np.empty((0, 2))
@@ -157,18 +155,13 @@ def project(points: Floats, from_crs: str, to_crs: str) -> Floats:
 def is_wgs84_longitude_latitude(crs: str) -> bool:
     """Whether the system is WGS84 longitude and latitude, as RFC 7946 requires.
 
-    Raises:
-        FieldError: the system is unknown.
+    Raises FieldError where the system is unknown.
     """
     return any(is_same_crs(crs, plain_system) for plain_system in (DEGREES_CRS, "OGC:CRS84"))
 
 
 def is_same_crs(crs: str, other: str) -> bool:
-    """Whether two texts name the same coordinate system.
-
-    Raises:
-        FieldError: a system is unknown.
-    """
+    """Whether two texts name the same coordinate system; raises FieldError where a system is unknown."""
     return bool(_parse_crs(crs).equals(_parse_crs(other)))
 
 

@@ -38,8 +38,7 @@ class Obstacle:
         number: by which it can be left out: its place among the obstacles of its file, from 1; None for others.
         remark: what was cleaned of its outline.
 
-    Raises:
-        FieldError: the geometry has another type, is empty or crosses itself, or the size is out of range.
+    Raises FieldError where the geometry has another type, is empty or crosses itself, or the size is out of range.
     """
 
     kind: str

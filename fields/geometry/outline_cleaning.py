@@ -31,8 +31,7 @@ def clean_outline(
     Rings with few enough points that do not cross themselves stay as they are. None if the rings make no valid polygon,
     as cleaning would change more than MAX_CHANGED_SHARE of the area.
 
-    Raises:
-        FieldError: a field without crossings has so many spikes that cleaning would change more than that.
+    Raises FieldError where a field without crossings has so many spikes that cleaning would change more than that.
     """
     drawn = shapely.Polygon(rings[0], rings[1:])
     cleaned_rings = [_clean_ring(shapely.Polygon(ring), is_obstacle is (k == 0)) for k, ring in enumerate(rings)]

@@ -99,13 +99,8 @@ def lay_contour_swaths(
 
     Of the contours and smoothings tried, the one is taken whose swaths climb least per metre.
 
-    Args:
-        field: the field.
-        grid: its heights.
-        width_m: working width, the largest spacing of the lines.
-        headland_passes: worked passes of the headland, 1 or more.
-        radius_m: no swath bends more tightly.
-        min_spacing_m: smallest spacing of the lines, but at most the width.
+    `grid` has the heights of the field. Lines are at most the working width `width_m` apart, at least the smaller of
+    that and `min_spacing_m`, and bend no more tightly than `radius_m`; the headland has 1 or more `headland_passes`.
     """
     depth_m = headland_passes * width_m
     region = compute_inner_region(field, depth_m)

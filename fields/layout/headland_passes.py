@@ -107,16 +107,10 @@ class HeadlandPass:
 def lay_headland_passes(
     field: Field, width_m: float, count: int, corner_length_m: float = 4.0
 ) -> tuple[HeadlandPass, ...]:
-    """Headland passes, outermost first.
+    """`count` headland passes of a working width, outermost first; fewer where the field has no room.
 
-    Args:
-        field: the field.
-        width_m: working width.
-        count: number of passes; fewer are laid where the field has no room.
-        corner_length_m: a bend of more than 45 degrees within this length is a corner.
-
-    Raises:
-        FieldError: the width or the count is out of range, or the corner length is not above 0.
+    A bend of more than 45 degrees within `corner_length_m` is a corner. Raises FieldError where the width or the count
+    is out of range, or the corner length is not above 0.
     """
     _check_pass_request(width_m, count, corner_length_m)
     passes: list[HeadlandPass] = []

@@ -172,7 +172,6 @@ def lay_swaths(
     where that saves more than it leaves uncovered (a notch or a bulge in the side).
 
     Args:
-        field: the field.
         width_m: working width.
         headland_m: room for turning along the swaths; with 0 they run up to the boundary.
         bearing_deg: direction clockwise from north; None tries the directions of the boundary and of the
@@ -183,8 +182,7 @@ def lay_swaths(
         min_spacing_m: with headland passes, the smallest spacing of lines, but at most the width; with a machine's
             width plus clearance, machines can pass each other on neighbouring swaths.
 
-    Raises:
-        FieldError: a value is out of range, or no swath fits between headlands left for turning.
+    Raises FieldError where a value is out of range, or no swath fits between headlands left for turning.
     """
     _check_layout_request(width_m, headland_m, bearing_deg)
     region = _inset_boundary(field, width_m)

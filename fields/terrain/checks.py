@@ -33,14 +33,10 @@ def describe_place(field: Field, x_m: float, y_m: float) -> str:
 
 
 def check_coverage(measured: Flags, inside: Flags, spacing_m: float, label: str, field: Field) -> list[str]:
-    """Remarks on ground of the field without heights.
+    """Remarks on ground of the field without heights, whose source is called `label` in messages.
 
-    Args:
-        measured, inside: (rows, columns) whether a node has a height of its own, and is in the field.
-        label: the source of the heights in messages.
-
-    Raises:
-        ElevationError: too much of the field has none, or it is too far from those that are there.
+    `measured` and `inside` (rows, columns) say whether a node has a height of its own, and is in the field. Raises
+    ElevationError where too much of the field has none, or it is too far from those that are there.
     """
     from scipy.ndimage import distance_transform_edt
 
@@ -79,8 +75,7 @@ def check_height_range(heights: Floats, label: str) -> None:
 def describe_spikes(deviations_m: Floats, name_place: Callable[[int], str], total: int, label: str) -> list[str]:
     """A remark on heights taken out, given how far they are off and where each is, by its number.
 
-    Raises:
-        ElevationError: too many of the `total` heights are off.
+    Raises ElevationError where too many of the `total` heights are off.
     """
     if not len(deviations_m):
         return []
@@ -100,14 +95,9 @@ def describe_spikes(deviations_m: Floats, name_place: Callable[[int], str], tota
 
 
 def check_slopes(slopes: Floats, places: Floats, label: str, field: Field) -> list[str]:
-    """A remark on banks steeper than any worked ground.
+    """A remark on banks steeper than any worked ground, by slopes (n,) m/m at places (n, 2) of nodes in the field.
 
-    Args:
-        slopes: (n,) m/m at nodes in the field.
-        places: (n, 2) of these nodes, metres.
-
-    Raises:
-        ElevationError: more of the field than banks is so steep.
+    Raises ElevationError where more of the field than banks is so steep.
     """
     is_steep, median = slopes > MAX_SLOPE, float(np.median(slopes))
     if not is_steep.any():

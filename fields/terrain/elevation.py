@@ -53,9 +53,8 @@ def read_elevation(path: str | Path, field: Field, crs: str | None = None) -> El
 
     Remarks of the grid say what was converted, filled in or left out.
 
-    Raises:
-        HeadlandError: the file cannot be read, lies elsewhere, does not cover the field, or holds what is no ground.
-            The refusal names the parameter `elevation` or `elevation_crs`.
+    Raises HeadlandError where the file cannot be read, lies elsewhere, does not cover the field, or holds what is no
+    ground. The refusal names the parameter `elevation` or `elevation_crs`.
     """
     with attach_parameter("elevation"):
         label, outline = quote_path(path), shapely.Polygon(field.whole_boundary.exterior)
@@ -95,12 +94,8 @@ def _grid_field_points(points: HeightPoints, field: Field, outline: shapely.Poly
 def _choose_crs(label: str, stated: str | None, field: Field, given: str | None) -> str | None:
     """The coordinate system of a file of heights; None if its coordinates are the local metres of the field.
 
-    Args:
-        stated: what the file says.
-        given: what the user says.
-
-    Raises:
-        ElevationError: nobody says it, the two contradict each other, or the field has no place on the earth.
+    `stated` is what the file says, `given` what the user says. Raises ElevationError where nobody says it, the two
+    contradict each other, or the field has no place on the earth.
     """
     if given is not None:
         with attach_parameter("elevation_crs"):
@@ -128,8 +123,7 @@ def _choose_crs(label: str, stated: str | None, field: Field, given: str | None)
 def _build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon) -> ElevationGrid:
     """Heights of a raster on a grid over the outline of a field; its system is None only in that of a local field.
 
-    Raises:
-        ElevationError: the raster lies elsewhere, has holes in the field, is too large, or too coarse.
+    Raises ElevationError where the raster lies elsewhere, has holes in the field, is too large, or too coarse.
     """
     label = quote_path(raster.path)
     cell_m = _measure_cells(raster, field, outline)

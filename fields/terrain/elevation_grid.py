@@ -69,8 +69,7 @@ class ElevationGrid:
         source: where the heights come from and how they were gridded, in words.
         remarks: sentences on what a reader should know: gaps, edges, noise, units.
 
-    Raises:
-        ElevationError: the grid is too small, or a height is not finite.
+    Raises ElevationError where the grid is too small, or a height is not finite.
     """
 
     west_m: float

@@ -53,12 +53,8 @@ def build_point_grid(
 ) -> ElevationGrid:
     """The surface through points (n, 2) over a region and a margin round it, without spikes.
 
-    Args:
-        label: the source of the heights in messages.
-        name_place: what sentences call a place in metres.
-
-    Raises:
-        ElevationError: the heights are of no farmland, too far apart or full of spikes.
+    Messages call the source of the heights `label`, and a place in metres what `name_place` says. Raises ElevationError
+    where the heights are of no farmland, too far apart or full of spikes.
     """
     check_height_range(heights_m, label)
     length_m = choose_length_m(points, region, label)
@@ -78,8 +74,7 @@ def build_point_grid(
 def choose_length_m(points: Floats, region: shapely.Geometry, label: str) -> float:
     """L for points (n, 2) over a region.
 
-    Raises:
-        ElevationError: the points are too far apart to say the slopes of a field.
+    Raises ElevationError where the points are too far apart to say the slopes of a field.
     """
     from scipy.spatial import cKDTree
 
@@ -119,8 +114,7 @@ def fit_surface(
 
     `length_m` is L of the weights. The scatter is a standard deviation in metres: 1.4826 times the median deviation.
 
-    Raises:
-        ElevationError: the points are on one line, or reach too far for a grid.
+    Raises ElevationError where the points are on one line, or reach too far for a grid.
     """
     spacing_m = float(np.clip(length_m / NODES_PER_LENGTH, MIN_NODE_SPACING_M, MAX_NODE_SPACING_M))
     frame = lay_nodes(region, spacing_m, margin_m)

@@ -72,8 +72,7 @@ class Raster:
     def read_cells(self, rows: slice, columns: slice, step: int = 1) -> Floats:
         """Heights in metres of a window, means of `step` by `step` cells, NaN where there are none.
 
-        Raises:
-            ElevationError: the file cannot be read, or has too many cells there.
+        Raises ElevationError where the file cannot be read, or has too many cells there.
         """
         count = (rows.stop - rows.start) * (columns.stop - columns.start)
         if count > MAX_READ_CELLS:
@@ -122,8 +121,7 @@ def average_blocks(cells: Floats, factors: tuple[int, ...]) -> Floats:
 def is_raster_file(path: str) -> bool:
     """Whether a file holds a raster of heights, by its ending, or by the contents of a GeoPackage.
 
-    Raises:
-        HeadlandError: a GeoPackage cannot be read.
+    Raises HeadlandError where a GeoPackage cannot be read.
     """
     suffix = Path(path).suffix.lower()
     if suffix != GEOPACKAGE_SUFFIX:
@@ -339,12 +337,8 @@ def list_raster_files(path: Path) -> tuple[Path, ...]:
 def render_raster(grid: ElevationGrid, crs: str, path: Path) -> tuple[bytes, ...]:
     """The contents of `list_raster_files`; heights that were not measured are marked as no data.
 
-    Args:
-        crs: coordinate system of the metres of the grid.
-        path: its ending chooses the format.
-
-    Raises:
-        ElevationError: the ending is neither of a GeoTIFF nor of an ASCII grid, or rasterio is missing.
+    `crs` is the coordinate system of the metres of the grid; the ending of `path` chooses the format. Raises
+    ElevationError where the ending is neither of a GeoTIFF nor of an ASCII grid, or rasterio is missing.
     """
     files = list_raster_files(path)
     heights = np.where(True if grid.is_measured is None else grid.is_measured, grid.heights_m, NO_DATA)[::-1]

@@ -18,6 +18,7 @@ DATABASE_FILE = "headland.db"
 WORK_FOLDER = "work"  # of jobs and readings, in the data folder
 MEGABYTE_BYTES = 2**20
 HIGHEST_PORT = 65_535
+CONNECT_TIMEOUT_S = 5.0  # of connections to other processes and machines; databases have their own
 PUBLIC_URL = re.compile(r"https?://[^/\s?#@]+")
 
 

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 TIME_STEPS_S = (1, 2, 5, 10, 20, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400)
 """Between times on an axis, from the smallest on."""
 PAGE_INCHES, COLUMN_INCHES = 10.0, 7.5  # width of a picture on its own, and of one in a notebook or beside text
+NARROWEST_INCHES = 5.5  # width of a map, for its title and its legend
 LINE_INCHES = 0.24  # of a legend or a title
-HATCH_SHARE = 0.011  # of the larger side of a map, between two lines over unworked ground
+EDGE_SHARE, HATCH_SHARE = 0.03, 0.011  # of the larger side of a map: margin, between two lines over unworked ground
 
 
 @dataclass(frozen=True)

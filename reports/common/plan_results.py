@@ -36,53 +36,20 @@ DECIDING_REASONS = (
 class PlanResult(ShownResult):
     """One plan. Values that were not simulated are None; `reason` says why, or why the plan is infeasible.
 
+    Attributes that are keys of JSON hold what the reference of the guide says. Of the others:
+
     Attributes:
-        tractors: machines; `resting`: numbers, from 1, of those with nothing to do.
+        resting: numbers, from 1, of tractors with nothing to do.
         remarks: what its strategy could not do, though the plan can be driven.
-        rank: of feasible plans from 1, by the time to finish the field, then tractors.
-        time_s, cost: of the plan as driven.
-        finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
-        spared_m2: of `missed_m2`, what obstacles cut off: no plan is to work it.
-        left_out_m2: unworked ground that was to be left out, which is not missed; None without any.
-        worked_pct, overlap_pct: shares of the field.
         works_enough: whether the share of the ground asked for is that of a recommendation.
-        wheel_traffic_m2: finished ground off the headland that wheels went over.
-        over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
-            headland passes included, and the ground under wheels there.
-        spoilt_m2: ground that wheels spoilt, which counts as missed in `finished_s` and `finished_cost`: finished
-            ground when sowing and spraying, and a crop before it is harvested or mown; None for other work.
-        outside_m, outside_along_m: the farthest that tractor or implement, lifted or not, reach beyond the outline of
-            the field outside the gate of its entrance, and the length driven with more than is allowed.
         measured: figures that their entry in `reports.plan.figures` takes from the run, by key.
-        headland_passes, headland_s: passes worked, and seconds from the first tractor on one to the last off it.
-        headland_order: whether they are worked "first" or "last"; None without any.
-        done_s: end of field work, seconds after the start by the clock: with the path from the entrance, without the
-            path back; on a farm with breaks, road and preparation. `finished_done_s`: the same of the finished field.
-        ready_s, home_s, transport_s: on a farm, when field work can begin, when all are back in the yard, and tractor
-            seconds of road and handling.
-        finish_probability: of being done by the deadline and before the rain, with its 95 % interval, from samples.
-        p50_s, p80_s, p95_s: quantiles of the time.
-        p50_done_s, p95_done_s: quantiles of the end of field work by the clock, as `done_s`.
-        paid_cost, expected_cost: mean costs of the samples, the latter with losses on late ground and its standard
-            error.
-        refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
+        finished_done_s: the same as `done_s` with the unworked ground worked at the plan's rate.
+        expected_cost_error: standard error of the mean of the samples.
         faults: places where an infeasible plan touches something or leaves the field.
-        keeps_clearance: whether no two tractors come nearer than asked for, or might where it was not simulated.
-        is_simulated: whether it was driven or refused, and not left out for one that is better or keeps clear.
         in_formation: of a refused plan, whether its tractors were to work side by side.
-        bound_s: estimated time of a plan that was not simulated because another one is quicker.
-        fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
-            the flat shares of a farm; None where neither is known, and for electric tractors.
-        energy_kwh, energy_kwh_per_ha: kilowatt-hours from the batteries of electric tractors; None for others.
         uncertainty_pct: what an estimate of a sweep may differ by from its drive in time and cost, percent either way;
-            0 at the speed that was driven, None for other plans. `pull`: of an estimate, where its tractor may be too
-            weak; of plans that were driven their ranking has it.
-        charges, charging_s: stops to charge or change batteries, and their time; None for tractors without them.
-        co2_kg: of the fuel burnt, or of making the electricity; None where that is not known.
-        fuel_l_by_tractor, energy_kwh_by_tractor: the same of each tractor, by its load; None where not known.
-        steepest_along, steepest_across: the steepest slope (percent; positive uphill, and where the ground falls to the
-            right) that a tractor drives along and across; None without heights. `rollover`: where the margin to
-            rolling over (degrees) is least.
+            0 at the speed that was driven, None for other plans.
+        pull: of an estimate, where its tractor may be too weak; of plans that were driven their ranking has it.
     """
 
     strategy: str

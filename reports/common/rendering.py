@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 EXPORT_DECIMALS = 6
+METRE_DECIMALS = 2  # of files with many places or legs
 MOST_SUMMARY_CHARS = 280
 MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
 PICTURE_COLOURS = 64

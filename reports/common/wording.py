@@ -27,6 +27,7 @@ LEAST_HA_M2 = 1000.0  # less is in square metres
 LEAST_SHARE = 0.005  # less is 0 in whole per cent
 SURE_SHARE = 1.0 - LEAST_SHARE  # a probability that is written as 100 % is not said again
 LEAST_COST = 0.005  # less reads as nothing
+LEAST_WHOLE = 0.5  # of what is printed without decimals: less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
 NO_BREAK = "\N{NO-BREAK SPACE}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from fields.units import HOUR_S
 from reports.common import palette
-from reports.common.drawing_sizes import LINE_INCHES, PAGE_INCHES, TIME_STEPS_S, ChartAxis
+from reports.common.drawing_sizes import COLUMN_INCHES, LINE_INCHES, PAGE_INCHES, TIME_STEPS_S, ChartAxis
 from reports.common.rendering import (
     EXPORT_DECIMALS,
     ResultView,
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROW_INCHES, HEAD_INCHES = 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
-MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
+LEAST_MAP_M = 100.0  # what the map shows at least
 WINDOW_COLOUR, ROAD_COLOUR, BREAK_COLOUR, RAIN_COLOUR = "#E4E8DA", "#9A9A8E", "#F0EFEA", "#0072B2"
 LONGEST_NAME_CHARS = 22  # letters of a name beside a row
 GANTT_LEGEND = (
@@ -79,7 +79,7 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
     """
     if len(result.places) < 2:
         return None
-    figure = create_figure(MAP_INCHES, MAP_INCHES)
+    figure = create_figure(COLUMN_INCHES, COLUMN_INCHES)
     axes = figure.add_axes((0.02, 0.02, 0.96, 0.92))
     axes.set_aspect("equal")
     axes.set_axis_off()

@@ -57,17 +57,7 @@ _JOB_FIGURES: Mapping[str, tuple[TableColumn, Callable[[DayJob], str]]] = {
 
 
 def format_day_json(result: DayResult) -> str:
-    """The day as JSON text with a trailing newline.
-
-    Keys: ``jobs`` (each as DayJob has it, fleet after fleet in the order they work), ``not_done`` (UnworkedField),
-    ``gap_pct``, ``advice``, ``machines`` (FleetDay), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
-    ``road_cost`` of the machines and ``cost`` of what is not done), ``paid_cost`` and ``risked_cost`` (what of it is
-    paid, and what may be lost), ``finish_probability`` (of all jobs), ``currency``, ``samples``, ``seed``,
-    ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check), ``shortfalls`` (on plans that are no
-    recommendation), ``certainty_pct`` (null: mean times), ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary``
-    (the answer as it is printed).
-    Times are seconds of the day on which work begins, above 86,400 past midnight.
-    """
+    """The day as JSON text with a trailing newline; the guide on days lists the keys."""
     made = {
         "not_done": result.unworked_fields,
         "machines": result.fleets,

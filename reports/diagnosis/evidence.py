@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fields.arrays import Floats
-from reports.common.drawing_sizes import BAR_FRAME, CURVE_FRAME
+from reports.common.drawing_sizes import BAR_FRAME, CURVE_FRAME, EDGE_SHARE
 from reports.common.rendering import make_json_safe
 from reports.common.wording import format_number, get_effect_label
 from vehicle.identification.diagnosis.results import (
@@ -26,7 +26,6 @@ BAR_GAP_SHARE = 0.1  # of a bin, at both sides of its two bars
 SHADE_QUANTILE = 0.95  # of the errors before, and of slopes: a single bad square would leave all others pale
 MIN_SPLIT_SQUARES = 4  # fewer say nothing of steep ground and of the rest
 STRONG_CORRELATION = 0.9  # above it one value can nearly take the place of another
-PATH_MARGIN_SHARE = 0.06
 
 
 def build_evidence_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
@@ -222,7 +221,7 @@ def _draw_paths(evidence: ReplayEvidence) -> dict[str, Any] | None:
         gains_m.append(before_off_m - after_off_m)
         finite = np.concatenate(lines)
         low, high = np.nanmin(finite, axis=0), np.nanmax(finite, axis=0)
-        margin = PATH_MARGIN_SHARE * max(float((high - low).max()), 1.0)
+        margin = EDGE_SHARE * max(float((high - low).max()), 1.0)
         drawn = [np.column_stack([line[:, 0] - low[0], high[1] - line[:, 1]]) for line in lines]
         paths.append(
             {

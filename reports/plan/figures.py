@@ -316,27 +316,15 @@ def build_figure_table(
 
 
 def format_ranking_json(ranking: PlanRanking) -> str:
-    """The ranking as JSON text with a trailing newline.
+    """The ranking as JSON text with a trailing newline; the reference of the guide lists the keys.
 
-    Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
-    the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
-    amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
-    (``summary`` as one text where samples were drawn, else null), ``currency``, ``samples``, ``prices_assumed`` (nobody
-    gave prices), ``shortfalls`` (what keeps the best plan from being a recommendation: ``kind`` pull, worked, rain,
-    budget or late, and ``sentence``), ``unmet``
-    (these sentences but for late; null without any),
-    ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
-    (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
-    ``questioned`` if it is too little, ``feasible`` unless it is too little for the lightest such implement; null if
-    unknown), ``remarks`` (on the field file), ``ground`` (sentences on
-    heights, soil and fuel) and ``summary`` (the answer in a few sentences, as it is printed).
     Figures that are missing or not finite are null.
     """
     return format_json(build_ranking_entry(ranking), EXPORT_DECIMALS, is_ascii=False)
 
 
 def build_ranking_entry(ranking: PlanRanking) -> dict[str, Any]:
-    """The ranking with the keys of `format_ranking_json`."""
+    """The ranking as plain values, as `format_ranking_json` writes it."""
 
     def build_entry(plan: PlanResult) -> dict[str, Any]:
         return {**build_plan_entry(plan), "cells": ranking.scenario.get("cells")}
@@ -386,9 +374,6 @@ def build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
 
 def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
     """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor.
-
-    ``stated_end_s`` (the end of field work by the clock), ``stated_late_end_s`` (in 95 % of the samples) and
-    ``stated_cost`` are the figures that every report states.
 
     ``largest_missed`` has `PIECE_KEYS`: area, degrees (null for a field in local metres) and metres of the field; it is
     null where nothing is missed. ``steepest_along``, ``steepest_across`` (percent) and ``rollover`` (degrees left) have

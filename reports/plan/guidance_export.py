@@ -54,8 +54,7 @@ def write_guidance(
 ) -> GuidanceFiles:
     """The files of a guidance in a format, with curves if `include_curves`; None for the default of the format.
 
-    Raises:
-        ReportError: there is no line to write.
+    Raises ReportError where there is no line to write.
     """
     has_curves = guidance_format.takes_curves if include_curves is None else include_curves
     writable = guidance if has_curves else cut_curves_into_segments(guidance)

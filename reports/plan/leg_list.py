@@ -10,25 +10,30 @@ from rich.text import Text
 
 from fields.units import name_compass_point
 from reports.common.plan_records import DriverLeg
-from reports.common.rendering import format_json, pick_values
+from reports.common.rendering import METRE_DECIMALS, format_json, pick_values
 from reports.common.text_tables import MOST_NAMED, build_plain_table, format_sentence, format_title
-from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
+from reports.common.wording import (
+    LEAST_WHOLE,
+    format_clock_at,
+    format_duration,
+    format_minutes,
+    format_number,
+    join_list,
+)
 
-_LEAST_REVERSING_M = 0.5
 _LONG_REVERSING_M = 10.0  # a switch-back or corner backs up by less, and says so by its name
 _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
 Steps = Sequence[Sequence[DriverLeg]]
 _STANDS = ("wait", "fold", "unfold", "refill", "charge", "change")
 LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
-LEG_DECIMALS = 2
 
 
 def describe_leg(leg: DriverLeg) -> str:
     """A leg in a few words: ``track 14, northwards``, ``way to track 16, reversing 12 m, over finished track 3``."""
     parts = [_describe_purpose(leg)]
     is_named = leg.shape == "switch-back" and leg.kind in ("turn", "corner")
-    if leg.reversing_m >= (_LONG_REVERSING_M if is_named else _LEAST_REVERSING_M):
+    if leg.reversing_m >= (_LONG_REVERSING_M if is_named else LEAST_WHOLE):
         parts.append(f"reversing {format_number(leg.reversing_m, 0)} m")
     parts += [f"over finished {_name_ground(leg.over_finished)}"] if leg.over_finished else []
     parts += [f"over uncut {_name_ground(leg.over_standing)}"] if leg.over_standing else []
@@ -57,7 +62,7 @@ def _describe_purpose(leg: DriverLeg) -> str:
         awaited = _name_few("tractor", leg.for_tractors)
         return f"wait for {awaited}" if leg.for_tractors else "wait"
     if leg.kind == "rest":
-        return "rest here" if leg.length_m < _LEAST_REVERSING_M else "drive aside and rest"
+        return "rest here" if leg.length_m < LEAST_WHOLE else "drive aside and rest"
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
@@ -149,7 +154,7 @@ def format_leg_lists_json(steps: Steps, plan_facts: dict[str, Any], only_tractor
         for tractor, rows in enumerate(steps, start=1)
         if only_tractor in (None, tractor)
     ]
-    return format_json({**plan_facts, "tractors": lists}, LEG_DECIMALS, is_ascii=False)
+    return format_json({**plan_facts, "tractors": lists}, METRE_DECIMALS, is_ascii=False)
 
 
 def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:

@@ -20,9 +20,10 @@ import shapely
 
 from fields.arrays import Floats, Integers
 from reports.common import palette
-from reports.common.drawing_sizes import HATCH_SHARE
+from reports.common.drawing_sizes import EDGE_SHARE, HATCH_SHARE
 from reports.common.plan_records import PlanDrive, Relief
 from reports.common.plan_results import PlanRanking
+from reports.common.rendering import METRE_DECIMALS
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
     FOLDING_STATUS,
@@ -59,14 +60,12 @@ PATH_TOLERANCE_M = 0.1
 # Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
 MOST_FIRST_KNOTS = 30_000  # of the plan shown first
 MOST_OTHER_KNOTS = 60_000  # of all other plans together
-_MARGIN_SHARE = 0.04  # of the larger side of the map
 MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
 
 MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
-_COORDINATE_DECIMALS = 2
 CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
-SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
-"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
+SIDE, FOOT = 1000.0, 70.0  # of small maps: the larger side of the field, and the room below for the scale bar
+MARGIN = EDGE_SHARE * SIDE
 PATH_TOLERANCE_SHARE = 0.002  # of the larger side
 SmallMap = dict[str, Any]
 """Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
@@ -140,7 +139,7 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
     first = next(iter(drives.values()))
     box = bound_points([compute_extent(drive).corners for drive in drives.values()])
     size = box.size or 1.0
-    margin = _MARGIN_SHARE * size
+    margin = EDGE_SHARE * size
     frame = Viewport(box.west - margin, box.north + margin)
     bar = choose_round_length_m(max(box.width, 0.5 * size) / 4)
     height = box.height + 2 * margin
@@ -384,7 +383,7 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive) -> dict[str,
 
 
 def _round_coordinates(values: npt.NDArray[Any]) -> Any:
-    return np.round(values, _COORDINATE_DECIMALS).tolist()
+    return np.round(values, METRE_DECIMALS).tolist()
 
 
 def build_small_map(drive: PlanDrive, driven_over: Sequence[Floats] = ()) -> SmallMap:

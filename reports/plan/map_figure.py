@@ -16,7 +16,7 @@ import shapely
 
 from fields.arrays import Floats
 from reports.common import palette
-from reports.common.drawing_sizes import HATCH_SHARE, LINE_INCHES, PAGE_INCHES
+from reports.common.drawing_sizes import EDGE_SHARE, HATCH_SHARE, LINE_INCHES, NARROWEST_INCHES, PAGE_INCHES
 from reports.common.plan_records import PlanDrive
 from reports.common.rendering import create_figure
 from reports.common.wording import format_area, format_duration, format_tractor_count
@@ -64,13 +64,12 @@ _FAULT_LOOK: dict[str, Any] = {
 }  # fmt: skip
 _LETTERS_PER_INCH = 11.0  # of a title of 11 points; height of its lines
 _EDGE_INCHES = 0.2  # margin around everything
-_TALLEST_INCHES, _NARROWEST_INCHES = 9.0, 4.5  # of a map, inches
-_SIDE_SHARE, _FOOT_SHARE = 0.03, 0.1  # of the larger side of the field: margin beside it, and below it with the scale
-_MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row
+_TALLEST_INCHES = 9.0  # height of a map
+_FOOT_SHARE = 0.1  # of the larger side of the field: margin below it with the scale
+_MARK_INCHES = 1.6  # width of an entry of the legend
 _LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
 _ROW_INCHES, _LETTER_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0, 0.602 * _LIST_POINTS / 72.0
 _MOST_LIST_ROWS = 70  # below the map
-_WIDEST_WITH_LISTS_INCHES = 11.0
 
 
 def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
@@ -185,9 +184,9 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
     across, up = measure_map(compute_extent(drive))
     lists = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
     width = across + 3 * _EDGE_INCHES + _measure_list_inches(lists) * len(lists)
-    has_lists_beside = bool(lists) and width <= _WIDEST_WITH_LISTS_INCHES
+    has_lists_beside = bool(lists) and width <= PAGE_INCHES
     if not has_lists_beside:
-        lists, width = _format_leg_columns(drive, _MOST_LIST_ROWS), max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
+        lists, width = _format_leg_columns(drive, _MOST_LIST_ROWS), max(across + 2 * _EDGE_INCHES, NARROWEST_INCHES)
         has_room = len(lists) * _measure_list_inches(lists) + _EDGE_INCHES <= width
         lists = lists if has_room else []
     rows = 0 if has_lists_beside else max((text.count("\n") + 1 for text in lists), default=0)
@@ -195,7 +194,7 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
     title = _wrap_title(drive, field_name, width)
     title_height = _EDGE_INCHES + LINE_INCHES * len(title)
     entries, legend_columns = build_legend_entries(drive), max(2, int(width / _MARK_INCHES))
-    legend_height = _MARKS_INCHES * math.ceil(len(entries) / legend_columns) + _EDGE_INCHES
+    legend_height = LINE_INCHES * math.ceil(len(entries) / legend_columns) + _EDGE_INCHES
     height = title_height + up + legend_height + lists_height
     figure = create_figure(width, height)
     left_edge, bottom = _EDGE_INCHES if has_lists_beside else 0.5 * (width - across), legend_height + lists_height
@@ -256,15 +255,15 @@ def frame_map(axes: Axes, box: MapExtent) -> None:
     """Axes to scale around a box, with room below for the scale bar and without ticks."""
     size = box.size or 1.0
     axes.set_aspect("equal")
-    axes.set_xlim(box.west - _SIDE_SHARE * size, box.east + _SIDE_SHARE * size)
-    axes.set_ylim(box.south - _FOOT_SHARE * size, box.north + _SIDE_SHARE * size)
+    axes.set_xlim(box.west - EDGE_SHARE * size, box.east + EDGE_SHARE * size)
+    axes.set_ylim(box.south - _FOOT_SHARE * size, box.north + EDGE_SHARE * size)
     axes.set_axis_off()
 
 
 def measure_map(box: MapExtent) -> tuple[float, float]:
     """Width and height in inches of a map framed around a box, as large as a page has room."""
     size = box.size or 1.0
-    across_m, up_m = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
+    across_m, up_m = box.width + 2 * EDGE_SHARE * size, box.height + (EDGE_SHARE + _FOOT_SHARE) * size
     scale = min((PAGE_INCHES - 2 * _EDGE_INCHES) / across_m, _TALLEST_INCHES / up_m)
     return round(float(across_m * scale), 4), round(float(up_m * scale), 4)
 

@@ -22,18 +22,16 @@ from reports.plan.drive_geometry import (
 
 WORKED_LEG_KINDS = ("track", "round")
 LEAST_ON_MAP_M2 = 10.0  # a smaller piece would be hidden by the words
-# In hundredths of the larger side of a map: distances between labels, and of a number from the end of its track.
-_LABEL_DISTANCE_PCT, _ARROW_DISTANCE_PCT, _SWATH_LABEL_OFFSET_PCT, _ARROW_HEAD_PCT = 2.3, 4.0, 1.2, 1.1
-_NUMBER_DISTANCE_PCT = 2.4  # between the number of a leg and another, or its arrow
-# Between an arrow and the number of a track or pass, or the name of a cell.
-_LABEL_CLEARANCE_PCT, _CELL_CLEARANCE_PCT = 2.8, 6.5
+# In hundredths of the larger side of a map: the smallest text, as large as arrow heads and marks of starts, and what
+# follows from it: a letter, a line, their margin, and the distance of two numbers. Names of cells are larger.
+_TEXT_PCT, _LARGE_TEXT_SCALE = 1.2, 1.35
+_LETTER_WIDTH_PCT, _LINE_HEIGHT_PCT, _TEXT_MARGIN_PCT = 0.8 * _TEXT_PCT, 1.25 * _TEXT_PCT, 0.25 * _TEXT_PCT
+_NUMBER_DISTANCE_PCT = 2.0 * _TEXT_PCT
+# Between two arrows, and between an arrow and the number of a track or pass, or the name of a cell.
+_ARROW_DISTANCE_PCT, _LABEL_CLEARANCE_PCT, _CELL_CLEARANCE_PCT = 4.0, 2.8, 6.5
 _ARROW_SHARES = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82)  # shares of a leg where its arrow may be
-# Shares of the longest edge of a headland pass where its number may be, and how many edges are tried.
-_PASS_LABEL_SHARE, _PASS_LABEL_STEP, _PASS_LABEL_PLACES, _PASS_LABEL_EDGES = 0.25, 0.07, 4, 8
-# A letter and a line of the smallest text and its margin, in hundredths of the larger side; names of cells are larger.
-_LETTER_WIDTH_PCT, _LINE_HEIGHT_PCT, _TEXT_MARGIN_PCT, _LARGE_TEXT_SCALE = 0.95, 1.5, 0.3, 1.35
-# How far a text is moved away from the mark of a start or entrance, and the radius of these marks.
-_TEXT_SHIFT_PCT, _MARK_REACH_PCT = 2.5, 1.3
+_PASS_SHARES = np.linspace(0.1, 0.9, 21)  # of the longest edges of a headland pass, where its number may be
+_PASS_EDGES = 8  # that are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +65,7 @@ def place_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
 
 def _list_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
     names = name_swaths(drive)
-    places = place_swath_numbers(drive.swaths, _SWATH_LABEL_OFFSET_PCT * size / 100, _LABEL_DISTANCE_PCT * size / 100)
+    places = place_swath_numbers(drive.swaths, _TEXT_PCT * size / 100, _NUMBER_DISTANCE_PCT * size / 100)
     return [MapLabel(names[index], place) for index, place in places]
 
 
@@ -100,13 +98,11 @@ def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Floats]:
 def _list_pass_label_places(headland_pass: HeadlandPassLine) -> list[MapLabel]:
     """Possible places of the name of a side: its longest edges, at a share that differs between passes first."""
     edges = np.diff(headland_pass.points, axis=0)
-    longest = np.argsort(-np.hypot(*edges.T), kind="stable")[:_PASS_LABEL_EDGES]
-    first = _PASS_LABEL_SHARE + _PASS_LABEL_STEP * ((headland_pass.number - 1) % _PASS_LABEL_PLACES)
-    shares = (first, *np.linspace(0.1, 0.9, 21).tolist())
+    longest = np.argsort(-np.hypot(*edges.T), kind="stable")[:_PASS_EDGES]
     return [
         MapLabel(headland_pass.name, headland_pass.points[edge] + share * edges[edge])
         for edge in longest
-        for share in shares
+        for share in np.roll(_PASS_SHARES, -2 * headland_pass.number)
     ]
 
 
@@ -156,7 +152,8 @@ def place_unworked_label(drive: PlanDrive, box: MapExtent) -> MapLabel | None:
     _, (reach, _) = _compute_label_box(MapLabel(text, np.zeros(2)), box.size, _LARGE_TEXT_SCALE).tolist()
     half = min(reach, 0.5 * box.width)
     x = min(max(piece.x_m, box.west + half), box.east - half)
-    places = (np.array([x, piece.y_m + lines * _TEXT_SHIFT_PCT * box.size / 100]) for lines in (0, 1, -1))
+    shift_m = (_TEXT_PCT + 0.5 * _LARGE_TEXT_SCALE * (_LINE_HEIGHT_PCT + _TEXT_MARGIN_PCT)) * box.size / 100
+    places = (np.array([x, piece.y_m + lines * shift_m]) for lines in (0, 1, -1))
     labels = [MapLabel(text, place) for place in places]
     return next((one for one in labels if _is_clear_of_marks(drive, one, box.size)), labels[0])
 
@@ -164,9 +161,7 @@ def place_unworked_label(drive: PlanDrive, box: MapExtent) -> MapLabel | None:
 def _is_clear_of_marks(drive: PlanDrive, label: MapLabel, size: float) -> bool:
     """Whether a large text covers neither the mark of the entrance nor a start of a tractor."""
     marks = np.array([*([drive.entrance] if drive.entrance else []), *(xy[0] for xy in drive.xy)]).reshape(-1, 2)
-    low, high = (
-        _compute_label_box(label, size, _LARGE_TEXT_SCALE) + np.array([[-1.0], [1.0]]) * _MARK_REACH_PCT * size / 100
-    )
+    low, high = _compute_label_box(label, size, _LARGE_TEXT_SCALE) + np.array([[-1.0], [1.0]]) * _TEXT_PCT * size / 100
     return not ((low < marks) & (marks < high)).all(axis=1).any()
 
 
@@ -195,7 +190,7 @@ def place_leg_marks(drive: PlanDrive, size: float) -> list[list[LegMark]]:
     marks: list[list[LegMark]] = [[] for _ in drive.xy]
     for tractor, tractor_marks in enumerate(marks):
         for text, line in _iterate_worked_legs(drive, tractor):
-            for head in _iterate_arrow_heads(line, _ARROW_HEAD_PCT * size / 100):
+            for head in _iterate_arrow_heads(line, _TEXT_PCT * size / 100):
                 back = 0.5 * (head[1] + head[2])
                 place = back + 1.1 * (back - head[0])
                 clear = (

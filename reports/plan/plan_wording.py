@@ -12,6 +12,7 @@ from reports.common.plan_results import FieldPartPlan, PlanRanking, PlanResult
 from reports.common.wording import (
     FIELD_AREA,
     LEAST_COST,
+    LEAST_WHOLE,
     VOLUME,
     format_area,
     format_duration,
@@ -29,9 +30,7 @@ from reports.common.wording import (
     join_list,
 )
 
-SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
-LEAST_UNWORKED_M2 = 0.5  # less reads as nothing
 UNWORKED_HELP = (
     "Unworked: ground that no implement worked; ranks include the time to finish it at each plan's own rate."
 )
@@ -63,7 +62,7 @@ def has_late_ground_loss(ranking: PlanRanking) -> bool:
 
 def format_unworked(plan: PlanResult) -> str | None:
     """The unworked area of a plan: ``0.83 ha (17 %)``; None where there is none, or it is not known."""
-    if plan.missed_m2 is None or plan.missed_m2 < LEAST_UNWORKED_M2:
+    if plan.missed_m2 is None or plan.missed_m2 < LEAST_WHOLE:
         return None
     if plan.worked_pct is None:
         return format_area(plan.missed_m2)
@@ -171,7 +170,7 @@ def count_service_stops(ranking: PlanRanking, count: int) -> str:
 
 def get_spoilt_m2(plan: PlanResult) -> float | None:
     """The ground that wheels spoil, where it is more than nothing."""
-    return plan.spoilt_m2 if (plan.spoilt_m2 or 0.0) >= LEAST_UNWORKED_M2 else None
+    return plan.spoilt_m2 if (plan.spoilt_m2 or 0.0) >= LEAST_WHOLE else None
 
 
 def describe_share(plan: PlanResult) -> str:
@@ -185,7 +184,7 @@ def describe_largest_piece(plan: PlanResult) -> tuple[str, str]:
     The place stands in the first sentence where no reason is known.
     """
     piece = plan.largest_missed
-    if piece is None or plan.due_missed_m2 < LEAST_UNWORKED_M2:
+    if piece is None or plan.due_missed_m2 < LEAST_WHOLE:
         return "", ""
     area, place = format_area(piece.m2), format_ground_place(piece)
     if not piece.reason:
@@ -200,9 +199,9 @@ def describe_largest_piece(plan: PlanResult) -> tuple[str, str]:
 def describe_finishing(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     """What it takes to finish the ground that a plan leaves or spoils."""
     due_m2, spoilt_m2, grounds = plan.due_missed_m2, get_spoilt_m2(plan), []
-    if due_m2 >= LEAST_UNWORKED_M2 and plan.spared_m2 >= LEAST_UNWORKED_M2:
+    if due_m2 >= LEAST_WHOLE and plan.spared_m2 >= LEAST_WHOLE:
         grounds.append(translate("the {area} of it that was to be worked", area=format_area(due_m2)))
-    elif due_m2 >= LEAST_UNWORKED_M2:
+    elif due_m2 >= LEAST_WHOLE:
         grounds.append(translate("the missed {area}", area=format_area(due_m2)))
     if spoilt_m2 is not None:
         grounds.append(translate("the {area} spoilt by wheels", area=format_area(spoilt_m2)))

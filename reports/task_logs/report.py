@@ -12,7 +12,7 @@ from rich.console import Group, RenderableType
 from fields.arrays import Floats
 from fields.units import KMH_PER_MPS
 from reports.common import palette
-from reports.common.drawing_sizes import COLUMN_INCHES
+from reports.common.drawing_sizes import COLUMN_INCHES, NARROWEST_INCHES
 from reports.common.rendering import create_figure, draw_legend, format_json, pick_values, render_template
 from reports.common.text_tables import FittedTable, TableColumn, build_plain_table, build_table, format_sentence
 from reports.common.wording import (
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
 
 PLANNED_COLOUR, DRIVEN_COLOUR = palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
 OVERLAP_COLOUR = palette.TRACTOR_COLOURS[5]
-_NARROWEST_INCHES = 5.5  # three columns of the legend fit from COLUMN_INCHES on
 _UNSHOWN_KEYS = ("area_counted", "width_m", "rows")  # of the figures of a side in JSON
 ComparisonRow = tuple[str, str, str, str]
 
@@ -235,7 +234,7 @@ def draw_comparison(comparison: PlanComparison) -> Figure:
     lines = (*comparison.planned.work_lines, *comparison.as_driven.work_lines, *comparison.as_driven.idle_lines)
     box = bound_points([*comparison.boundary[:1], *lines])
     across, up = measure_map(box)
-    figure = create_figure(max(across, _NARROWEST_INCHES), up + 1.2, layout="constrained")
+    figure = create_figure(max(across, NARROWEST_INCHES), up + 1.2, layout="constrained")
     axes = figure.add_subplot()
     frame_map(axes, box)
     if comparison.boundary:

@@ -71,11 +71,7 @@ def draw_panel(panel: PlotPanel | HeatMap) -> Figure:
 
 
 def draw_experiment_panels(sheet: ExperimentSheet) -> Figure:
-    """All panels of an experiment, two in a row.
-
-    Raises:
-        ReportError: the experiment has no pictures.
-    """
+    """All panels of an experiment, two in a row; raises ReportError where the experiment has no pictures."""
     if not sheet.panels:
         raise ReportError(f"The experiment {sheet.name!r} has no pictures; leave the picture out.")
     rows = -(-len(sheet.panels) // _FIGURE_COLUMNS)

@@ -153,12 +153,12 @@ DAMAGES: dict[str, tuple[Damage, str]] = {
         "its manifest.json cannot be used",
     ),
     "manifest nested": (lambda parts, _: parts | {MANIFEST_FILE: b"[" * 100_000}, "its manifest.json cannot be used"),
-    "manifest of nothing": (lambda parts, _: parts | {MANIFEST_FILE: b"null"}, "its form is not 1"),
+    "manifest of nothing": (lambda parts, _: parts | {MANIFEST_FILE: b"null"}, "its manifest.json cannot be used"),
     "sizes that are none": (
         lambda parts, _: manifest_of(parts, files={DATABASE_FILE: {"size": True}}),
-        "gives no size",
+        "cannot be used, files.*size",
     ),
-    "another form": (lambda parts, _: manifest_of(parts, form=2), "its form is not 1"),
+    "another form": (lambda parts, _: manifest_of(parts, form=2), "cannot be used, form is 2; use 1"),
     "a newer version": (
         lambda parts, folder: manifest_of(changed(parts, folder, NEWER), migration="9999"),
         "of a newer Headland",

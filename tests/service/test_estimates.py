@@ -19,7 +19,7 @@ from planner.service.gateway.back_office import OfficeForwarder
 from planner.service.gateway.connection_limits import RateLimiter
 from planner.service.gateway.responses import wait_while_connected
 from planner.service.jobs import plan_estimates
-from planner.service.jobs.plan_estimates import COMPUTING_SHARE, MOST_COMPUTING_S
+from planner.service.jobs.plan_estimates import COMPUTING_SHARE, LONGEST_ESTIMATE_S
 from planner.service.sandbox.readings import build_work_order
 from planner.service.settings import ServiceSettings
 from planner.service.store.token_table import hash_token
@@ -97,7 +97,7 @@ def test_who_may_not_plan_or_has_spent_its_computing_gets_no_estimate(shared: Sh
     assert client.post("/api/v1/estimates", json=VALUES, headers=reader).status_code == 403
     budget = client.app.state.estimator.budget  # type: ignore[attr-defined]
     digest = hash_token(spender["Authorization"].removeprefix("Bearer "))
-    budget.spend_tokens(digest, 10.0 * MOST_COMPUTING_S)
+    budget.spend_tokens(digest, 10.0 * LONGEST_ESTIMATE_S)
     answer = client.post("/api/v1/estimates", json=VALUES, headers=spender)
     assert answer.status_code == 429 and "ask again in" in answer.json()["error"]
     assert client.post("/api/v1/estimates", json=VALUES, headers=headers).status_code == 200
@@ -105,8 +105,8 @@ def test_who_may_not_plan_or_has_spent_its_computing_gets_no_estimate(shared: Sh
 
 def test_a_client_who_has_spent_all_computing_waits_and_others_do_not() -> None:
     now_s = 0.0
-    budget = RateLimiter(COMPUTING_SHARE, MOST_COMPUTING_S, lambda: now_s)
-    budget.spend_tokens("a", MOST_COMPUTING_S - 1.0)
+    budget = RateLimiter(COMPUTING_SHARE, LONGEST_ESTIMATE_S, lambda: now_s)
+    budget.spend_tokens("a", LONGEST_ESTIMATE_S - 1.0)
     assert budget.measure_wait_s("a") == 0.0
     budget.spend_tokens("a", 5.0)
     assert budget.measure_wait_s("a") == 5.0 / COMPUTING_SHARE and budget.measure_wait_s("b") == 0.0

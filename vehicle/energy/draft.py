@@ -97,8 +97,7 @@ class DraftRule(BaseModel):
     def set_depth(self, depth_cm: float) -> DraftRule:
         """The implement set to another depth.
 
-        Raises:
-            VehicleError: its draft does not follow depth, or it cannot be set to this one.
+        Raises VehicleError where its draft does not follow depth, or it cannot be set to this one.
         """
         if not self.follows_depth:
             raise VehicleError(f"The draft of the {self.implement} holds for its whole depth; leave out the depth.")
@@ -124,8 +123,7 @@ def find_draft_rule(operation: str, width_m: float) -> DraftRule | None:
 def get_draft_rule(name: str) -> DraftRule:
     """The rule of an implement by name; "Disk harrow" will do.
 
-    Raises:
-        VehicleError: the table has no such implement.
+    Raises VehicleError where the table has no such implement.
     """
     rules = load_draft_rules()
     plain_name = "-".join(name.lower().replace("_", " ").split())

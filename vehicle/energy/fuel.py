@@ -40,8 +40,7 @@ class DieselEngine:
         power_w: rated, at the flywheel.
         use_l_per_kwh, no_load_l_per_kwh: the two numbers of the equation.
 
-    Raises:
-        VehicleError: a value that no engine has.
+    Raises VehicleError for a value that no engine has.
     """
 
     unit: ClassVar[str] = LITRES
@@ -132,8 +131,7 @@ def compute_diesel_lph(
 def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:
     """What drives a tractor: its battery, or its diesel engine with this power.
 
-    Raises:
-        VehicleError: the power of the engine is not known, or the fuel points are those of no engine.
+    Raises VehicleError where the power of the engine is not known, or the fuel points are those of no engine.
     """
     if tractor.battery is None:
         return build_diesel_engine(tractor, power_w)
@@ -143,8 +141,7 @@ def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:
 def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
     """The engine of a tractor with this power, by the fuel points of its file or by the equation of the standard.
 
-    Raises:
-        VehicleError: the power is not known, or the points are those of no engine.
+    Raises VehicleError where the power is not known, or the points are those of no engine.
     """
     points = () if tractor.engine is None else tractor.engine.fuel_points
     if not points:

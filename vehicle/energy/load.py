@@ -76,8 +76,7 @@ def build_work_load(
         engine_power_kw: at the flywheel, in place of the tractor's.
         implement_mass_kg: what the tractor carries, on the rear axle.
 
-    Raises:
-        VehicleError: a value that nothing can have.
+    Raises VehicleError for a value that nothing can have.
     """
     rule = rule or find_draft_rule(operation, width_m)
     texture: Texture = "medium" if soil is None else soil.draft

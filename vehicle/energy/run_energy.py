@@ -103,8 +103,7 @@ def compute_run_energy(
         terrain: heights; None for level ground.
         source: engine or battery; that of the tractor, a diesel engine with the power of the load, where None.
 
-    Raises:
-        VehicleError: the power of the engine is not known.
+    Raises VehicleError where the power of the engine is not known.
     """
     source = source or build_power_source(tractor, load.engine_power_w)
     tractors = []

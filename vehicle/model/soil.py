@@ -145,8 +145,8 @@ def find_soil(name: str, moisture_pct: float | None = None, path: str | Path | N
     said as it is; without a moisture, the line at field capacity counts, or the only one. Beyond the driest and wettest
     line nothing is said.
 
-    Raises:
-        VehicleError: an unknown name, a moisture that is missing or outside of the lines, or a table with a fault.
+    Raises VehicleError for an unknown name, a moisture that is missing or outside of the lines, or a table with a
+    fault.
     """
     rows = get_soil_rows(name, path)
     if moisture_pct is None:
@@ -187,8 +187,7 @@ def get_soil_rows(name: str, path: str | Path | None = None) -> tuple[Soil, ...]
 def load_soils(path: str | Path | None = None) -> dict[str, tuple[Soil, ...]]:
     """All soils by name, of Headland's table or a user's, lines from dry to wet.
 
-    Raises:
-        VehicleError: naming the line and the fault, or the soil whose lines contradict each other.
+    Raises VehicleError, naming the line and the fault, or the soil whose lines contradict each other.
     """
     soils: dict[str, list[Soil]] = {}
     for row in load_table(path, "soils.csv", Soil, "a soil"):

@@ -112,8 +112,7 @@ def estimate_moisture(
         rains_mm: by day, the oldest first, one or more.
         et0s_mm: reference evapotranspiration by day: likely, least and greatest.
 
-    Raises:
-        VehicleError: the lines do not say how much water the soil holds.
+    Raises VehicleError where the lines do not say how much water the soil holds.
     """
     water = find_soil_water(rows)
     driest_pct = rows[0].moisture_pct or 0.0

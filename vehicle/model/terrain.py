@@ -35,8 +35,7 @@ class Terrain:
 
     Beyond its outermost nodes the ground goes on at their height; `covers` says whether places lie inside.
 
-    Raises:
-        VehicleError: the grid is too small, or a value is not finite.
+    Raises VehicleError where the grid is too small, or a value is not finite.
     """
 
     west_m: float

@@ -29,8 +29,7 @@ class WorkLoad:
         max_slip: wheels are not driven with more slip.
         centre_height_m: height of the common centre of mass above the ground; None where it is not known.
 
-    Raises:
-        VehicleError: a value that nothing can have.
+    Raises VehicleError for a value that nothing can have.
     """
 
     draft_n: tuple[float, float, float] = (0.0, 0.0, 0.0)

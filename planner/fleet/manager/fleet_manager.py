@@ -14,7 +14,7 @@ from planner.fleet.manager.obstacle_reports import ObstacleReports
 from planner.fleet.manager.operator_orders import OperatorOrders
 from planner.fleet.model.alarms import CRITICAL, WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
-from planner.fleet.model.rules import FleetManagerError, FleetRules
+from planner.fleet.model.rules import REFRESH_PERIOD_S, FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import (
     AUTOMATIC,
     BROKEN,
@@ -37,7 +37,7 @@ from planner.fleet.safety.credible_motion import CredibleMotion
 from planner.fleet.safety.motion_prediction import TwinPredictions
 from vehicle.control.speed import compute_follower_speed
 
-WATCH_PERIOD_S, FORECAST_PERIOD_S = 0.2, 1.0
+WATCH_PERIOD_S = 0.2
 LONGEST_STEP_S = 2.0  # between two reports that counts as driving
 
 
@@ -248,7 +248,7 @@ class FleetManager(FleetState):
             self._repeat_stop(number, now)
         if self.state == RUNNING:
             self._release_legs()
-        if now - self.forecast_at_s >= FORECAST_PERIOD_S:
+        if now - self.forecast_at_s >= REFRESH_PERIOD_S:
             self.forecast_at_s = now
             self._update_forecast()
 

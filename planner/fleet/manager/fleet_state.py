@@ -18,7 +18,7 @@ from planner.fleet.model.tractor_state import MOVING_MPS, FleetEvent, Hold, Trac
 from planner.fleet.safety.motion_prediction import NeighbourFleets, TwinPredictions
 from planner.fleet.safety.safety_guard import SafetyGuard
 
-MOST_OBSTACLES, MOST_PER_REPORTER, MOST_OUTLINE_POINTS = 100, 20, 200
+MOST_OBSTACLES, MOST_PER_REPORTER = 100, 20
 SAME_PLACE_M = 0.5  # by which an obstacle that is reported again may have moved
 Ring = tuple[tuple[float, float], ...]
 COVERAGE_STEP_M = 1.0
@@ -61,10 +61,6 @@ class ObstacleMap:
             raise FleetManagerError(
                 f"{who.capitalize()} has reported {MOST_PER_REPORTER} obstacles not cleared yet, the most allowed; "
                 "clear those that are gone first."
-            )
-        if len(ring) > MOST_OUTLINE_POINTS:
-            raise FleetManagerError(
-                f"The outline has {len(ring)} points; use at most {MOST_OUTLINE_POINTS}.", parameter="polygon_m"
             )
         shape = _build_valid_polygon(ring)
         if shape is None or shape.area <= 0.0:

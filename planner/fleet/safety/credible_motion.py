@@ -32,6 +32,7 @@ import numpy as np
 
 from fields.arrays import Floats
 from fields.units import HOUR_S, KMH_PER_MPS
+from planner.fleet.model.rules import STATE_PERIOD_S
 from planner.fleet.model.tractor_state import AUTOMATIC, POSITIONS, PROGRESS, SPEED, MotionDoubt, TractorReport
 from vehicle.jit import compile_function
 
@@ -40,8 +41,8 @@ FIX_AGE_S = 0.2  # of a receiver with five fixes a second, the fewest to steer b
 UNCORRECTED_M, MEMORY_S = 0.5, 60.0  # per axis, of an error without corrections, and how long it lasts
 MOTION_SHARE = 0.15  # of the distance: slip of ordinary work and side slip on slopes
 FALSE_DOUBT_H = 1e4  # of driving between two false doubts of one tractor, at least
-REPORTS_PER_S, OCTAVES, PAIR_COUNT = 10.0, 9, 3  # tests: reports, times from 0.2 s to 64 s, pairs of witnesses
-NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * HOUR_S * REPORTS_PER_S * OCTAVES * PAIR_COUNT))
+OCTAVES, PAIR_COUNT = 9, 3  # tests of a report: times from 0.2 s to 64 s, pairs of witnesses
+NOISE_SIGMAS = math.sqrt(2.0 * math.log(FALSE_DOUBT_H * HOUR_S / STATE_PERIOD_S * OCTAVES * PAIR_COUNT))
 """Of a difference in two dimensions: exceeded once in so many tests (Rayleigh distribution)."""
 FARTHEST_M = NOISE_SIGMAS * math.sqrt(2.0 * (FIX_M**2 + UNCORRECTED_M**2))
 """What two unrelated errors of a receiver differ by at most: it shows nobody who stands farther from where it stood."""
@@ -72,7 +73,7 @@ def compute_doubt_m(age_s: float, distance_m: float, pace_mps: float) -> float:
     """By how much two witnesses differ for a doubt: more than noise explains, with the age of fixes at this speed, and
     with one leap that was taken for noise."""
     old_m = FIX_AGE_S * pace_mps
-    return compute_limit_m(age_s, distance_m) + old_m + compute_limit_m(1.0 / REPORTS_PER_S, 0.0) + old_m
+    return compute_limit_m(age_s, distance_m) + old_m + compute_limit_m(STATE_PERIOD_S, 0.0) + old_m
 
 
 @compile_function

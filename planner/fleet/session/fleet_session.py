@@ -18,7 +18,7 @@ from planner.fleet.manager.progress_snapshot import capture_progress
 from planner.fleet.manager.remaining_work import check_proposal_still_fits
 from planner.fleet.model.alarms import CRITICAL
 from planner.fleet.model.fleet_plan import FleetPlan, describe_timing
-from planner.fleet.model.rules import FleetManagerError, FleetRules
+from planner.fleet.model.rules import REFRESH_PERIOD_S, FleetManagerError, FleetRules
 from planner.fleet.model.tractor_state import ONLINE, FleetEvent, TractorOrder
 from planner.fleet.replanning.proposals import ReplanProposals
 from planner.fleet.session import frame_content, inbound_frames
@@ -39,8 +39,7 @@ from planner.fleet.session.frame_timing import (
 from planner.fleet.session.state_recorder import MOST_WAITING_STATES, StateRecorder, build_row
 from vehicle.missions.plan_file import format_plan
 
-COVERAGE_PERIOD_S = 1.0
-FULL_TICK_PERIOD_S = 0.5  # pages show data older than a second as old
+FULL_TICK_PERIOD_S = 0.5 * REFRESH_PERIOD_S  # pages show data older than that as old
 UNRECORDED = "unrecorded"  # nothing is saved at present, so a restart would lose it
 UNSAVED_ALARM_S = 10.0  # without saving, after which an alarm is raised
 MOST_EVENTS = 5000  # that wait to be saved
@@ -432,7 +431,7 @@ class FleetSession:
         if self.manager.alarms.version != self._alarms_version:
             self._alarms_version = self.manager.alarms.version
             self.broadcast(frame_content.build_alarms(self.manager))
-        if now - self._coverage_at_s >= COVERAGE_PERIOD_S:
+        if now - self._coverage_at_s >= REFRESH_PERIOD_S:
             self._coverage_at_s = now
             for number in range(self.tractor_count):
                 coverage = frame_content.build_coverage(self.manager, number, self._coverage_sent[number])

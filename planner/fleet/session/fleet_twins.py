@@ -11,23 +11,26 @@ from fields.arrays import Floats
 from planner.fleet.manager.fleet_manager import FleetManager
 from planner.fleet.model.alarms import WARNING
 from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import REFRESH_PERIOD_S, STATE_PERIOD_S
 from planner.fleet.model.timed_mission import sample_segments
 from planner.fleet.model.tractor_state import TractorReport
 from planner.fleet.safety.credible_motion import CredibleMotion
 from planner.fleet.safety.motion_prediction import TwinPredictions
 from planner.fleet.session.frame_content import compute_heading_deg
-from planner.fleet.session.frame_timing import CLOCK_JUMP_S, STATE_PERIOD_S
+from planner.fleet.session.frame_timing import CLOCK_JUMP_S
 from planner.fleet.session.inbound_frames import StateFrame
 from vehicle.control.speed import compute_follower_speed
 from vehicle.model.tractor import Implement, Tractor, load_tractor
+from vehicle.records import DT_S
 from vehicle.sim.compile import build_model_record
 from vehicle.sim.path_conflicts import compute_outline_distances, find_close_approaches, find_close_approaches_between
+from vehicle.twin.correction import MAX_LATENESS_STEPS
+from vehicle.twin.propagation import PIECE_STEPS
 from vehicle.twin.twin import PoseFix, Twin
 
 CORRECTION_PERIOD_S = 1.0  # between two fixes of a twin, as in section 5.2.2, by its clock
-PATH_STEP_S = 0.1  # between two poses of a predicted path
-OLDEST_STATE_S = 4.0  # in real time, of a state that a twin can still use
-DOUBT_PERIOD_S = 1.0  # between two checks of a twin
+PATH_STEP_S = PIECE_STEPS * DT_S  # between two poses of a predicted path
+OLDEST_STATE_S = MAX_LATENESS_STEPS * DT_S  # in real time, of a state that a twin can still use
 LEAP_DELAY_S, LEAP_SHOWN_S = 5.0, 60.0  # after which a jump of the fix is shown, and for how long
 
 
@@ -89,7 +92,7 @@ class FleetTwins(TwinPredictions):
         for twin in self.items:
             if twin is not None:
                 twin.advance(time_s)
-        if now - self._doubt_at_s >= DOUBT_PERIOD_S:
+        if now - self._doubt_at_s >= REFRESH_PERIOD_S:
             self._doubt_at_s = now
             for number in range(len(self.items)):
                 self._check_twin_doubt(number, time_s, manager, now)

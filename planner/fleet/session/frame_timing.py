@@ -30,7 +30,6 @@ OLDEST_S = 900.0
 SETTLED_S, SPREAD_S = 5.0, 0.5
 TOLERANCE_S = 1.0  # of a jump that shows that a clock was set
 UNKNOWN_S = 3600.0  # greatest age assumed for a state of unknown age
-STATE_PERIOD_S = 0.1  # between two states of a tractor
 CLOCK_JUMP_S = 0.5  # between the clock and the monotonic clock: somebody has set the clock
 LATEST_ECHO_S = 600.0  # of a heartbeat that this service may have sent
 FUTURE_TOLERANCE_S = 0.5  # by which a client's clock may be ahead of the service's

@@ -7,8 +7,10 @@ import io
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from planner.fleet.model.rules import FleetManagerError
+from fields.units import MINUTE_S
+from planner.fleet.model.rules import STATE_PERIOD_S, FleetManagerError
 from planner.fleet.session.inbound_frames import StateFrame
+from vehicle.twin.twin import MAX_COMMAND_GAP_S
 
 COLUMNS = (
     "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps", "steering_command_deg",
@@ -17,10 +19,9 @@ COLUMNS = (
 ROW_COLUMNS = ("sequence", *COLUMNS, "leg", "leg_m", "mode")
 TIME_COLUMN, SHUTTLE_COLUMN = ROW_COLUMNS.index("time_s"), ROW_COLUMNS.index("shuttle")
 COMMAND_COLUMNS = ROW_COLUMNS.index("speed_command_mps"), ROW_COLUMNS.index("steering_command_deg")
-FRAME_GAP_S = 0.4  # between two frames, beyond which the commands in between are unknown
 StateRow = list[Any]
 
-MOST_WAITING_STATES = 3000  # states per tractor that wait for a database: five minutes at 10 Hz
+MOST_WAITING_STATES = round(5.0 * MINUTE_S / STATE_PERIOD_S)  # per tractor, that wait for a database
 MOST_SEQUENCES_AHEAD = 10_000_000  # by which a sequence may be ahead of the last: eleven days at 10 Hz
 
 
@@ -118,7 +119,7 @@ def average_commands(rows: Sequence[StateRow]) -> list[StateRow]:
     averaged = [list(row) for row in rising_rows]
     for row, present, following in zip(averaged, rising_rows[:-1], rising_rows[1:], strict=False):
         if (
-            following[TIME_COLUMN] - present[TIME_COLUMN] <= FRAME_GAP_S
+            following[TIME_COLUMN] - present[TIME_COLUMN] <= MAX_COMMAND_GAP_S
             and following[SHUTTLE_COLUMN] == present[SHUTTLE_COLUMN]
         ):
             for column in COMMAND_COLUMNS:

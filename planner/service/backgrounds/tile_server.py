@@ -35,7 +35,7 @@ from starlette.concurrency import run_in_threadpool
 from fields.arrays import Floats
 from fields.geometry.geodesy import UTM_NORTH_DEG, find_utm_crs, project
 from planner.service.errors import ServiceError, StorageError
-from planner.service.settings import LIMITS, MEGABYTE_BYTES
+from planner.service.settings import CONNECT_TIMEOUT_S, LIMITS, MEGABYTE_BYTES
 from planner.service.store.disk_storage import check_disk_space, write_whole
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
 HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
 CACHE_FOLDER = "background-tiles"
 USER_AGENT = "Headland (farm planning; tiles are fetched once and kept)"
-CONNECT_TIMEOUT_S, TILE_TIMEOUT_S = 5.0, 15.0
+TILE_TIMEOUT_S = 15.0
 PAUSE_S = 20.0
 """Seconds until a kept tile is fetched again, and until a tile that could not be had is asked for again."""
 NOTHING_STATUSES = (HTTPStatus.NO_CONTENT, HTTPStatus.NOT_FOUND)

@@ -21,7 +21,7 @@ from planner.fleet.manager.finish_forecast import FinishDistribution
 from planner.fleet.manager.neighbourhood import Neighbourhood
 from planner.fleet.manager.progress_snapshot import restore_progress
 from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
-from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.rules import REFRESH_PERIOD_S, FleetRules
 from planner.fleet.model.tractor_state import FleetEvent
 from planner.fleet.replanning.proposals import ReplanProposals
 from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
@@ -37,7 +37,7 @@ from planner.service.store.database_watch import TokenCache
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import parse_tractor
 
-STEP_S, SAVE_PERIOD_S, LOOK_PERIOD_S = 0.05, 1.0, 1.0
+STEP_S, SAVE_PERIOD_S = 0.05, REFRESH_PERIOD_S
 DELETED_TEXT = "This fleet was deleted."
 EASTING_COLUMN, NORTHING_COLUMN, IMPLEMENT_COLUMN = map(ROW_COLUMNS.index, ("easting_m", "northing_m", "implement"))
 Files = Mapping[str, tuple[str, bytes]]
@@ -293,7 +293,7 @@ class FleetSessions:
 
     async def _follow_up_diagnoses_periodically(self, follow_up: FollowUp) -> None:
         while True:
-            await asyncio.sleep(LOOK_PERIOD_S)
+            await asyncio.sleep(REFRESH_PERIOD_S)
             for session in list(self.by_id.values()):
                 try:
                     await follow_up(session, time.monotonic())
@@ -302,7 +302,7 @@ class FleetSessions:
 
     async def _watch_tokens(self) -> None:
         while True:
-            await asyncio.sleep(LOOK_PERIOD_S)
+            await asyncio.sleep(REFRESH_PERIOD_S)
             try:
                 await self.check_tokens()
             except Exception:

@@ -15,12 +15,14 @@ from typing import Any
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
-from planner.fleet.session.frame_timing import STATE_PERIOD_S
+from planner.fleet.model.rules import STATE_PERIOD_S
+from planner.fleet.session.state_recorder import MOST_WAITING_STATES
 from planner.fleet.simulated_robot import RobotDriver
 from planner.service.errors import ServiceError
+from planner.service.settings import CONNECT_TIMEOUT_S
 
-MOST_STATES = 6000  # ten minutes at 10 Hz
-RETRY_S, OPEN_TIMEOUT_S, DISCONNECT_TIMEOUT_S = 0.5, 5.0, 1.0
+MOST_STATES = 2 * MOST_WAITING_STATES  # that wait for the service
+RETRY_S, DISCONNECT_TIMEOUT_S = 0.5, 1.0
 SHORTEST_PERIOD_S, LONGEST_SIMULATED_S = 0.03, 0.3
 REPLACED_CODE = 4001  # of links that another of the same robot takes the place of
 NO_LINK_STATUSES = (
@@ -83,7 +85,7 @@ class RobotClient:
         """Connect again and again. Raises ServiceError if that is useless."""
         while True:
             try:
-                async with connect(self.address, open_timeout=OPEN_TIMEOUT_S, proxy=None, compression=None) as link:
+                async with connect(self.address, open_timeout=CONNECT_TIMEOUT_S, proxy=None, compression=None) as link:
                     await self._exchange_frames(link)
             except InvalidStatus as answer:
                 code = answer.response.status_code

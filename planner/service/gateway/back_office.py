@@ -24,7 +24,7 @@ from planner.service.access.permissions import CALLER_SCOPE_KEY, Caller
 from planner.service.gateway.request_gate import get_host, name_client
 from planner.service.gateway.responses import build_error_response, wait_for_disconnect, wait_while_connected
 from planner.service.kept_process import KeptProcess
-from planner.service.settings import LIMITS, ServiceSettings
+from planner.service.settings import CONNECT_TIMEOUT_S, LIMITS, ServiceSettings
 
 SECRET_HEADER, CALLER_HEADER, CLIENT_HEADER = b"x-headland-secret", b"x-headland-who", b"x-headland-client"
 HOP_HEADERS = b"connection keep-alive proxy-connection te trailer transfer-encoding upgrade".split()
@@ -56,7 +56,7 @@ class OfficeForwarder:
         self.office, self.before_request, self.after_change = office, before_request, after_change
         self._running_requests: Counter[str] = Counter()
         limits = httpx2.Limits(max_connections=LIMITS.most_requests, max_keepalive_connections=16)
-        timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=5.0)
+        timeout = httpx2.Timeout(LIMITS.response_timeout_s, connect=CONNECT_TIMEOUT_S)
         self._client = httpx2.AsyncClient(limits=limits, timeout=timeout, trust_env=False)
 
     async def close(self) -> None:

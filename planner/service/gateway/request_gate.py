@@ -228,9 +228,7 @@ def _set_path_from_url(scope: Scope) -> bool:
 
 async def _drain_body(scope: Scope, receive: Receive) -> bool:
     """Read and drop a short body, as closing before its end would lose the answer; whether it ended."""
-    headers = dict(scope["headers"])
-    length = headers.get(b"content-length", b"0")
-    if b"expect" in headers or not length.isdigit() or int(length[:18]) > MOST_DRAINED_BYTES:
+    if b"expect" in dict(scope["headers"]) or _get_length(scope) > MOST_DRAINED_BYTES:
         return False
     remaining_bytes = MOST_DRAINED_BYTES
     try:

@@ -211,8 +211,7 @@ def confine_process(
         open_descriptor: what stays open beside 0, 1 and 2, which lead nowhere; None in a process that was not forked
             and so has but its own, those of libraries among them.
 
-    Raises:
-        OSError: the system refuses what it offers.
+    Raises OSError where the system refuses what it offers.
     """
     os.chdir(folder)
     if open_descriptor is not None:

@@ -15,17 +15,19 @@ import time
 import zipfile
 import zlib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import ExitStack, closing, suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
 import sqlalchemy as sa
+from pydantic import BaseModel, Field, ValidationError, field_validator
 from sqlalchemy.orm import Session
 
 from fields.units import HOUR_S
 from planner.fleet.session.frame_timing import format_utc
+from planner.request.validation import describe_fault, format_location
 from planner.service.errors import ConflictError, NotFoundError, ServiceError, StorageError
 from planner.service.settings import DATABASE_FILE, LIMITS, MEGABYTE_BYTES, find_version
 from planner.service.store.database import (
@@ -41,7 +43,7 @@ from planner.service.store.service_store import Store
 from planner.service.store.store_part import BYTES_FOLDER
 from planner.service.store.tables import COPIED_TABLES, FileRow, FleetRow, JobRow, ResultRow, TokenRow
 
-MANIFEST_FILE, MANIFEST_VERSION = "manifest.json", 1
+MANIFEST_FILE = "manifest.json"
 BYTES_NAME = re.compile(rf"{BYTES_FOLDER}/([0-9a-f]{{2}})/(\1[0-9a-f]{{62}})")
 COPY_BATCH_ROWS = 500
 SWEEP_MIN_AGE_S = HOUR_S
@@ -52,54 +54,44 @@ SELECT_STRANGE_OBJECTS = "SELECT type || ' ' || name FROM sqlite_master WHERE ty
 USE_ANOTHER_BACKUP = "use another backup"
 
 
-@dataclass(frozen=True)
-class ManifestEntry:
+class ManifestEntry(BaseModel):
     """One file of a backup."""
 
-    size: int
-    sha256: str
+    size: Annotated[int, Field(ge=0, strict=True)]
+    sha256: Annotated[str, Field(pattern=f"^{SHA256_TEXT.pattern}$")]
 
 
-@dataclass
-class BackupManifest:
+class BackupManifest(BaseModel):
     """The files of a backup by name, and the version (`migration`) of its tables."""
 
+    form: Literal[1]
     migration: str
-    headland: str = field(default_factory=find_version)
-    made: str = field(default_factory=format_utc)
-    files: dict[str, ManifestEntry] = field(default_factory=dict)
+    headland: str
+    made: str
+    files: dict[str, ManifestEntry]
+
+    @field_validator("files")
+    @classmethod
+    def _check_names(cls, files: dict[str, ManifestEntry]) -> dict[str, ManifestEntry]:
+        """Bytes are named by their SHA-256, so that no name is a path elsewhere."""
+        for name, entry in files.items():
+            match = BYTES_NAME.fullmatch(name)
+            if match is not None and match[2] != entry.sha256:
+                raise ValueError(f"it gives no SHA-256 of {name}")
+            if match is None and name != DATABASE_FILE:
+                raise ValueError(f"it names {name[:60]!r}, which is no part of a backup")
+        if DATABASE_FILE not in files:
+            raise ValueError(f"it names no {DATABASE_FILE}")
+        return files
 
 
 def parse_manifest(text: bytes) -> BackupManifest:
     """Read a manifest; raises ValueError with the reason where it cannot be used."""
     try:
-        values = json.loads(text)
-    except RecursionError:
-        raise ValueError("it is nested too deep") from None
-    if not isinstance(values, dict) or values.get("form") != MANIFEST_VERSION:
-        raise ValueError(f"its form is not {MANIFEST_VERSION}")
-    words = [values.get(key) for key in ("migration", "headland", "made")]
-    files = values.get("files")
-    if not all(isinstance(word, str) for word in words) or not isinstance(files, dict):
-        raise ValueError("it does not name the version, the time and the files")
-    entries = {name: _parse_entry(name, given) for name, given in files.items()}
-    if DATABASE_FILE not in entries:
-        raise ValueError(f"it names no {DATABASE_FILE}")
-    return BackupManifest(str(words[0]), str(words[1]), str(words[2]), entries)
-
-
-def _parse_entry(name: str, values: Any) -> ManifestEntry:
-    """Check one entry; bytes are named by their SHA-256, so that no name is a path elsewhere."""
-    match = BYTES_NAME.fullmatch(name)
-    size = values.get("size") if isinstance(values, Mapping) else None
-    sha256 = values.get("sha256") if isinstance(values, Mapping) else None
-    if name != DATABASE_FILE and match is None:
-        raise ValueError(f"it names {name[:60]!r}, which is no part of a backup")
-    if not isinstance(size, int) or isinstance(size, bool) or size < 0:
-        raise ValueError(f"it gives no size of {name}")
-    if not isinstance(sha256, str) or not SHA256_TEXT.fullmatch(sha256) or (match is not None and match[2] != sha256):
-        raise ValueError(f"it gives no SHA-256 of {name}")
-    return ManifestEntry(size, sha256)
+        return BackupManifest.model_validate_json(text)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+        raise ValueError(describe_fault(fault, format_location(fault["loc"]) or "it").rstrip(".")) from None
 
 
 def back_up(store: Store, file: Path) -> int:
@@ -123,21 +115,22 @@ def back_up(store: Store, file: Path) -> int:
 
 def _pack_archive(store: Store, archive: zipfile.ZipFile, copy: Path, names: list[str]) -> None:
     """Add the database, the bytes and then the manifest to an archive; raises ServiceError."""
-    manifest = BackupManifest(get_current_version())
-    manifest.files[DATABASE_FILE] = _add_to_archive(archive, copy, DATABASE_FILE)
+    files = {DATABASE_FILE: _add_to_archive(archive, copy, DATABASE_FILE)}
     for sha256 in names:
         name = format_bytes_name(sha256)
         try:
             path = store.blobs.get_path(sha256)
             if not path.exists():  # a result that the service has not fetched yet
                 store.blobs.put_bytes(store.blobs.read_bytes(sha256))
-            manifest.files[name] = _add_to_archive(archive, path, name)
+            files[name] = _add_to_archive(archive, path, name)
         except (FileNotFoundError, NotFoundError):
             raise _describe_missing_bytes(store, sha256, "gone") from None
-        if manifest.files[name].sha256 != sha256:
+        if files[name].sha256 != sha256:
             raise _describe_missing_bytes(store, sha256, "damaged")
-    values = {"form": MANIFEST_VERSION, **asdict(manifest)}
-    archive.writestr(MANIFEST_FILE, json.dumps(values, indent=1, sort_keys=True))
+    manifest = BackupManifest(
+        form=1, migration=get_current_version(), headland=find_version(), made=format_utc(), files=files
+    )
+    archive.writestr(MANIFEST_FILE, json.dumps(manifest.model_dump(), indent=1, sort_keys=True))
 
 
 def _add_to_archive(archive: zipfile.ZipFile, path: Path, name: str) -> ManifestEntry:
@@ -148,7 +141,7 @@ def _add_to_archive(archive: zipfile.ZipFile, path: Path, name: str) -> Manifest
             digest.update(part)
             size += len(part)
             target.write(part)
-    return ManifestEntry(size, digest.hexdigest())
+    return ManifestEntry(size=size, sha256=digest.hexdigest())
 
 
 def _describe_missing_bytes(store: Store, sha256: str, condition: str) -> ServiceError:

@@ -10,11 +10,11 @@ from typing import Any
 from uuid import uuid4
 
 from planner.service.errors import NotFoundError, ResultPlaceError, ServiceError
-from planner.service.settings import ServiceSettings
+from planner.service.settings import CONNECT_TIMEOUT_S, ServiceSettings
 from planner.service.store.database import shorten_error
 
-CONNECT_S, READ_S = 5, 60  # of a store that is asked: the service has other work too
-_OPTIONS = {"s3": {"config_kwargs": {"connect_timeout": CONNECT_S, "read_timeout": READ_S}}}
+READ_TIMEOUT_S = 60.0  # of a store that is asked: the service has other work too
+_OPTIONS = {"s3": {"config_kwargs": {"connect_timeout": CONNECT_TIMEOUT_S, "read_timeout": READ_TIMEOUT_S}}}
 
 
 class ResultPlace:

@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from fields.formats.guidance import WINDOWS_DEVICE
 from planner.service.errors import ServiceError
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.database import Database
@@ -19,8 +20,6 @@ from planner.service.store.disk_storage import SHA256_TEXT, BlobStore, translate
 
 LONGEST_NAME_CHARS = 100
 BYTES_FOLDER, REVOCATIONS_FOLDER = "bytes", "revoked"
-_PORTS = {f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)}
-WINDOWS_DEVICES = {"con", "prn", "aux", "nul"} | _PORTS
 COPY_SUFFIX_CHARS = 10  # room for " copy 9999"
 MEDIA_BY_SUFFIX = {
     ".geojson": "application/geo+json",
@@ -119,7 +118,7 @@ def check_name(name: str, parameter: str = "name") -> str:
     Raises ServiceError.
     """
     name = unicodedata.normalize("NFC", name)
-    if name.partition(".")[0].strip().lower() in WINDOWS_DEVICES:
+    if WINDOWS_DEVICE.match(name.strip()):
         raise ServiceError(f"{name!r} is what Windows calls a device; choose another name.", parameter=parameter)
     is_plain = re.fullmatch(r"\w[\w ._()+-]*", name) and ".." not in name and name == name.strip()
     if not is_plain or len(name) > LONGEST_NAME_CHARS:
