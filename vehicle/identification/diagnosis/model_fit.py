@@ -92,7 +92,7 @@ class Problem:
         self.simulator, self.bases = Simulator(self.data, self.rig), Bases(self.data)
         tractor = self.rig.tractor
         self.noise = {
-            "pose": build_pose_noise(self.data, tractor.antenna_forward_m),
+            "pose": build_pose_noise(self.data, tractor.antenna_forward_m, tractor.wheelbase_m),
             **{channel: build_sensor_noise(self.data, channel) for channel in SENSOR_PARTS},
         }
         data = self.data
