@@ -312,8 +312,8 @@ class _Composer:
         own = build_constant(effect, self.problem.data, self.problem.rig.tractor) if effect.kind is not CIRCLE else None
         channels = frozenset({"pose"}) if own is None else self.problem.list_channels(own)
         said = {str(one.hypothesis) for one in self.verdicts}
-        # What the model holds and nothing can be said of may be this effect.
-        is_open = any(
+        # What the model holds and nothing can be said of may be this effect, and so may what is not told from it.
+        is_open = any(effect.id in one.equivalent_to for one in self.verdicts) or any(
             str(one.hypothesis) not in said and self.problem.list_channels(one.hypothesis) & channels
             for one in self.result.judgements
         )
