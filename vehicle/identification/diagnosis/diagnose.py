@@ -190,7 +190,7 @@ class _Composer:
             findings=tuple(findings),
             named=named,
             unexplained_share=unexplained_share,
-            depends_on=self._list_dependences() if unexplained_share > 0.0 else (),
+            depends_on=self._list_dependences(),
             next_drive=choose_next_drive(problem, result.fit, self._list_pairs()),
             tractor=extended,
             calibration=self._list_uncertain_values(extended, {*named, *(one.id for one in equivalents)}),
