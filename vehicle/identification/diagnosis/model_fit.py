@@ -215,13 +215,11 @@ class Problem:
         residuals = self.compute_residuals(model, amounts)
         cost, damping = self.compute_cost(model, amounts, residuals), 1e-3
         curvature, is_fresh = np.eye(len(amounts)), False
-        is_rugged = np.repeat([bool(one.chains & RUGGED_CHAINS) for one in model], [one.size for one in model])
         for _ in range(iterations):
             linear = self.linearise(model, amounts, residuals, is_fresh=is_fresh)
             curvature, slope = linear.curvature, linear.matrix.T @ linear.target - amounts / widths
-            inside = bounds
             for _ in range(MOST_DAMPINGS):
-                step = _solve_inside(curvature, slope, damping, amounts, widths, inside)
+                step = _solve_inside(curvature, slope, damping, amounts, widths, bounds)
                 tried = np.clip(amounts + widths * step, *bounds)
                 tried_residuals = self.compute_residuals(model, tried)
                 tried_cost = self.compute_cost(model, tried, tried_residuals)
@@ -229,8 +227,6 @@ class Problem:
                     gained, damping = cost - tried_cost, 0.3 * damping
                     amounts, residuals, cost = tried, tried_residuals, tried_cost
                     break
-                # Where any move crosses a threshold of the steering, what does not act on it goes on alone.
-                inside = np.where(is_rugged, amounts, bounds[0]), np.where(is_rugged, amounts, bounds[1])
                 damping = max(8.0 * damping, 1e-2)
             else:
                 gained, damping = 0.0, 1e-3
