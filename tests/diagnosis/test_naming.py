@@ -73,7 +73,7 @@ def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
 @pytest.mark.slow
 def test_a_one_way_drive_names_neither_an_offset_nor_a_draft(seed: int) -> None:
     """Driven one way with the implement at work both look alike; neither may be refuted."""
-    found = diagnosed(hidden(["implement_side_draft"]), seed, one_way_programme(), rate_hz=5.0)
+    found = diagnosed(hidden(["implement_side_draft"]), seed, one_way_programme(), rate_hz=RATE_HZ)
     pair = [one for one in found.findings if one.id in ("implement_side_draft", "steering_offset")]
     assert not found.named, f"seed {seed}: {found.named}"
     assert all(one.status != "refuted" for one in pair), f"seed {seed}: {[one.status for one in pair]}"

@@ -11,6 +11,8 @@ from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.diagnosis import grammar
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import (
+    BY_DIRECTION,
+    CONSTANT,
     WIDTH_PER_TYPICAL,
     Hypothesis,
     build_constant,
@@ -100,7 +102,7 @@ def test_an_effect_of_each_run_acts_in_its_run() -> None:
 def test_a_law_that_an_effect_is_the_same_as_is_not_tried(effect: Effect, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without the effect it would be."""
     name, _, basis = effect.same_law.partition("@")
-    bases = SimpleNamespace(data=problem().data, arrays={basis: np.linspace(0.0, 1.0, 9)})
+    bases = SimpleNamespace(data=problem().data, arrays={basis: np.linspace(0.0, 1.0, 9)}, has_directions=False)
     assert basis in problem().bases.arrays or basis == "by_implement"  # which drives in circles have none of
     assert basis not in [one.coordinates[0].basis for one in list_laws(constant(name), bases)]  # type: ignore[arg-type]
     monkeypatch.setattr(grammar, "CATALOGUE", ())
@@ -112,3 +114,13 @@ def test_no_two_hypotheses_have_one_name() -> None:
     every = [*list_catalogue(data, tractor), *list_competitors(data, tractor, problem().bases), *list_nuisances(data)]
     assert len({str(one) for one in every}) == len(every)
     assert all(one.chains and np.all(collect_widths([one]) > 0.0) for one in every)
+
+
+def test_a_law_by_direction_needs_several_directions() -> None:
+    """Of one direction only the noise of the heading is left, which such a law would explain."""
+    own = Problem(build_drive_data(simulated("circles", {})), rig())
+    assert BY_DIRECTION in {one.law for one in list_laws(constant("heading_bias"), own.bases)}
+    heading = 0.3 + 0.01 * np.random.default_rng(1).standard_normal(len(own.bases.get(CONSTANT)))
+    own.bases.arrays |= {"to_east": np.cos(heading), "to_north": np.sin(heading)}
+    hypotheses = list_competitors(own.data, own.rig.tractor, own.bases)
+    assert not any(one.law == BY_DIRECTION for one in hypotheses)

@@ -1,5 +1,6 @@
 """The distribution of residuals against its own draws, finite differences and closed forms."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.noise import (
     FREEDOM,
     ChannelNoise,
+    build_bridges,
     build_pose_noise,
     build_yaw_response,
     compute_memory,
@@ -95,8 +97,9 @@ def test_the_inverse_by_halves_is_the_inverse(size: int) -> None:
 def test_a_rigid_motion_of_a_window_leaves_its_density_unchanged(programme: str) -> None:
     """Five centimetres aside and a third of a degree, against a bend of a third of a degree in the middle."""
     data = build_drive_data(simulated(programme, {}))
-    ahead = rig().tractor.antenna_forward_m
-    noise, turn = build_pose_noise(data, ahead), 0.006
+    tractor = rig().tractor
+    ahead = tractor.antenna_forward_m
+    noise, turn = build_pose_noise(data, ahead, tractor.wheelbase_m), 0.006
     shift = np.repeat([0.05, -0.05, 0.0], POSE_CELLS)
     east, north = (one.values - one.values[:, :1] for one in (data.east, data.north))
     rigid = shift + turn * np.concatenate([-north, east, np.ones_like(east)], axis=1)
@@ -105,6 +108,23 @@ def test_a_rigid_motion_of_a_window_leaves_its_density_unchanged(programme: str)
         noise.compute_log_density(noise.whiten(one * noise.observed)) for one in (np.zeros_like(rigid), rigid, bent)
     )
     assert np.abs(moved - still).max() < 0.4 and (still - other).min() > 1.0
+
+
+def test_an_angle_between_two_readings_is_off_by_when_it_changed() -> None:
+    """Read every 4 s, against steps at any time in between; of angles read in every row all is known."""
+    dataset = simulated("steps", {})
+    assert not build_bridges(build_drive_data(dataset)).any()
+    is_read = [np.isclose(one.time % 4.0, 0.0) for one in dataset.segments]
+    segments = tuple(
+        replace(one, wheel=0.02 * one.time, measured_rows={"angle": rows})
+        for one, rows in zip(dataset.segments, is_read, strict=True)
+    )
+    known = build_bridges(build_drive_data(replace(dataset, segments=segments)))[0]
+    middles = 0.4 * (np.arange(10) + 0.5)
+    times = np.random.default_rng(3).uniform(0.0, 4.0, (20_000, 1))
+    errors = 0.08 * ((times < middles) - middles / 4.0)
+    assert known[:10, :10] == pytest.approx(errors.T @ errors / len(times), abs=0.02 * 0.08**2)
+    assert not known[:10, 10:].any()
 
 
 def test_a_pose_is_laid_on_the_measurement_before_it_is_compared() -> None:

@@ -190,7 +190,7 @@ class _Composer:
             findings=tuple(findings),
             named=named,
             unexplained_share=unexplained_share,
-            depends_on=self._list_dependences() if unexplained_share > 0.0 else (),
+            depends_on=self._list_dependences(),
             next_drive=choose_next_drive(problem, result.fit, self._list_pairs()),
             tractor=extended,
             calibration=self._list_uncertain_values(extended, {*named, *(one.id for one in equivalents)}),
@@ -312,8 +312,8 @@ class _Composer:
         own = build_constant(effect, self.problem.data, self.problem.rig.tractor) if effect.kind is not CIRCLE else None
         channels = frozenset({"pose"}) if own is None else self.problem.list_channels(own)
         said = {str(one.hypothesis) for one in self.verdicts}
-        # What the model holds and nothing can be said of may be this effect.
-        is_open = any(
+        # What the model holds and nothing can be said of may be this effect, and so may what is not told from it.
+        is_open = any(effect.id in one.equivalent_to for one in self.verdicts) or any(
             str(one.hypothesis) not in said and self.problem.list_channels(one.hypothesis) & channels
             for one in self.result.judgements
         )

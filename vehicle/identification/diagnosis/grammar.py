@@ -17,6 +17,7 @@ import numpy as np
 from fields.arrays import Flags, Floats
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.noise import COMMAND_JITTER
+from vehicle.identification.logs.thresholds import TURNED_DEG
 from vehicle.identification.replay.simulation import CHAINS, FACTORS
 from vehicle.model.effect_kinds import CIRCLE, CoordinateBox, EffectKind, EffectParameter
 from vehicle.model.effects import (
@@ -178,6 +179,13 @@ class Bases:
             self.arrays[key] = inside.astype(np.float64)
         return self.arrays[key]
 
+    @property
+    def has_directions(self) -> bool:
+        """Whether the tractor drove in several directions. The measured heading says in which: of a tractor that keeps
+        to one it varies by its noise alone, and a law of that would explain the noise."""
+        mean_length = math.hypot(float(np.mean(self.arrays["to_east"])), float(np.mean(self.arrays["to_north"])))
+        return mean_length < math.cos(math.radians(TURNED_DEG))
+
     def compute_means(self, hypothesis: Hypothesis) -> Floats:
         """Means (k,) over the logs of what the amounts of a hypothesis are multiplied with."""
         return np.array([float(np.mean(self.get(one.basis))) for one in hypothesis.coordinates])
@@ -246,7 +254,7 @@ def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
     in_catalogue = {effect.same_law for effect in CATALOGUE}
     if runs > 1 and parent.size == 1:
         laws.append(build_scope(parent, BY_RUN, [f"{BY_RUN}:{run}" for run in range(runs)]))
-    if parent.size == 1 and ("path" in parent.chains or parent.id == "heading_bias"):
+    if bases.has_directions and parent.size == 1 and ("path" in parent.chains or parent.id == "heading_bias"):
         laws.append(build_scope(parent, BY_DIRECTION, DIRECTIONS))
     for key, values in bases.arrays.items():
         if key == CONSTANT or key.startswith(("by_place", BY_RUN, *DIRECTIONS)):
@@ -275,7 +283,7 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     for name in ("steering_rate", "steering_deadband"):
         hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
     hypotheses += [law for law in list_laws(constants[SLOPE_DRIFT], bases) if law.law == "by_implement"]
-    hypotheses.append(build_scope(constants["heading_bias"], BY_DIRECTION, DIRECTIONS))
+    hypotheses += [law for law in list_laws(constants["heading_bias"], bases) if law.law == BY_DIRECTION]
     if float(np.ptp(bases.get("by_implement"))) > 0.0:
         hypotheses.append(build_scope(constants["speed_scale"], "by_implement"))
     clocks = (constants[f"clock_offset_{column}"] for column in ("position", "heading"))

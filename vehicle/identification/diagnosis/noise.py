@@ -16,7 +16,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fields.arrays import Flags, Floats
-from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, SENSOR_CELL_S, SENSOR_CELLS, DriveData
+from vehicle.identification.diagnosis.drive_data import (
+    PATH_STEP_S,
+    POSE_CELL_S,
+    POSE_CELLS,
+    SENSOR_CELL_S,
+    SENSOR_CELLS,
+    DriveData,
+)
 
 FREEDOM = 10.0  # of the Student t of a window: any from 4 to 30 gives the same names
 UNSEEN_VARIANCE = 1e4  # of a cell without a sample, far above any residual: m2 or rad2
@@ -166,7 +173,7 @@ def compute_memory(times: Floats, time_constant: float) -> Floats:
     return np.asarray(np.exp(-apart / time_constant)) if time_constant else np.eye(len(times))
 
 
-def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
+def build_pose_noise(data: DriveData, ahead: float, wheelbase_m: float) -> ChannelNoise:
     """Noise of east, north and heading together (w, 3 n); the antenna is `ahead` (m) of the rear axle."""
     n, windows = POSE_CELLS, data.windows
     times = np.asarray(POSE_CELL_S * np.arange(n), dtype=np.float64)
@@ -197,9 +204,32 @@ def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     east = (speed * np.cos(heading)) @ total.T + ahead * np.cos(heading)
     north = (speed * np.sin(heading)) @ total.T + ahead * np.sin(heading)
     free[:, :, 2] = FREE_START_RAD * np.concatenate([-north, east, np.ones_like(east)], axis=1)
+    by_wheel = by_yaw * (speed / wheelbase_m)[:, None, :]
+    unknown = free @ free.transpose(0, 2, 1) + by_wheel @ build_bridges(data) @ by_wheel.transpose(0, 2, 1)
     observed = np.concatenate([data.east.observed, data.north.observed, data.heading.observed], axis=1)
     amounts = np.log(np.square([part.usual for part in POSE_PARTS]))
-    return ChannelNoise(np.array(parts), amounts, np.asarray(free @ free.transpose(0, 2, 1)), 3, observed)
+    return ChannelNoise(np.array(parts), amounts, np.asarray(unknown), 3, observed)
+
+
+def build_bridges(data: DriveData) -> Floats:
+    """Covariance (w, n, n) of wheel angles (rad2) between readings more seldom than the rows: a change may have come at
+    any time in between, so a straight line from one to the next is off by a Brownian bridge of the size of the change.
+    """
+    covariance = np.zeros((data.windows, POSE_CELLS, POSE_CELLS))
+    middles = POSE_CELL_S * (np.arange(POSE_CELLS) + 0.5)
+    starts_s = PATH_STEP_S * (data.window_starts - data.path_starts[data.window_segments])
+    for window, number in enumerate(data.window_segments):
+        segment = data.segments[number]
+        angles, name = (segment.command, "command") if segment.wheel is None else (segment.wheel, "angle")
+        knots = np.flatnonzero(segment.measured_rows.get(name, False))
+        if angles is None or len(knots) < 2:
+            continue
+        begins, changes = segment.time[knots], np.diff(angles[knots])
+        gaps = np.clip(np.searchsorted(begins, starts_s[window] + middles) - 1, 0, len(changes) - 1)
+        share = np.clip((starts_s[window] + middles - begins[gaps]) / np.diff(begins)[gaps], 0.0, 1.0)
+        bridge = changes[gaps] ** 2 * (np.minimum(share[:, None], share) - share[:, None] * share)
+        covariance[window] = bridge * (gaps[:, None] == gaps)
+    return covariance
 
 
 def cut_motion(data: DriveData) -> tuple[Floats, Floats, Floats]:
