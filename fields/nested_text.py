@@ -34,9 +34,14 @@ _FAULTS = (
     (("Expected '=", "Expecting ':"), "a key is not followed by = or : and its value"),
     (("Expected newline",), "a value goes on after its end: write texts in quotes, and decimals with a point"),
     (("Invalid value", "Expecting value"), "a value is missing or is no number, true, false, list or text in quotes"),
+    (("Invalid statement",), "there is no key and no [heading]"),
     (("Cannot",), "there is a key or [heading] a second time"),
     (("Unescaped", "Invalid \\"), "a text has a backslash: write / instead"),
-    (("Unclosed", "Unterminated", "Expecting ',", "Expected"), "a comma, a quote or a closing bracket is missing"),
+    (("Illegal character", "Invalid control", "Unterminated", 'Expected "'), "a text has no closing quote"),
+    (("Expecting property",), "there is no name in double quotes"),
+    (("Illegal trailing",), "there is a comma before a closing bracket"),
+    (("Unclosed", "Expecting ',", "Expected"), "a comma or a closing bracket is missing"),
+    (("Extra data",), "there is more after the end"),
     (("",), "something is not written as it should be"),
 )
 """How complaints of the parsers begin, as these give no code, and what they mean to people; the last is for others."""

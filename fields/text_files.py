@@ -26,6 +26,8 @@ MAX_BYTES = 256 * 2**20  # far more than any field, tractor or table of fixes
 MAX_SHOWN_CHARS = 80
 DELIMITERS = ",;\t|"
 SAMPLE_CHARS, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form of a table is recognised
+WINDOWS_DEVICE = re.compile(r"(con|prn|aux|nul|(com|lpt)\d)\s*(\.|$)", re.IGNORECASE)
+"""A name that Windows reserves for a device."""
 _SEPARATOR_LINE = re.compile(r"\Asep=[^\r\n](?=\r?\n)", re.IGNORECASE)
 _NUMBER_WITH_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+)?,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
 _NUMBER_WITH_POINT = re.compile(r"\s*[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)

@@ -13,7 +13,7 @@ LONGEST_WAIT_S = 240.0  # as long as a service may take to start: a busy machine
 
 @contextmanager
 def open_browser(*more: str) -> Iterator[Browser]:
-    """A browser without a window, started with these words more."""
+    """A browser without a window, started with these arguments as well."""
     with sync_playwright() as play:
         arguments = ["--no-sandbox", "--disable-gpu", *more]
         browser = play.chromium.launch(executable_path=BROWSER, args=arguments, timeout=1000 * LONGEST_WAIT_S)

@@ -174,11 +174,14 @@ def _explain_foreign_file(place: str) -> str:
 
 
 def _explain_missing_file(place: str) -> str:
-    """The refusal of a name that is neither a sample nor a file; it may be a misspelt sample."""
+    """The refusal of a name that is neither a sample nor a file; a single word may be a misspelt sample."""
     if os.path.lexists(place):
         return f"{quote_path(place)} is a symbolic link to a missing file; repair the link or name a file."
-    hint = suggest_name(place, list_sample_names())
-    return f"There is no field file {quote_path(place)}{hint}; check its name and its folder."
+    if Path(place).suffix or os.path.basename(place) != place:
+        return f"There is no field file {quote_path(place)}; check its name and its folder."
+    names = list_sample_names()
+    hint = suggest_name(place, names)
+    return f"There is no field file {quote_path(place)}{hint}; name a field file or a sample: {', '.join(names)}."
 
 
 def find_field_format(path: str) -> FieldFormat | None:

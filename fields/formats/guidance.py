@@ -16,6 +16,7 @@ import shapely
 from fields.arrays import Floats
 from fields.geometry.arithmetic import CURVE_M
 from fields.geometry.geodesy import LocalPlane
+from fields.text_files import WINDOWS_DEVICE
 
 DegreePoints = Floats
 """Longitude and latitude (WGS 84) of points, (n, 2). Rings do not repeat their first point."""
@@ -38,8 +39,6 @@ _ASCII_LETTERS = str.maketrans({
     "\N{LATIN SMALL LETTER DOTLESS I}": "i",
 })  # fmt: skip
 _FORBIDDEN_IN_FOLDERS = re.compile(r"[<>:\"/\\|?*]+")
-WINDOWS_DEVICE = re.compile(r"(con|prn|aux|nul|(com|lpt)[1-9])\s*(\.|$)", re.IGNORECASE)
-"""A name that Windows reserves for a device."""
 ZIP_MEDIA_TYPE = "application/zip"
 
 

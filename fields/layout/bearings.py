@@ -38,8 +38,8 @@ def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
     """Directions of the boundary edges and of the smallest rectangles around the field.
 
     Directions within one degree of a longer edge are dropped, and only the longest are kept. Edges of equal length
-    never displace each other, so that the set turns and mirrors with the field. These are
-    mathematical angles in radians in [0, pi), the direction with the longest edge first.
+    never displace each other, so that the set turns and mirrors with the field. Angles are
+    mathematical, in radians in [0, pi), that of the longest edge first.
     """
     angle, length = _measure_edge_directions(boundary)
     alive = np.ones(len(angle), dtype=bool)
@@ -62,8 +62,8 @@ def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
 def list_trial_bearings(boundary: shapely.Polygon) -> list[float]:
     """The candidate bearings, and between them a fan of directions every FAN_DEG, counted from the longest edge.
 
-    With several longest edges, each has its fan, so that the set turns and mirrors with the field. These are
-    mathematical angles in radians in [0, pi), those of `list_candidate_bearings` first.
+    With several longest edges, each has its fan, so that the set turns and mirrors with the field. Angles are
+    mathematical, in radians in [0, pi), those of `list_candidate_bearings` first.
     """
     angles = list_candidate_bearings(boundary)
     edge_angle, length = _measure_edge_directions(boundary)

@@ -99,8 +99,8 @@ def compute_axes(bearing_rad: float) -> Floats:
 def find_line_chords(edges: Floats, q: Floats) -> tuple[Integers, Floats, Floats]:
     """Chords of lines at lateral positions q (k,), ascending or descending, inside closed rings of edges (n, 2, 2).
 
-    These are line index, start and end along s of each chord, sorted by line and start; all in swath coordinates. The
-    half-open rule (an edge owns its lower end) makes the number of crossings of each line even.
+    Each is line index, start and end along s, sorted by line and start; all in swath coordinates. The half-open
+    rule (an edge owns its lower end) makes the number of crossings of each line even.
     """
     (s_a, q_a), (s_b, q_b) = edges[:, 0].T, edges[:, 1].T
     line, edge = _find_crossings(np.minimum(q_a, q_b), np.maximum(q_a, q_b), q)

@@ -243,7 +243,7 @@ def plan(
     if form.is_for_programs or not sys.stdout.isatty():  # else the answer on the terminal says so
         _print_shortfalls(result.ranking)
     if result.ranking.best is None and (html or png or save):
-        shown = "; the map shows the field and where plans fail" if html or png else ""
+        shown = mark_text("; the map shows the field and where plans fail") if html or png else ""
         print_sentence(f"No plan is feasible, so there is no plan to save{shown}.", err=True)
     files = result.get_view().files
     with write_before_printing(

@@ -82,18 +82,18 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
 
 
 def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
-    """Notes that a deadline or rain before the start's time of day is on the next day."""
+    """Notes that a deadline or rain before the start's time of day is on the next day, which later rain is not."""
     start_s = request.start_s
     if start_s is None:
         return ()
     onsets_s = () if request.rain is None else parse_rain(request.rain, start_s).onsets_s
     limit_s = () if request.time_limit_s is None else (request.time_limit_s,)
     next_day = {
-        subject: [format_clock(start_s + one_s) for one_s in sorted(set(delays_s)) if start_s + one_s >= DAY_S]
-        for subject, delays_s in (("The deadline", limit_s), ("Rain", onsets_s))
+        subject: dict.fromkeys(format_clock(start_s + one_s) for one_s in delays_s if start_s + one_s >= DAY_S)
+        for subject, delays_s in (("The deadline", limit_s), ("Rain", [s for s in sorted(onsets_s) if s <= DAY_S]))
     }
     return tuple(
-        f"{subject} at {join_first(clocks)} is taken as the next day's: the start is at {format_clock(start_s)}."
+        f"{subject} at {join_first([*clocks])} is taken as the next day's: the start is at {format_clock(start_s)}."
         for subject, clocks in next_day.items()
         if clocks
     )

@@ -8,8 +8,8 @@ DAY_HELP = {
 }
 DIAGNOSIS_HELP = {
     "ground": "Ground the logs were made on: soil or asphalt.",
-    "fix": "A convention to convert from, such as steering-left-positive; may be repeated.",
-    "column": "The column of the logs for one of ours: time_s=Zeit, speed_kmh=v; may be repeated.",
+    "fix": "A convention to convert from, such as steering-left-positive; there may be several.",
+    "column": "The column of the logs for one of ours: time_s=Zeit, speed_kmh=v; there may be several.",
     "as_driven": "Take the vehicle size from the logs where the tractor file differs.",
     "demo": "Hide an effect in simulated logs and find it.",
     "seed": "Seed of the demonstration, 1 by default.",

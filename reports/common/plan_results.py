@@ -46,7 +46,7 @@ class PlanResult(ShownResult):
         finished_done_s: the same as `done_s` with the unworked ground worked at the plan's rate.
         expected_cost_error: standard error of the mean of the samples.
         faults: places where an infeasible plan touches something or leaves the field.
-        in_formation: of a refused plan, whether its tractors were to work side by side.
+        in_formation: of a refused plan, whether its strategy is one of tractors side by side.
         uncertainty_pct: what an estimate of a sweep may differ by from its drive in time and cost, percent either way;
             0 at the speed that was driven, None for other plans.
         pull: of an estimate, where its tractor may be too weak; of plans that were driven their ranking has it.

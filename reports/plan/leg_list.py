@@ -10,7 +10,7 @@ from rich.text import Text
 
 from fields.units import name_compass_point
 from reports.common.plan_records import DriverLeg
-from reports.common.rendering import METRE_DECIMALS, format_json, pick_values
+from reports.common.rendering import format_json, pick_values
 from reports.common.text_tables import MOST_NAMED, build_plain_table, format_sentence, format_title
 from reports.common.wording import (
     LEAST_WHOLE,
@@ -21,6 +21,8 @@ from reports.common.wording import (
     join_list,
 )
 
+LEG_DECIMALS = 2
+_LEAST_DRIVE_M = 0.5  # shorter ways to where a tractor rests are not told
 _LONG_REVERSING_M = 10.0  # a switch-back or corner backs up by less, and says so by its name
 _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
@@ -62,7 +64,7 @@ def _describe_purpose(leg: DriverLeg) -> str:
         awaited = _name_few("tractor", leg.for_tractors)
         return f"wait for {awaited}" if leg.for_tractors else "wait"
     if leg.kind == "rest":
-        return "rest here" if leg.length_m < LEAST_WHOLE else "drive aside and rest"
+        return "rest here" if leg.length_m < _LEAST_DRIVE_M else "drive aside and rest"
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
@@ -154,7 +156,7 @@ def format_leg_lists_json(steps: Steps, plan_facts: dict[str, Any], only_tractor
         for tractor, rows in enumerate(steps, start=1)
         if only_tractor in (None, tractor)
     ]
-    return format_json({**plan_facts, "tractors": lists}, METRE_DECIMALS, is_ascii=False)
+    return format_json({**plan_facts, "tractors": lists}, LEG_DECIMALS, is_ascii=False)
 
 
 def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:

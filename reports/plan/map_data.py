@@ -402,6 +402,7 @@ def build_small_map(drive: PlanDrive, driven_over: Sequence[Floats] = ()) -> Sma
     return {
         "width": round(box.width * scale + 2 * MARGIN),
         "height": round(box.height * scale + 2 * MARGIN + FOOT),
+        "margin": round(MARGIN),
         **_draw_ground(drive, view),
         "missed": view.format_rings(drive.unworked),
         "driven_over": view.format_rings(driven_over),

@@ -17,7 +17,7 @@ from fields.errors import shorten_middle
 from reports.common.language import mark_text, translate, translate_count
 from reports.common.plan_results import PlanRanking, PlanResult, find_deciding_reason
 from reports.common.text_tables import AnswerLines, FittedTable, format_bullet, format_sentence, format_title
-from reports.common.wording import FIELD_AREA, LEAST_WHOLE, format_width, has_start_time, join_list
+from reports.common.wording import FIELD_AREA, format_width, has_start_time, join_list
 from reports.plan.answer import write_answer
 from reports.plan.figures import COUNT_DROPS, SCREEN_DROPS, TABLE_DROPS, Figure, build_figure_table, choose_figures
 from reports.plan.plan_wording import (
@@ -32,6 +32,7 @@ from reports.plan.shortfall_wording import NOT_SIMULATED, group_refusals, split_
 
 MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7
+SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 _MOST_NAME_LETTERS = 40
 _MORE_HINT = mark_text("a wider window or --explain shows more")
 _ALL_HINT = "a wider window or --json shows all"
@@ -130,7 +131,7 @@ def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     best = ranking.best
     mark = translate("> recommended") if ranking.is_recommended else translate("> the best, but no recommendation")
     if best is not None and ranking.chosen is None:  # samples decide by cost, or by what was asked for
-        limit_s = best.stated_end_s - LEAST_WHOLE
+        limit_s = best.stated_end_s - SAME_TIME_S
         quicker = [plan for plan in plans if plan.tractors == best.tractors and plan.stated_end_s < limit_s]
         reasons = {find_deciding_reason(best, plan) for plan in quicker}
         reason = reasons.pop() if len(reasons) == 1 else None

@@ -126,7 +126,7 @@ def split_refused(ranking: PlanRanking) -> dict[str, list[PlanResult]]:
 def explain_no_plan(ranking: PlanRanking) -> str:
     """Why no plan works, in a sentence: how many were refused, and how many for the reason that follows.
 
-    A reason of formations alone, which sends the reader to other strategies, is told last: those were refused as well.
+    A reason of formations alone is told last: the other strategies that it sends the reader to were refused as well.
     """
     count = len(ranking.plans)
     if not count:

@@ -117,7 +117,7 @@ class MoveEstimates:
         return DETOUR_FACTOR * float(self.plain_s[u, v]) + SEARCHED_S
 
     def guess_folded_s(self, u: int, v: int) -> float:
-        """Seconds of a move with the implement folded."""
+        """Seconds that a move with the implement folded usually takes."""
         return DETOUR_FACTOR * float(self.plain_s[u, v]) + 2.0 * self.site.get_fold_s(True)
 
     def guess_detour_s(self, u: int, v: int) -> float:

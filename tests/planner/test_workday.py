@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -212,6 +213,13 @@ class TestWords:
             "Rain at 11:30 is taken as the next day's: the start is at 13:00.",
         )
         assert describe_next_day_times(PlanRequest(start_s=13 * HOUR, deadline_s=17 * HOUR, rain="0.2/h")) == ()
+
+    def test_rain_of_another_day_is_not_said_to_be_of_the_next(self, tmp_path: Path) -> None:
+        ensemble = tmp_path / "rain.csv"
+        ensemble.write_text("hours\n30\n8\n8.001\n")
+        assert describe_next_day_times(PlanRequest(start_s=22 * HOUR, rain=str(ensemble))) == (
+            "Rain at 06:00 is taken as the next day's: the start is at 22:00.",
+        )
 
     def test_the_end_of_a_shift_is_told(self) -> None:
         from reports.common.plan_results import PlanResult

@@ -380,7 +380,7 @@ def load_tractor(name_or_path: str | Path) -> Tractor:
 
 
 def parse_tractor(text: str, name: str) -> Tractor:
-    """The tractor of a text (TOML), which messages call by its name; raises as `load_tractor`."""
+    """The tractor of a text (TOML), which messages call `name`; raises as `load_tractor`."""
     return parse_settings(text, Tractor, name, VehicleError)
 
 

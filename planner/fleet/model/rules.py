@@ -10,7 +10,7 @@ from fields.units import MPS_PER_KMH
 
 SHORTEST_HORIZON_S, LONGEST_HORIZON_S = 2.0, 600.0
 STATE_PERIOD_S = 0.1  # between two states of a tractor
-REFRESH_PERIOD_S = 1.0  # of what need not be quicker: forecasts, coverage, checks of twins and tokens
+REFRESH_PERIOD_S = 1.0  # of what need not be quicker: forecasts, coverage, saved fleets, checks of twins and tokens
 MAY_BE_ZERO = frozenset({"fence_margin_m", "clearance_m", "beside_m", "release_m", "release_s", "obstacle_margin_m"})
 
 

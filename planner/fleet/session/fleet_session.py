@@ -39,7 +39,7 @@ from planner.fleet.session.frame_timing import (
 from planner.fleet.session.state_recorder import MOST_WAITING_STATES, StateRecorder, build_row
 from vehicle.missions.plan_file import format_plan
 
-FULL_TICK_PERIOD_S = 0.5 * REFRESH_PERIOD_S  # pages show data older than that as old
+FULL_TICK_PERIOD_S = 0.5  # pages show data older than a second as old
 UNRECORDED = "unrecorded"  # nothing is saved at present, so a restart would lose it
 UNSAVED_ALARM_S = 10.0  # without saving, after which an alarm is raised
 MOST_EVENTS = 5000  # that wait to be saved

@@ -10,7 +10,6 @@ from typing import Any
 from fields.units import MINUTE_S
 from planner.fleet.model.rules import STATE_PERIOD_S, FleetManagerError
 from planner.fleet.session.inbound_frames import StateFrame
-from vehicle.twin.twin import MAX_COMMAND_GAP_S
 
 COLUMNS = (
     "time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps", "steering_command_deg",
@@ -21,6 +20,7 @@ TIME_COLUMN, SHUTTLE_COLUMN = ROW_COLUMNS.index("time_s"), ROW_COLUMNS.index("sh
 COMMAND_COLUMNS = ROW_COLUMNS.index("speed_command_mps"), ROW_COLUMNS.index("steering_command_deg")
 StateRow = list[Any]
 
+FRAME_GAP_S = 0.4  # between two frames, beyond which the commands in between are unknown
 MOST_WAITING_STATES = round(5.0 * MINUTE_S / STATE_PERIOD_S)  # per tractor, that wait for a database
 MOST_SEQUENCES_AHEAD = 10_000_000  # by which a sequence may be ahead of the last: eleven days at 10 Hz
 
@@ -119,7 +119,7 @@ def average_commands(rows: Sequence[StateRow]) -> list[StateRow]:
     averaged = [list(row) for row in rising_rows]
     for row, present, following in zip(averaged, rising_rows[:-1], rising_rows[1:], strict=False):
         if (
-            following[TIME_COLUMN] - present[TIME_COLUMN] <= MAX_COMMAND_GAP_S
+            following[TIME_COLUMN] - present[TIME_COLUMN] <= FRAME_GAP_S
             and following[SHUTTLE_COLUMN] == present[SHUTTLE_COLUMN]
         ):
             for column in COMMAND_COLUMNS:

@@ -16,12 +16,11 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
 from planner.fleet.model.rules import STATE_PERIOD_S
-from planner.fleet.session.state_recorder import MOST_WAITING_STATES
 from planner.fleet.simulated_robot import RobotDriver
 from planner.service.errors import ServiceError
 from planner.service.settings import CONNECT_TIMEOUT_S
 
-MOST_STATES = 2 * MOST_WAITING_STATES  # that wait for the service
+MOST_STATES = 6000  # that wait for the service: ten minutes at 10 Hz
 RETRY_S, DISCONNECT_TIMEOUT_S = 0.5, 1.0
 SHORTEST_PERIOD_S, LONGEST_SIMULATED_S = 0.03, 0.3
 REPLACED_CODE = 4001  # of links that another of the same robot takes the place of

@@ -31,7 +31,8 @@ from planner.service.store.service_store import Store
 MOST_WAITING_PER_CLIENT = 3
 START_WAIT_S, LONGEST_ESTIMATE_S = 20.0, 60.0
 PROCESS_LIFE_S = HOUR_S
-COMPUTING_SHARE = 0.5  # of a core that each user may keep busy; the longest estimate may be overdrawn
+COMPUTING_SHARE, MOST_COMPUTING_S = 0.5, 60.0
+"""Each user may keep half a core busy, and has a minute of computing in advance, which an estimate may overdraw."""
 MOST_FOLDERS = 50
 ESTIMATE_FAULT = (
     "This cannot be estimated: it triggers a fault of Headland, described in the log of the service; run the plan "
@@ -95,7 +96,7 @@ class PlanEstimator:
     """
 
     def __init__(self, settings: ServiceSettings, store: Store) -> None:
-        self.budget = RateLimiter(COMPUTING_SHARE, LONGEST_ESTIMATE_S)
+        self.budget = RateLimiter(COMPUTING_SHARE, MOST_COMPUTING_S)
         self._at_once, self._laid_out = (_EstimateQueue(settings, store, self.budget) for _ in range(2))
 
     async def estimate(

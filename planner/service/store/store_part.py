@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from fields.formats.guidance import WINDOWS_DEVICE
+from fields.text_files import WINDOWS_DEVICE
 from planner.service.errors import ServiceError
 from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
 from planner.service.store.database import Database

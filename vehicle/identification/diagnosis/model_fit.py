@@ -256,7 +256,7 @@ class Problem:
         return self.fit_with_noise(self.refit(model, amounts, iterations), rounds, iterations)
 
     def fit_with_noise(self, fit: Fit, rounds: int, iterations: int, channels: Collection[str] = CHANNELS) -> Fit:
-        """Noise of channels and amounts in turn from a fit, until the amounts settle."""
+        """Noise of channels and amounts in turn from a fit, until the amounts settle or for so many rounds."""
         for _ in range(rounds):
             self.fit_noise(fit.residuals, channels)
             before = self.compute_cost(fit.model, fit.amounts, fit.residuals)
@@ -268,18 +268,23 @@ class Problem:
     def _search_lines(self, model: Model, amounts: Floats) -> Floats:
         """Amounts inside the limits with the best of some sizes along every rugged effect."""
         widths, bounds = collect_widths(model), collect_bounds(model)
-        best, cost = np.clip(amounts, *bounds), math.nan
-        starts = np.cumsum([0, *(one.size for one in model)])
-        for place, hypothesis in zip(starts, model, strict=False):
-            if hypothesis.is_nuisance or not (hypothesis.starts or hypothesis.chains & RUGGED_CHAINS):
-                continue
+        best, places = np.clip(amounts, *bounds), np.cumsum([0, *(one.size for one in model)])
+        rugged = [
+            (place, one)
+            for place, one in zip(places, model, strict=False)
+            if not one.is_nuisance and (one.starts or one.chains & RUGGED_CHAINS)
+        ]
+        if not rugged:
+            return best
+        cost = self.compute_cost(model, best, self.compute_residuals(model, best))
+        for place, hypothesis in rugged:
             start = best.copy()
-            for step in (0.0, *(hypothesis.starts or SEARCH_WIDTHS)):
+            for step in hypothesis.starts or SEARCH_WIDTHS:
                 tried = start.copy()
-                tried[place] = step * widths[place] + start[place] * (not (hypothesis.starts and step))
+                tried[place] = step * widths[place] + start[place] * (not hypothesis.starts)
                 tried = np.clip(tried, *bounds)
                 tried_cost = self.compute_cost(model, tried, self.compute_residuals(model, tried))
-                if not tried_cost > cost - SETTLED_NATS:
+                if tried_cost < cost - SETTLED_NATS:
                     best, cost = tried, tried_cost
         return best
 

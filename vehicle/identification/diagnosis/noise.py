@@ -2,7 +2,8 @@
 
 The covariance of a window is a sum of known matrices with unknown amounts: noise of the sensor, random walks, and what
 the base model never gets right (a yaw rate that wanders, timing, a speed that is a little off) carried through the
-geometry of the window. Its start is not estimated: place and direction have a wide prior and are integrated out.
+geometry of the window. Its start is not estimated: place and direction have a wide prior and are integrated out. What
+slow wheel angles leave open is known and has no amount.
 Windows follow a Student t distribution, so that one odd window does not decide.
 """
 
@@ -79,13 +80,13 @@ SENSOR_PARTS = {
 class ChannelNoise:
     """The distribution of the residuals of a channel, window by window.
 
-    `parts` (p, w, n, n) are known matrices, `amounts` (p,) logarithms of their variances, `free` (w, n, n) the
-    covariance of the start, `observed` (w, n) the cells with a sample.
+    `parts` (p, w, n, n) are known matrices, `amounts` (p,) logarithms of their variances, `known` (w, n, n) the
+    covariance of the start and of what else has no amount, `observed` (w, n) the cells with a sample.
     """
 
     parts: Floats
     amounts: Floats
-    free: Floats
+    known: Floats
     free_count: int
     observed: Flags
     usual: Floats = field(init=False)
@@ -93,7 +94,7 @@ class ChannelNoise:
     def __post_init__(self) -> None:
         self.usual = self.amounts.copy()
         self.counts = np.maximum(self.observed.sum(axis=1) - self.free_count, 0)
-        self.fixed = self.free + UNSEEN_VARIANCE * (~self.observed)[:, :, None] * np.eye(self.observed.shape[1])
+        self.fixed = self.known + UNSEEN_VARIANCE * (~self.observed)[:, :, None] * np.eye(self.observed.shape[1])
         self.set_amounts(self.amounts)
 
     def set_amounts(self, amounts: Floats) -> None:
@@ -205,10 +206,10 @@ def build_pose_noise(data: DriveData, ahead: float, wheelbase_m: float) -> Chann
     north = (speed * np.sin(heading)) @ total.T + ahead * np.sin(heading)
     free[:, :, 2] = FREE_START_RAD * np.concatenate([-north, east, np.ones_like(east)], axis=1)
     by_wheel = by_yaw * (speed / wheelbase_m)[:, None, :]
-    unknown = free @ free.transpose(0, 2, 1) + by_wheel @ build_bridges(data) @ by_wheel.transpose(0, 2, 1)
+    known = free @ free.transpose(0, 2, 1) + by_wheel @ build_bridges(data) @ by_wheel.transpose(0, 2, 1)
     observed = np.concatenate([data.east.observed, data.north.observed, data.heading.observed], axis=1)
     amounts = np.log(np.square([part.usual for part in POSE_PARTS]))
-    return ChannelNoise(np.array(parts), amounts, np.asarray(unknown), 3, observed)
+    return ChannelNoise(np.array(parts), amounts, np.asarray(known), 3, observed)
 
 
 def build_bridges(data: DriveData) -> Floats:
