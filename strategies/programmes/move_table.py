@@ -150,12 +150,15 @@ class MoveTable:
         return all(pair in self._proven for pair in pairs)
 
     def _take_drive(self, pair: tuple[int, int], usual_s: float) -> None:
-        """Replace the cheapest move of a pair by what a drive made of it; others are dearer than they seem."""
+        """Replace the cheapest move of a pair by what a drive made of it; others are dearer than they seem. Where none is
+        left that a search found, one with the implement folded may be."""
         options = self._options[pair]
         proven = self.moves.driven[options.pop(0)]
         if proven is not None:
             self._driven.add(proven)
             insort(options, proven, key=lambda one: one.cost_s + (0.0 if one in self._driven else usual_s))
+        if not options and pair in self._searched:
+            options += self._fold(*pair)
 
     def _is_settled(self, pair: tuple[int, int]) -> bool:
         """Whether the cheapest move of a pair was driven, or none is left."""
