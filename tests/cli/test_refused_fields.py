@@ -156,7 +156,7 @@ def test_a_folder_is_no_field(headland: Run, folder: Path) -> None:
 
 
 def test_a_sample_misspelt_names_the_nearest(headland: Run, folder: Path) -> None:
-    assert_refused(headland("plan", "iwamisawa"), "nearest", "'iwamizawa'")
+    assert_refused(headland("plan", "iwamisawa"), "did you mean 'iwamizawa'?", "a sample: denmark, iwamizawa")
 
 
 def test_a_part_that_is_not_there_lists_those_that_are(headland: Run, folder: Path) -> None:

@@ -203,7 +203,7 @@ class TestRefusals:
         assert "'y.abl' is not JSON" in refusal(tmp_path / "y.abl")
 
     def test_no_such_file_names_the_nearest_sample(self) -> None:
-        assert "is 'iwamizawa'" in refusal("iwamisawa")
+        assert "did you mean 'iwamizawa'?" in refusal("iwamisawa")
 
     def test_folder(self, tmp_path: Path) -> None:
         assert "is a folder" in refusal(tmp_path)

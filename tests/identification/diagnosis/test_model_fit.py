@@ -83,14 +83,6 @@ def test_a_fit_has_no_slope_left_and_more_evidence_than_none() -> None:
     assert own.refit(nuisances, fit.amounts[:-1]).evidence < fit.evidence - 20.0
 
 
-def test_a_fit_does_not_stay_in_the_minimum_in_which_it_begins() -> None:
-    """Whether wheels move or stay for a command is all or nothing, so a dead band has many minima."""
-    own = problem("steering_deadband", 0.9)
-    hypothesis = build_constant(get_effect("steering_deadband"), own.data, own.rig.tractor)
-    fits = [own.refit((hypothesis,), np.array([start])) for start in (0.0, 0.5, 0.7, 1.0, 1.6)]
-    assert [fit.amounts[0] for fit in fits] == pytest.approx([0.8] * len(fits), abs=0.05)
-
-
 # --- The linear problem beside a fit, against ordinary Bayesian regression worked out from the whole table ---
 
 

@@ -195,23 +195,12 @@ class Problem:
         return white, {channel: np.sqrt(self.noise[channel].compute_weights(own)) for channel, own in white.items()}
 
     def refit(self, model: Model, amounts: Floats, iterations: int = 10) -> Fit:
-        """The most likely amounts from a start, at this noise: by a line of sizes along every rugged effect and a
-        descent from the best, until no line has a better one. A model that was left in one of many minima would look
-        worse than it is beside another.
-        """
-        amounts = self._search_lines(model, amounts)
-        while True:
-            fit = self._descend(model, amounts, iterations)
-            amounts = self._search_lines(model, fit.amounts)
-            if np.array_equal(amounts, fit.amounts):
-                return fit
-
-    def _descend(self, model: Model, amounts: Floats, iterations: int) -> Fit:
-        """Amounts by damped Gauss-Newton steps inside the limits.
+        """The most likely amounts from a start, by damped Gauss-Newton steps inside the limits, at this noise.
 
         Where the iterations end before the amounts settle, the curvature is that of where the last step began.
         """
         widths, bounds = collect_widths(model), collect_bounds(model)
+        amounts = np.clip(amounts, *bounds)
         residuals = self.compute_residuals(model, amounts)
         cost, damping = self.compute_cost(model, amounts, residuals), 1e-3
         curvature, is_fresh = np.eye(len(amounts)), False
@@ -252,40 +241,33 @@ class Problem:
         return replace(linear, changes={channel: values[:, :, inside] for channel, values in linear.changes.items()})
 
     def fit(self, model: Model, amounts: Floats, rounds: int = 3, iterations: int = 12) -> Fit:
-        """Amounts and noise in turn, and the amounts once more."""
-        return self.fit_with_noise(self.refit(model, amounts, iterations), rounds, iterations)
-
-    def fit_with_noise(self, fit: Fit, rounds: int, iterations: int, channels: Collection[str] = CHANNELS) -> Fit:
-        """Noise of channels and amounts in turn from a fit, until the amounts settle or for so many rounds."""
+        """Amounts and noise in turn, and the amounts once more; rugged effects by a line of sizes first."""
+        fit = self.refit(model, self.search_lines(model, amounts), iterations)
         for _ in range(rounds):
-            self.fit_noise(fit.residuals, channels)
-            before = self.compute_cost(fit.model, fit.amounts, fit.residuals)
-            fit = self.refit(fit.model, fit.amounts, iterations)
+            self.fit_noise(fit.residuals)
+            before = self.compute_cost(model, fit.amounts, fit.residuals)
+            fit = self.refit(model, fit.amounts, iterations)
             if before - fit.cost < 1.0:
                 break
         return fit
 
-    def _search_lines(self, model: Model, amounts: Floats) -> Floats:
-        """Amounts inside the limits with the best of some sizes along every rugged effect."""
+    def search_lines(self, model: Model, amounts: Floats) -> Floats:
+        """Try sizes along every rugged effect and keep the best."""
         widths, bounds = collect_widths(model), collect_bounds(model)
-        best, places = np.clip(amounts, *bounds), np.cumsum([0, *(one.size for one in model)])
-        rugged = [
-            (place, one)
-            for place, one in zip(places, model, strict=False)
-            if not one.is_nuisance and (one.starts or one.chains & RUGGED_CHAINS)
-        ]
-        if not rugged:
-            return best
+        best = np.clip(amounts, *bounds)
         cost = self.compute_cost(model, best, self.compute_residuals(model, best))
-        for place, hypothesis in rugged:
-            start = best.copy()
-            for step in hypothesis.starts or SEARCH_WIDTHS:
-                tried = start.copy()
-                tried[place] = step * widths[place] + start[place] * (not hypothesis.starts)
-                tried = np.clip(tried, *bounds)
-                tried_cost = self.compute_cost(model, tried, self.compute_residuals(model, tried))
-                if tried_cost < cost - SETTLED_NATS:
-                    best, cost = tried, tried_cost
+        place = 0
+        for hypothesis in model:
+            if not hypothesis.is_nuisance and (hypothesis.starts or hypothesis.chains & RUGGED_CHAINS):
+                start = best.copy()
+                for step in hypothesis.starts or SEARCH_WIDTHS:
+                    tried = start.copy()
+                    tried[place] = step * widths[place] + start[place] * (not hypothesis.starts)
+                    tried = np.clip(tried, *bounds)
+                    tried_cost = self.compute_cost(model, tried, self.compute_residuals(model, tried))
+                    if tried_cost < cost:
+                        best, cost = tried, tried_cost
+            place += hypothesis.size
         return best
 
     def fit_noise(self, residuals: Residuals, channels: Collection[str] = CHANNELS) -> None:

@@ -213,7 +213,7 @@ class Searcher:
         model = (*fit.model, *constants, law)
         common = np.repeat(gain.amounts.mean(), len(constants))
         amounts = np.concatenate([fit.amounts, common, gain.amounts - common.sum()])
-        return self.problem.refit(model, amounts, 6)
+        return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
 
     def _choose_tried(self, gains: Sequence[Gain]) -> list[Gain]:
         """The best of the gains of a scan, which are fitted."""
@@ -223,7 +223,10 @@ class Searcher:
         """The fit with the noise of these channels fitted to it, once for every model: noise that makes up for what
         another model lacks hides by how much this one is better."""
         if fit.causes not in self.own_fits:
-            self.own_fits[fit.causes] = self.problem.fit_with_noise(fit, 2, 4, channels), self.problem.get_noise()
+            for _ in range(2):
+                self.problem.fit_noise(fit.residuals, channels)
+                fit = self.problem.refit(fit.model, fit.amounts, 4)
+            self.own_fits[fit.causes] = fit, self.problem.get_noise()
         fit, noise = self.own_fits[fit.causes]
         self.problem.set_noise(noise)
         return fit
