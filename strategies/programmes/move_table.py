@@ -150,8 +150,10 @@ class MoveTable:
         return all(pair in self._proven for pair in pairs)
 
     def _take_drive(self, pair: tuple[int, int], usual_s: float) -> None:
-        """Replace the cheapest move of a pair by what a drive made of it; others are dearer than they seem. Where none is
-        left that a search found, one with the implement folded may be."""
+        """Replace the cheapest move of a pair by what a drive made of it; others are dearer than they seem.
+
+        Where none is left that a search found, there may be one with the implement folded.
+        """
         options = self._options[pair]
         proven = self.moves.driven[options.pop(0)]
         if proven is not None:
